@@ -1,0 +1,1 @@
+"""One mesh, one moment: elements, operators, point location, sparse factorization."""

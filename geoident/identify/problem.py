@@ -1,0 +1,52 @@
+"""What every identifier is given, and what it gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from geoident.identify.protocols import Response
+from geoident.model.arrays import Floats
+from geoident.model.parameter import Parameter
+from geoident.model.result import Grid, Iteration
+
+Observer = Callable[[Iteration], str | None]
+"""Is told of every iteration; answers with a reason to stop now, or None to go on."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Readings to be met by a model.
+
+    Args:
+        response: the model.
+        measured: (g,) readings v*, SI.
+        sd: (g,) their standard deviations s, SI; the weights are 1/s^2.
+        parameters: the n unknowns with bounds, scale and prior; ``start`` is where to begin.
+    """
+
+    response: Response
+    measured: Floats
+    sd: Floats
+    parameters: tuple[Parameter, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where an identifier ended.
+
+    Args:
+        values: (n,) the best parameters found, SI.
+        objective: the discrepancy there, with the prior's part.
+        status: ``converged``, ``not-converged`` or ``out-of-budget``.
+        reason: why it stopped, a sentence; with its remedy where it did not converge.
+        iterations: the history.
+        grid: of a scan, else None.
+    """
+
+    values: Floats
+    objective: float
+    status: str
+    reason: str
+    iterations: tuple[Iteration, ...]
+    grid: Grid | None = None

@@ -1,0 +1,1 @@
+"""What a case says: frozen data in SI units, without files and without algorithms."""

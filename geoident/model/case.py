@@ -1,0 +1,227 @@
+"""One project: what `case.yaml`, read and resolved, says. All numbers in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from geoident.errors import Fault, Location
+from geoident.model.gauges import Channel, Reading
+from geoident.model.methods import MethodOptions
+from geoident.model.parameter import Parameter, Scalar
+
+KeyPath = tuple[str | int, ...]
+
+VIRGIN = "virgin"
+"""Reserved name of stage 0, the state before the first stage of the case."""
+
+
+class Analysis(Enum):
+    """Kind of analysis, named as users write it."""
+
+    PLANE_STRAIN = "plane-strain"
+    AXISYMMETRIC = "axisymmetric"
+    SOLID = "solid"
+
+    @property
+    def dim(self) -> int:
+        """Space dimensions of the mesh it needs."""
+        return 3 if self is Analysis.SOLID else 2
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where each key of the case stands in its file, so that later faults can name it."""
+
+    file: str = ""
+    positions: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
+
+    def locate(self, path: KeyPath) -> Location:
+        """Line and column of a key; of its nearest enclosing key if it is not written."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.positions:
+                return Location(self.file, *self.positions[path[:end]])
+        return Location(self.file)
+
+    def fault(self, path: KeyPath, *, code: str, message: str, hint: str = "") -> Fault:
+        """A fault at a key of the case."""
+        return Fault(code, message, hint, self.locate(path), format_path(path))
+
+
+def format_path(path: KeyPath) -> str:
+    """The path of a key as users write it.
+
+    >>> format_path(("stages", 1, "excavate", 0))
+    'stages[1].excavate[0]'
+    """
+    text = ""
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Isotropic elasticity by Young's modulus and Poisson's ratio, or by bulk and shear modulus.
+
+    Exactly one pair is given. Moduli in Pa.
+    """
+
+    E: Scalar | None = None
+    nu: Scalar | None = None
+    K: Scalar | None = None
+    G: Scalar | None = None
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material: its elasticity and its density in kg/m3 (0 if not given)."""
+
+    name: str
+    elastic: Isotropic
+    density: Scalar = Scalar(0.0)
+
+
+@dataclass(frozen=True)
+class Support:
+    """A group (of facets, nodes or elements) whose nodes do not move in some directions.
+
+    Args:
+        group: name of the group in the mesh.
+        components: fixed directions, 0 for x, 1 for y, 2 for z.
+    """
+
+    group: str
+    components: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ConstantStress:
+    """In-situ stress the same everywhere, tension positive, Pa.
+
+    ``components`` in the order xx, yy, zz, xy, yz, xz (in 2-D the z axis is out of plane and
+    yz, xz are zero).
+    """
+
+    components: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
+
+
+@dataclass(frozen=True)
+class HeimStress:
+    """Heim's in-situ stress: a vertical pressure and K0 times it on every horizontal plane.
+
+    The vertical is the last coordinate axis (y in 2-D, z in 3-D). Either ``vertical`` (Pa,
+    compression positive, the same everywhere) or ``unit_weight`` (N/m3) with the level
+    ``surface`` (m) of the ground: sigma_v = -unit_weight * depth.
+
+    Args:
+        K0: ratio of horizontal to vertical stress, along x and out of plane (y in 3-D).
+    """
+
+    K0: Scalar
+    vertical: Scalar | None = None
+    unit_weight: Scalar | None = None
+    surface: float | None = None
+
+
+InSitu = ConstantStress | HeimStress
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure (Pa, positive pushes onto the ground) on the free face of a facet group."""
+
+    group: str
+    value: Scalar
+
+
+@dataclass(frozen=True)
+class Traction:
+    """A force per area (Pa) in the coordinate directions on a facet group."""
+
+    group: str
+    value: tuple[Scalar, ...]
+
+
+Load = Pressure | Traction
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of construction. Things happen together, in one state of equilibrium.
+
+    Args:
+        name: unique name.
+        excavate: groups that leave.
+        install: group to material: enters free of stress (lift, backfill, lining). A group
+            that is present is replaced: its old stress is released.
+        change: group to material: the material changes, the stress stays (hardening of
+            shotcrete, softening of rock).
+        loads: name to load: acts from this stage until removed; a name used again replaces.
+        remove: names of loads that end with this stage.
+    """
+
+    name: str
+    excavate: tuple[str, ...] = ()
+    install: Mapping[str, str] = field(default_factory=dict)
+    change: Mapping[str, str] = field(default_factory=dict)
+    loads: Mapping[str, Load] = field(default_factory=dict)
+    remove: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How the parameters are identified.
+
+    Args:
+        methods: the chain of methods, each with its options, run one after the other.
+        stages: names of the stages whose readings are used; None for all stages.
+    """
+
+    methods: tuple[MethodOptions, ...]
+    stages: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One project.
+
+    Args:
+        title: free text.
+        analysis: kind of analysis.
+        mesh_file: path of the mesh, resolved against the folder of the case.
+        parameters: what is identified, in the order of the file.
+        materials: by name.
+        groups: element group to material name at stage 0, or None for absent.
+        supports: fixed and rolling supports.
+        in_situ: stress of the virgin ground, or None for none.
+        gravity: (dim,) acceleration vector in m/s2, or None for none.
+        loads: loads that act from the beginning, by name.
+        stages: construction in its order.
+        channels: one for every relative displacement that the gauges measure.
+        readings: what was read, in the order of the file.
+        fit: how to identify.
+        source: where the keys stand in the file.
+    """
+
+    title: str
+    analysis: Analysis
+    mesh_file: str
+    parameters: tuple[Parameter, ...]
+    materials: Mapping[str, Material]
+    groups: Mapping[str, str | None]
+    supports: tuple[Support, ...]
+    in_situ: InSitu | None
+    gravity: tuple[float, ...] | None
+    loads: Mapping[str, Load]
+    stages: tuple[Stage, ...]
+    channels: tuple[Channel, ...]
+    readings: tuple[Reading, ...]
+    fit: FitSettings
+    source: Source = Source()
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """Names of all stages, the virgin state first."""
+        return (VIRGIN, *(stage.name for stage in self.stages))

@@ -1,0 +1,59 @@
+"""Gauges and their readings.
+
+Every gauge, whatever its kind, reduces to *channels*: one channel measures one relative
+displacement. An extensometer has one channel per anchor, named ``gauge.anchor``; the other kinds
+have one channel, named as the gauge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoident.errors import Location
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One relative displacement: direction . (u(second) - u(first)), zeroed at a stage.
+
+    Args:
+        name: name under which readings are given.
+        gauge: name of the gauge it belongs to.
+        kind: ``extensometer``, ``convergence``, ``displacement`` or ``settlement``.
+        first: (dim,) coordinates of the reference point in m; None for fixed ground.
+        second: (dim,) coordinates of the point whose motion is read, m.
+        direction: (dim,) unit vector; along the line from first to second where the gauge reads
+            a change of distance (positive: the points move apart), down for a settlement.
+        accuracy: standard deviation of one reading, m.
+        zero: name of the stage at whose end the channel reads zero.
+        key: path of keys in the case where the channel is written.
+    """
+
+    name: str
+    gauge: str
+    kind: str
+    first: tuple[float, ...] | None
+    second: tuple[float, ...]
+    direction: tuple[float, ...]
+    accuracy: float
+    zero: str
+    key: tuple[str | int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One reading of a channel at the end of a stage.
+
+    Args:
+        channel: name of the channel.
+        stage: name of the stage.
+        value: in m; None where the field sheet is blank (counted, not used).
+        accuracy: standard deviation in m where the reading has its own, else None.
+        location: where it is written.
+    """
+
+    channel: str
+    stage: str
+    value: float | None
+    accuracy: float | None = None
+    location: Location = Location("")

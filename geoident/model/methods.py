@@ -1,0 +1,101 @@
+"""Names and options of the identifiers, as users write them.
+
+One table, `METHOD_OPTIONS`, maps the names to the option types; the schema, the help texts and the
+message on an unknown method are made from it, and `geoident.identify.METHODS` has the same keys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class GaussNewtonOptions:
+    """Weighted least squares by a trust region with bounds.
+
+    Args:
+        tolerance: relative size of a step, or of the gain it promises, that ends the search.
+        max_iterations: steps at most.
+        starts: number of starts (the first is the given one, the others spread in the bounds).
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 50
+    starts: int = 1
+
+
+@dataclass(frozen=True)
+class CondensationOptions:
+    """Condensation with iterated least squares (Maier & Gioda, section 4).
+
+    Args:
+        weighting: ``output`` measures the error in readings, ``equation`` in forces, as the paper.
+        tolerance: relative change of the parameters that ends the iteration.
+        max_iterations: iterations at most.
+    """
+
+    weighting: Literal["output", "equation"] = "output"
+    tolerance: float = 1e-8
+    max_iterations: int = 50
+
+
+@dataclass(frozen=True)
+class SimplexOptions:
+    """Simplex search (Maier & Gioda, section 5, figure 7; Nelder & Mead).
+
+    Args:
+        alpha: reflection.
+        beta: contraction.
+        gamma: expansion.
+        delta: tolerance: relative spread of the discrepancy over the vertices that ends the search.
+        max_evaluations: evaluations of the discrepancy at most.
+        restarts: new simplexes built around the best vertex.
+        size: edge of the first simplex in scaled parameters.
+    """
+
+    alpha: float = 1.0
+    beta: float = 0.5
+    gamma: float = 2.0
+    delta: float = 1e-10
+    max_evaluations: int = 2000
+    restarts: int = 1
+    size: float = 0.1
+
+
+@dataclass(frozen=True)
+class ScanAxis:
+    """One axis of a scan: ``points`` values from ``start`` to ``stop`` (SI)."""
+
+    start: float
+    stop: float
+    points: int = 21
+
+
+@dataclass(frozen=True)
+class ScanOptions:
+    """The discrepancy on a grid of one or two parameters (the paper's parametric analysis).
+
+    Args:
+        grid: parameter name to axis. Empty: the first one or two parameters between their bounds.
+        points: number of points of axes that ``grid`` does not give.
+    """
+
+    grid: Mapping[str, ScanAxis] = field(default_factory=dict)
+    points: int = 21
+
+
+MethodOptions = GaussNewtonOptions | CondensationOptions | SimplexOptions | ScanOptions
+
+METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
+    "gauss-newton": GaussNewtonOptions,
+    "condensation": CondensationOptions,
+    "simplex": SimplexOptions,
+    "scan": ScanOptions,
+}
+
+
+def method_name(options: MethodOptions) -> str:
+    """The name under which users know the method that has these options."""
+    return next(name for name, kind in METHOD_OPTIONS.items() if kind is type(options))

@@ -1,0 +1,74 @@
+"""Parameters that are identified, and the numbers of a case that depend on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Scale = Literal["linear", "log"]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A number of the case: ``factor``, or ``factor`` times a parameter.
+
+    Args:
+        factor: the number itself in SI units, or the tie's factor (dimensionless).
+        parameter: name of the parameter it is tied to, or None for a given number.
+    """
+
+    factor: float
+    parameter: str | None = None
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The number at the given parameter values (SI).
+
+        >>> Scalar(0.6, "E").value({"E": 10.0})
+        6.0
+        """
+        return self.factor if self.parameter is None else self.factor * values[self.parameter]
+
+    def slope(self, parameter: str) -> float:
+        """Derivative of the number with respect to a parameter."""
+        return self.factor if parameter == self.parameter else 0.0
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter before any reading (theory 6).
+
+    Args:
+        mean: mean (normal) or median (lognormal), SI.
+        sd: standard deviation, SI; for lognormal that of the logarithm times ``mean``.
+        kind: ``normal`` or ``lognormal``.
+    """
+
+    mean: float
+    sd: float
+    kind: Literal["normal", "lognormal"] = "normal"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown of the identification.
+
+    Args:
+        name: the name behind ``$`` in the case.
+        start: value to start from, SI.
+        lower: lower bound, SI.
+        upper: upper bound, SI.
+        scale: ``log`` works on the logarithm (moduli), ``linear`` on the value itself.
+        prior: knowledge beside the readings, or None.
+        dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
+        unit: unit in which the user wrote the start value, for tables.
+    """
+
+    name: str
+    start: float
+    lower: float
+    upper: float
+    scale: Scale = "linear"
+    prior: Prior | None = None
+    dimension: str = "dimensionless"
+    unit: str = ""
