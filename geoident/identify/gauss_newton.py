@@ -1,0 +1,184 @@
+"""Gauss-Newton in a trust region, with bounds (theory 4.2).
+
+With the weighted residuals r and their Jacobian J in the scaled parameters x (see `discrepancy`),
+each iteration minimises the linearised discrepancy
+
+    m(d) = |r + J d|^2    over    lower <= x + d <= upper  and  d in the trust region
+
+exactly (see `bounded`). The trust region is a box too: no parameter changes by more than a factor
+exp(radius) in one step (see `trust`). A box joins with the bounds to a box, so bounds need no
+special treatment: a step ends on a bound, and leaves it, as the Kuhn-Tucker conditions of m ask.
+A direction that J does not see has no part in the step: a parameter without information stays
+where it started.
+
+Which trials are kept, and the next radius, is decided in `walk`. A trial point where the model has
+no solution is rejected.
+
+Every trial costs one evaluation of the model, with the Jacobian from the same factorization, and
+nothing is evaluated twice. The search ends on what the *next* step promises, before paying for it:
+
+    step    the step without trust region is not longer than ``tolerance`` (relative), or
+    gain    it promises to lower phi by less than ``tolerance`` min(phi, 1e4): phi is in squared
+            standard deviations, so with 1e-8 this step is below a hundredth of one.
+
+Where residuals vanish at the solution, convergence is quadratic and the first rule ends it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import ModelError
+from geoident.identify.bounded import bounded_least_squares
+from geoident.identify.discrepancy import Discrepancy
+from geoident.identify.history import History
+from geoident.identify.problem import Observer, Outcome, Problem
+from geoident.identify.spread import spread_starts
+from geoident.identify.trust import TrustBox
+from geoident.identify.walk import Point, Step, Walk
+from geoident.model.arrays import Floats
+from geoident.model.methods import GaussNewtonOptions
+
+NEGLIGIBLE = 1e-6
+"""A promised gain of a thousandth of a standard deviation, squared."""
+
+
+_STALLED = (
+    "No shorter step lowers the discrepancy, although the derivatives promise it: the readings of "
+    "the model are not smooth here; go on with the method simplex."
+)
+_ROUNDING = "The discrepancy cannot be lowered further: what is left is rounding."
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """Where one descent ended, and why."""
+
+    point: Point
+    status: str
+    reason: str
+
+
+def gauss_newton(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
+    """Minimises the discrepancy with its exact Jacobian, theory [20] and 4.2.
+
+    Args:
+        problem: readings, model and parameters.
+        options: tolerance, steps, starts.
+        observe: is told of every trial; its reason to stop ends the search.
+
+    Returns:
+        The best point that was evaluated.
+
+    Raises:
+        ModelError: the model has no solution at the start.
+    """
+    return _Search(problem, options, observe).run()
+
+
+class _Search:
+    """One run: what all its descents share."""
+
+    def __init__(self, problem: Problem, options: GaussNewtonOptions, observe: Observer) -> None:
+        self.discrepancy = Discrepancy(problem)
+        self.scaling = self.discrepancy.scaling
+        self.box = TrustBox(self.scaling)
+        self.options = options
+        self.history = History("gauss-newton", problem.response, observe)
+
+    def run(self) -> Outcome:
+        """All starts; the first must have a solution, the others give what they can."""
+        point = self.evaluate(self.scaling.start)
+        self.record(point.x, point, 0.0, "start")
+        best = self.descend(point)
+        for number, x in enumerate(spread_starts(self.scaling, self.options.starts - 1), start=2):
+            if self.history.stop is not None:
+                break
+            further = self.try_point(x)
+            note = f"start {number}" + (": no solution" if further is None else "")
+            self.record(x, further, 0.0, note)
+            if further is not None:
+                best = min(best, self.descend(further), key=lambda ending: ending.point.phi)
+        return self.outcome(best)
+
+    def outcome(self, best: _Ending) -> Outcome:
+        """The best ending, or the observer's reason to stop."""
+        status, reason = best.status, best.reason
+        if self.history.stop is not None:
+            status, reason = "out-of-budget", self.history.stop
+        return Outcome(best.point.p, best.point.phi, status, reason, self.history.iterations)
+
+    def descend(self, start: Point) -> _Ending:
+        """Goes down from a start until a rule of the module's head ends it."""
+        walk = Walk(start)
+        for _ in range(self.options.max_iterations):
+            ending = self.ended(walk)
+            if ending is not None:
+                return ending
+            point, step = walk.point, self.step(walk.point, walk.radius)
+            trial = self.try_point(self.box.reach(point.x, step.d))
+            note = walk.judge(step, trial)
+            self.record(self.box.reach(point.x, step.d), trial, step.length, note)
+            if note == "rejected" and _negligible(step, self.options.tolerance):
+                return _Ending(walk.best, "converged", _ROUNDING)
+        return self.ended(walk) or _Ending(walk.best, "not-converged", self.exhausted())
+
+    def ended(self, walk: Walk) -> _Ending | None:
+        """The end of a descent, or None while there is something to do."""
+        reason = self.finished(walk.point, self.step(walk.point, np.inf))
+        if reason and walk.point is not walk.best:
+            walk.return_to_best()
+        elif reason:
+            return _Ending(walk.best, "converged", reason)
+        if walk.radius <= self.options.tolerance or self.history.stop is not None:
+            return _Ending(walk.best, "not-converged", _STALLED)
+        return None
+
+    def step(self, point: Point, radius: float) -> Step:
+        """The best step of the linearised problem at a point, no longer than ``radius``."""
+        J, r = point.model.jacobian, point.model.residual
+        d = bounded_least_squares(J, r, *self.box.sides(point.x, radius))
+        change = J @ d
+        gain = -float(change @ (2.0 * r + change))
+        return Step(d, self.box.length(point.x, d), gain)
+
+    def finished(self, point: Point, full: Step) -> str | None:
+        """Why nothing is left to do, judged by the step that would come next."""
+        tolerance = self.options.tolerance
+        if full.length <= tolerance:
+            return f"The next step would change no parameter by more than {tolerance:g}, relative."
+        if full.gain <= max(tolerance * min(point.phi, 1e4), 1e-14 * point.phi):
+            return f"The next step would lower the discrepancy by no more than {full.gain:.1e}."
+        return None
+
+    def exhausted(self) -> str:
+        """That the steps were used up, and what to do."""
+        steps = self.options.max_iterations
+        return (
+            f"The search did not converge in {steps} steps: raise max_iterations, "
+            "start nearer to the expected values or give tighter bounds."
+        )
+
+    def evaluate(self, x: Floats) -> Point:
+        """The model at x (n,); raises ModelError where it has no solution."""
+        p = self.scaling.to_natural(x)
+        return Point(x, p, self.discrepancy.linearize(p))
+
+    def try_point(self, x: Floats) -> Point | None:
+        """The model at x (n,), or None where it has no solution."""
+        try:
+            return self.evaluate(x)
+        except ModelError:
+            return None
+
+    def record(self, x: Floats, point: Point | None, length: float, note: str) -> None:
+        """Notes a point that was evaluated, or None for no solution at x (n,)."""
+        phi = np.inf if point is None else point.phi
+        self.history.record(self.scaling.to_natural(x), phi, step=length, note=note)
+
+
+def _negligible(step: Step, tolerance: float) -> bool:
+    """A rejected step so short, for so little gain, that only rounding can have rejected it."""
+    return step.gain <= NEGLIGIBLE and step.length <= np.sqrt(tolerance)
