@@ -1,0 +1,182 @@
+"""What every mesh reader delivers, before anything is known of the analysis.
+
+A reader fills a `RawMesh` with what its file says and raises `Refused` with a sentence when it
+cannot; `mesh_build` makes the `Mesh` of it and holds all the checks that formats share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoident.model.arrays import Bools, Floats, Ints
+
+DIMENSIONS: Mapping[str, int] = {
+    "point": 0,
+    "line2": 1,
+    "line3": 1,
+    "tri3": 2,
+    "tri6": 2,
+    "quad4": 2,
+    "quad8": 2,
+    "quad9": 2,
+    "tet4": 3,
+    "tet10": 3,
+    "hex8": 3,
+    "hex20": 3,
+    "hex27": 3,
+    "wedge6": 3,
+    "wedge15": 3,
+    "wedge18": 3,
+    "pyramid5": 3,
+    "pyramid13": 3,
+    "pyramid14": 3,
+}
+"""Kinds of cells that readers name alike, with their dimension. Not all can be computed with."""
+
+CORNERS: Mapping[str, int] = {
+    "line2": 2,
+    "line3": 2,
+    "tri3": 3,
+    "tri6": 3,
+    "quad4": 4,
+    "quad8": 4,
+    "tet4": 4,
+    "tet10": 4,
+    "hex8": 8,
+    "hex20": 8,
+}
+"""Kinds of cells that a `Mesh` holds, with the number of their corner nodes."""
+
+
+class Refused(Exception):
+    """A mesh cannot be used: what was found, and what to do about it."""
+
+    def __init__(self, code: str, message: str, hint: str = "", line: int = 0) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+        self.hint = hint
+        self.line = line
+
+
+@dataclass(frozen=True)
+class RawCells:
+    """Cells of one kind, in a row of the file.
+
+    Args:
+        kind: a key of `DIMENSIONS`, or a name of the reader's own for what is not in it.
+        dim: dimension of the cells, 0 to 3.
+        nodes: (n_cells, nodes per cell) node indices from 0, in VTK's order.
+        numbers: (n_cells,) numbers under which the user knows the cells.
+    """
+
+    kind: str
+    dim: int
+    nodes: Ints
+    numbers: Ints
+
+    def __len__(self) -> int:
+        return int(self.nodes.shape[0])
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """A mesh as its file has it.
+
+    Args:
+        points: (n_nodes, 2 or 3) coordinates in m.
+        cells: cells of all dimensions.
+        groups: name to indices of cells, counted from 0 over all of ``cells``.
+        node_groups: name to indices of nodes.
+    """
+
+    points: Floats
+    cells: tuple[RawCells, ...]
+    groups: Mapping[str, Ints] = field(default_factory=dict)
+    node_groups: Mapping[str, Ints] = field(default_factory=dict)
+
+
+def join(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
+    """Each name with the sorted union of its index arrays; names of empty sets are left out."""
+    unions = {name: np.unique(np.concatenate(parts)) for name, parts in sets.items() if parts}
+    return {name: union.astype(np.int64) for name, union in unions.items() if len(union)}
+
+
+def split_by(values: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each different value with the ascending indices at which it stands.
+
+    >>> [(value, where.tolist()) for value, where in split_by(np.array([7, 3, 7]))]
+    [(3, [1]), (7, [0, 2])]
+    """
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    for part in np.split(order, np.flatnonzero(np.diff(ordered)) + 1):
+        if len(part):
+            yield int(values[part[0]]), part
+
+
+def indices_of(numbers: Ints, wanted: Ints) -> Ints:
+    """Positions in ``numbers`` (all different) of the ``wanted`` numbers, -1 for those absent."""
+    if len(numbers) == 0:
+        return np.full(wanted.shape, -1, dtype=np.int64)
+    if numbers[0] == 1 and numbers[-1] == len(numbers) and bool(np.all(np.diff(numbers) == 1)):
+        return np.where((wanted >= 1) & (wanted <= len(numbers)), wanted - 1, -1)
+    order = np.argsort(numbers, kind="stable")
+    place = np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(numbers) - 1)
+    found = order[place]
+    return np.where(numbers[found] == wanted, found, -1)
+
+
+def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
+    """Node indices of the ``wanted`` (n_cells, k) node numbers.
+
+    Args:
+        numbers: numbers of all nodes.
+        wanted: the nodes of each cell, by number.
+        cells: numbers of the cells, for the message.
+
+    Raises:
+        Refused: a cell names a node that the file does not hold.
+    """
+    found = indices_of(numbers, wanted)
+    if bool(np.any(found < 0)):
+        row, column = (int(k) for k in np.argwhere(found < 0)[0])
+        raise Refused(
+            "mesh-node",
+            f"element {cells[row]} uses node {wanted[row, column]}, which the file does not hold",
+            "the file is damaged or was cut by hand: write it again from the mesh generator",
+        )
+    return found
+
+
+def check_unique_nodes(numbers: Ints) -> None:
+    """Refuse a node number that is given twice."""
+    ordered = np.sort(numbers)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    if len(twice):
+        raise Refused(
+            "mesh-node", f"node {twice[0]} is defined more than once", "number nodes once"
+        )
+
+
+def row_keys(nodes: Ints) -> Ints:
+    """(n,) one number for each row of ``nodes``: equal rows have equal numbers.
+
+    Different rows have different ones but for a chance of about 1e-9 in a million rows.
+    """
+    random = np.random.default_rng(20240229)
+    factors = random.integers(1, 2**63 - 1, size=nodes.shape[1], dtype=np.uint64) | np.uint64(1)
+    mixed = nodes.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed ^ (mixed >> np.uint64(31))) * np.uint64(0xBF58476D1CE4E5B9)
+    keys: Ints = ((mixed ^ (mixed >> np.uint64(29))) * factors).sum(axis=1).view(np.int64)
+    return keys
+
+
+def first_of_equal(keys: Ints) -> tuple[Ints, Bools]:
+    """For each entry the index of the first equal one, and whether it is that one itself."""
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    firsts = first[inverse.ravel()].astype(np.int64)
+    return firsts, firsts == np.arange(len(keys))
