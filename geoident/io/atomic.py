@@ -1,0 +1,163 @@
+"""Output files that are either the old one or the new one, whatever happens on the way.
+
+A file is written under a temporary name in the folder of its final name, synced to the disk, and
+only then given its final name; that last step is one indivisible operation of the file system. A
+run that dies (kill -9, power) leaves at most its temporary, ``.NAME.<pid>.part``, which the
+next run that writes NAME removes once the process of that number is gone.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from geoident.errors import OutputError
+
+_ELSEWHERE = "choose another place with -o"
+_REMEDIES = {
+    errno.ENOENT: f"create the folder, or {_ELSEWHERE}",
+    errno.ENOTDIR: f"a part of the path is a file, not a folder; {_ELSEWHERE}",
+    errno.EACCES: f"ask for permission to write in this folder, or {_ELSEWHERE}",
+    errno.EPERM: f"ask for permission to write in this folder, or {_ELSEWHERE}",
+    errno.EROFS: _ELSEWHERE,
+    errno.ENOSPC: f"free some space and run the command again, or {_ELSEWHERE}",
+    errno.EDQUOT: f"free some space and run the command again, or {_ELSEWHERE}",
+    errno.EFBIG: "raise the limit on file sizes (ulimit -f), or write to another file system",
+    errno.ENAMETOOLONG: "choose a shorter name with -o",
+    errno.ELOOP: "the path is a symbolic link that leads to itself; remove it",
+}
+_UNSUPPORTED = {errno.EINVAL, errno.EACCES, errno.ENOTSUP, errno.ENOSYS}
+
+
+@contextmanager
+def atomic_output(path: str | Path, *, overwrite: bool) -> Iterator[str]:
+    """Gives a temporary path to write to, and puts it in the place of ``path`` on success.
+
+    A symbolic link is followed: the file that it points to is written.
+
+    Args:
+        path: the final name.
+        overwrite: replace an existing file; otherwise it is an error, also if it appears meanwhile.
+
+    Yields:
+        The path of an empty file in the same folder, to be written by the block.
+
+    Raises:
+        OutputError: the place cannot be written, the disk is full, or the file exists. Every
+            ``OSError`` of the block counts as one of the output. Nothing is left behind.
+    """
+    temporary: Path | None = None
+    try:
+        final = Path(os.path.realpath(path))
+        _refuse_unwritable(path, final, overwrite=overwrite)
+        _sweep(final)
+        temporary = _create(final)
+        yield str(temporary)
+        _sync(temporary)
+        _publish(temporary, final, overwrite=overwrite)
+        _sync_folder(final.parent)
+    except OSError as error:
+        raise output_error(path, error) from error
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def output_error(path: str | Path, error: Exception) -> OutputError:
+    """An `OutputError` that names the place, what the system said, and the remedy."""
+    number = getattr(error, "errno", None)
+    said = os.strerror(number) if number else str(error)
+    if number == errno.ENOENT:
+        said = f"the folder {Path(path).parent} does not exist"
+    remedy = _REMEDIES.get(number or 0, _ELSEWHERE)
+    return OutputError(f"{path}: cannot be written: {said}\n    {remedy}")
+
+
+def _refuse_unwritable(path: str | Path, final: Path, *, overwrite: bool) -> None:
+    if final.is_dir():
+        raise OutputError(f"{path}: cannot be written: it is a folder\n    {_ELSEWHERE}")
+    if final.exists() and not final.is_file():
+        raise OutputError(f"{path}: cannot be written: not a regular file\n    {_ELSEWHERE}")
+    if final.exists() and not overwrite:
+        raise _exists(path)
+
+
+def _exists(path: str | Path) -> OutputError:
+    return OutputError(
+        f"{path}: exists already and is not overwritten\n"
+        "    --force replaces it, -o writes elsewhere"
+    )
+
+
+def _create(final: Path) -> Path:
+    temporary = final.with_name(f".{final.name}.{os.getpid()}.part")
+    os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    return temporary
+
+
+def _sweep(final: Path) -> None:
+    """Removes temporaries of this file whose process is gone (or had our own number)."""
+    start = f".{final.name}."
+    with suppress(OSError):
+        for entry in final.parent.iterdir():
+            pid = entry.name.removeprefix(start).removesuffix(".part")
+            if entry.name == f"{start}{pid}.part" and pid.isdecimal() and not _runs(int(pid)):
+                entry.unlink()
+
+
+def _runs(pid: int) -> bool:
+    """Whether another process of that number is alive; on Windows, where it is not told, yes."""
+    if pid == os.getpid():
+        return False
+    if sys.platform == "win32":
+        return True
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def _sync(path: Path) -> None:
+    file = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def _publish(temporary: Path, final: Path, *, overwrite: bool) -> None:
+    """Gives the file its name. A hard link, unlike a rename, fails where the name is taken."""
+    if overwrite:
+        temporary.replace(final)
+        return
+    try:
+        final.hardlink_to(temporary)
+    except FileExistsError:
+        raise _exists(final) from None
+    except (OSError, NotImplementedError):  # file systems without hard links
+        if final.exists():
+            raise _exists(final) from None
+        temporary.replace(final)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Makes the new name durable; some systems and file systems cannot, and need not be told."""
+    if sys.platform == "win32":
+        return
+    try:
+        file = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise

@@ -1,0 +1,263 @@
+"""HDF5 in plain shapes: tables with named dimensions, texts, and errors that say what is missing.
+
+Written so that xarray, MATLAB and h5dump read it: float64, int64, int8 and UTF-8 datasets,
+contiguous and uncompressed, in the oldest layout, without time stamps (equal input gives equal
+bytes). Every axis of a table is an HDF5 dimension scale.
+
+HDF5 does not survive a full disk: a write that fails while a file is closed leaves the library with
+an open file in pieces, and the process ends with a segmentation fault. So `hdf5_output` puts a file
+of our own under the library, which hides the failure from it and raises it afterwards.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from geoident.errors import Fault, InputError, Location
+from geoident.model.arrays import Bools, Floats, Ints
+
+_READ_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
+_AGAIN = "run the command that wrote it again"
+
+
+class _Sink(io.RawIOBase):
+    """A file for HDF5 to write to that remembers the first failure instead of raising it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.trouble: OSError | None = None
+        self._descriptor = descriptor
+        self._position = 0
+        self._end = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
+        base = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._end}[whence]
+        self._position = base + offset
+        return self._position
+
+    def tell(self) -> int:
+        return self._position
+
+    def readinto(self, buffer: Any, /) -> int:
+        view = memoryview(buffer).cast("B")
+        data = os.pread(self._descriptor, len(view), self._position)
+        view[:] = data.ljust(len(view), b"\0")
+        self._position += len(view)
+        return len(view)
+
+    def write(self, data: Any, /) -> int:
+        view = memoryview(data).cast("B")
+        if self.trouble is None:
+            self._store(view)
+        self._position += len(view)
+        self._end = max(self._end, self._position)
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        self._end = self._position if size is None else size
+        try:
+            os.ftruncate(self._descriptor, self._end)
+        except OSError as error:
+            self.trouble = self.trouble or error
+        return self._end
+
+    def _store(self, view: memoryview) -> None:
+        done = 0
+        try:
+            while done < len(view):
+                done += os.pwrite(self._descriptor, view[done:], self._position + done)
+        except OSError as error:
+            self.trouble = error
+
+
+@contextmanager
+def hdf5_output(path: str | Path) -> Iterator[h5py.File]:
+    """Opens an existing file for writing from its beginning.
+
+    Raises:
+        OSError: it cannot be written (disk full, ...); the library's state stays sound.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_TRUNC)
+    sink = _Sink(descriptor)
+    try:
+        with h5py.File(sink, "w", libver=("earliest", "v110")) as file:
+            yield file
+    except Exception:
+        if sink.trouble is None:
+            raise
+    finally:
+        os.close(descriptor)
+    if sink.trouble is not None:
+        raise sink.trouble
+
+
+def refusal(path: str | Path, code: str, message: str, hint: str = _AGAIN) -> InputError:
+    """An input error on a file as a whole."""
+    return InputError([Fault(code, message, hint, Location(str(path)))])
+
+
+@contextmanager
+def hdf5_input(path: str | Path) -> Iterator[h5py.File]:
+    """Opens a file for reading, and says of every failure inside the block what it means.
+
+    Raises:
+        InputError: there is no such file, it is not HDF5, it is truncated or damaged.
+    """
+    try:
+        with _open(path) as file:
+            yield file
+    except _READ_ERRORS as error:
+        raise refusal(path, "damaged-result", f"damaged: {_first_line(error)}") from error
+
+
+def _open(path: str | Path) -> h5py.File:
+    if not Path(path).exists():
+        raise refusal(path, "no-result", "there is no such file", "check the path")
+    if not Path(path).is_file():
+        raise refusal(path, "not-a-result", "not a file", "give the path of a result file")
+    try:
+        return h5py.File(path, "r", locking=False)
+    except PermissionError as error:
+        raise refusal(path, "no-result", "no permission to read it", "") from error
+    except OSError as error:
+        raise _unreadable(path, str(error)) from error
+
+
+def _unreadable(path: str | Path, said: str) -> InputError:
+    if "truncated" in said:
+        return refusal(path, "damaged-result", "truncated: its end is missing")
+    if "signature" in said:
+        return refusal(
+            path,
+            "not-a-result",
+            "not an HDF5 file, or its beginning is damaged",
+            "give the path of a result file, such as CASE.fit.h5",
+        )
+    return refusal(path, "damaged-result", f"damaged: {said.splitlines()[0]}")
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error.args[0]) if error.args else type(error).__name__
+    return (text.splitlines() or [type(error).__name__])[0]
+
+
+def plain_text(text: str) -> str:
+    r"""Text as HDF5 can hold it: valid UTF-8 without NUL; what is not is written as an escape.
+
+    >>> print(plain_text("a\0b"))
+    a\x00b
+    """
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\x00")
+
+
+def texts(values: Sequence[str]) -> npt.NDArray[np.object_]:
+    """(k,) array of variable-length UTF-8, also for k = 0."""
+    return np.array([plain_text(value) for value in values], dtype=h5py.string_dtype())
+
+
+class TableWriter:
+    """Writes one group as a table: datasets whose axes are named by dimension scales.
+
+    Args:
+        parent: where the group is made.
+        name: name of the group.
+        axes: name of every dimension to its coordinates, texts or numbers.
+    """
+
+    def __init__(
+        self, parent: h5py.Group, name: str, axes: Mapping[str, Sequence[str] | Floats | Ints]
+    ) -> None:
+        self.group = parent.create_group(name)
+        for axis, values in axes.items():
+            data = values if isinstance(values, np.ndarray) else texts(values)
+            self.group.create_dataset(axis, data=data).make_scale(axis)
+
+    def add(
+        self, name: str, data: npt.NDArray[Any] | Sequence[str], *dims: str, unit: str = ""
+    ) -> None:
+        """Writes one dataset with one dimension name for each of its axes.
+
+        Truth values are written as int8; ``unit`` becomes an attribute.
+        """
+        array = data if isinstance(data, np.ndarray) else texts(data)
+        if array.dtype == np.bool_:
+            array = array.astype(np.int8)
+        dataset = self.group.create_dataset(name, data=array)
+        for number, dim in enumerate(dims):
+            dataset.dims[number].attach_scale(self.group[dim])
+        if unit:
+            dataset.attrs["unit"] = unit
+
+
+class TableReader:
+    """Reads one group of a result, and says which piece of it is missing.
+
+    Raises:
+        InputError: the group or one of its datasets is missing, or has another shape or type.
+    """
+
+    def __init__(self, parent: h5py.Group, name: str) -> None:
+        self._path = parent.file.filename
+        self.name = f"{parent.name.rstrip('/')}/{name}"
+        if not isinstance(parent.get(name), h5py.Group):
+            raise self._damage(self.name, "is missing")
+        self.group = parent[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.group
+
+    def array(self, name: str, kinds: str) -> npt.NDArray[Any]:
+        """A dataset whose numpy type is of one of these kinds, such as ``f`` or ``iu``."""
+        dataset = self.group.get(name)
+        if not isinstance(dataset, h5py.Dataset):
+            raise self._damage(f"{self.name}/{name}", "is missing")
+        if dataset.dtype.kind not in kinds:
+            raise self._damage(f"{self.name}/{name}", f"holds {dataset.dtype}")
+        return np.asarray(dataset[()])
+
+    def floats(self, name: str, *shape: int) -> Floats:
+        """Numbers of the given shape."""
+        return self._shaped(name, "f", shape).astype(np.float64, copy=False)
+
+    def ints(self, name: str, *shape: int) -> Ints:
+        """Whole numbers of the given shape."""
+        return self._shaped(name, "iu", shape).astype(np.int64, copy=False)
+
+    def bools(self, name: str, *shape: int) -> Bools:
+        """Truth values of the given shape."""
+        return np.asarray(self._shaped(name, "iu", shape) != 0)
+
+    def texts(self, name: str, *shape: int) -> tuple[str, ...]:
+        """A list of texts; without a shape, of any length."""
+        array = self._shaped(name, "O", shape) if shape else self.array(name, "O")
+        return tuple(value.decode() for value in array)
+
+    def text(self, name: str) -> str:
+        """A single text."""
+        return bytes(self.array(name, "O").item()).decode()
+
+    def _shaped(self, name: str, kinds: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+        array = self.array(name, kinds)
+        if array.shape != shape:
+            raise self._damage(f"{self.name}/{name}", f"has the shape {array.shape}, not {shape}")
+        return array
+
+    def _damage(self, name: str, what: str) -> InputError:
+        return refusal(self._path, "damaged-result", f"{name} {what}")

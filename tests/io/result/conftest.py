@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.result import (
+    Counts,
+    FieldSeries,
+    GaugeTable,
+    Grid,
+    Iteration,
+    ParameterTable,
+    Prediction,
+    Provenance,
+    Result,
+)
+
+CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
+STAGES = ("heading", "bench 1")
+NAMES = ("E_rock", "σ_v")
+
+
+def block(kind: str, *rows: tuple[int, ...], first: int = 1) -> ElementBlock:
+    nodes = np.array(rows, dtype=np.int64)
+    return ElementBlock(kind, nodes, np.arange(first, first + len(rows), dtype=np.int64))
+
+
+def plane_mesh() -> Mesh:
+    """Two triangles, a quadrilateral, and quadratic ones beside them, sharing nodes."""
+    x, y = np.meshgrid(np.arange(5.0), np.arange(3.0))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    return Mesh(
+        points=points,
+        blocks=(
+            block("tri3", (0, 1, 5), (1, 6, 5), first=11),
+            block("quad4", (5, 6, 11, 10), first=101),
+            block("tri6", (2, 4, 12, 3, 8, 7)),
+            block("quad8", (0, 2, 12, 10, 1, 7, 11, 5), first=7),
+        ),
+        facets=(block("line2", (0, 1), (1, 2)), block("line3", (2, 4, 3), first=3)),
+        groups={"rock": np.array([0, 1, 3, 4]), "heading/α": np.array([2])},
+        facet_groups={"bottom": np.array([0, 1, 2])},
+        node_groups={"corner": np.array([0]), "none": np.array([], dtype=np.int64)},
+        file="cavern.msh",
+    )
+
+
+def solid_mesh() -> Mesh:
+    """One element of every solid kind on the nodes of a 3 x 3 x 3 lattice."""
+    grid = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)], dtype=float)
+    number = {tuple(p): n for n, p in enumerate(grid.astype(int).tolist())}
+    corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)]
+    edges += [(0, 4), (1, 5), (2, 6), (3, 7)]
+    tet = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
+    tet_edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+
+    def nodes(points: list[tuple[int, ...]], pairs: list[tuple[int, int]]) -> tuple[int, ...]:
+        middle = [
+            tuple((a + b) // 2 for a, b in zip(points[i], points[j], strict=True)) for i, j in pairs
+        ]
+        return tuple(number[p] for p in [*points, *middle])
+
+    return Mesh(
+        points=grid,
+        blocks=(
+            block("tet4", nodes(tet, [])),
+            block("tet10", nodes(tet, tet_edges)),
+            block("hex8", nodes(corners, [])),
+            block("hex20", nodes(corners, edges)),
+        ),
+        groups={"rock": np.arange(4)},
+    )
+
+
+def make_fields(mesh: Mesh, states: int = 3) -> FieldSeries:
+    rng = np.random.default_rng(7)
+    present = np.ones((states, mesh.n_elements), dtype=bool)
+    present[1:, 2] = False
+    present[2, 0] = False
+    stress = rng.normal(size=(states, mesh.n_elements, 6)) * 1e6
+    stress[~present] = np.nan
+    displacement = rng.normal(size=(states, mesh.n_nodes, mesh.dim)) * 1e-3
+    displacement[0] = 0.0
+    yielded = rng.random((states, mesh.n_elements)) < 0.5
+    return FieldSeries(mesh, displacement, stress, present, yielded)
+
+
+def make_parameters() -> ParameterTable:
+    return ParameterTable(
+        names=NAMES,
+        values=np.array([1.5e10, 8.1e6]),
+        sd=np.array([2e8, np.nan]),
+        lower95=np.array([1.46e10, np.nan]),
+        upper95=np.array([1.54e10, np.nan]),
+        lower=np.array([2e9, 2e6]),
+        upper=np.array([8e10, np.inf]),
+        start=np.array([1.4e10, 8e6]),
+        at_bound=np.array([False, True]),
+        determined=np.array([True, False]),
+        priors=("", "normal(8e6, 1e6)"),
+        units=("GPa", "MPa"),
+        dimensions=("pressure", "pressure"),
+        covariance=np.array([[4e16, np.nan], [np.nan, np.nan]]),
+        correlation=np.array([[1.0, np.nan], [np.nan, np.nan]]),
+    )
+
+
+def make_gauges(dim: int) -> GaugeTable:
+    rng = np.random.default_rng(3)
+    shape = (len(CHANNELS), len(STAGES))
+    measured = rng.normal(size=shape) * 1e-3
+    measured[2, 0] = np.nan
+    first = rng.normal(size=(shape[0], dim))
+    first[1] = np.nan
+    return GaugeTable(
+        channels=CHANNELS,
+        stages=STAGES,
+        measured=measured,
+        computed=measured + 1e-5,
+        sd=np.full(shape, 1e-4),
+        used=np.isfinite(measured),
+        first=first,
+        second=rng.normal(size=(shape[0], dim)),
+    )
+
+
+PROVENANCE = Provenance(
+    command="geoident fit cavern.yaml --seed 4",
+    versions={"geoident": "0.1.0", "numpy": "2.1"},
+    seed=4,
+    case_file="cavern.yaml",
+    case_sha256="a" * 64,
+    mesh_sha256="b" * 64,
+    readings_sha256="c" * 64,
+    identity="d" * 64,
+    created="2025-01-02T03:04:05+00:00",
+)
+
+
+def make_result(dim: int = 2, *, full: bool = True) -> Result:
+    gauges = make_gauges(dim)
+    shape = gauges.measured.shape
+    counts = Counts(3, 1, 6, 18)
+    small = Result(
+        kind="fit",
+        status="converged",
+        exit_code=0,
+        method="gauss-newton",
+        reason="The step became small.",
+        objective=3.25,
+        findings=(),
+        case_text="format: geoident-case/1\ntitle: Höhle\n",
+        case_resolved="format: geoident-case/1\ntitle: Höhle\nfit: {}\n",
+        provenance=PROVENANCE,
+        parameters=make_parameters(),
+        gauges=gauges,
+        counts=counts,
+    )
+    if not full:
+        return small
+    band = np.linspace(0.0, 1.0, gauges.measured.size).reshape(shape)
+    return dataclasses.replace(
+        small,
+        findings=("σ_v is not determined.",),
+        notes=("A note.", ""),
+        sensitivity=np.arange(float(np.prod(shape) * 2)).reshape(*shape, 2),
+        prediction=Prediction(band, band + 1, band - 2, band + 2),
+        history=tuple(
+            Iteration("gauss-newton", i, 10.0 / (i + 1), np.array([1e10 + i, 8e6]), 0.5, counts, "x")
+            for i in range(3)
+        ),
+        grid=Grid(
+            NAMES,
+            (np.array([1e10, 2e10, 3e10]), np.array([8e6, 9e6])),
+            np.array([[1.0, 2.0], [3.0, np.inf], [5.0, 6.0]]),
+        ),
+        fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
+        singular_values=np.array([3.0, 1e-9]),
+    )
+
+
+@pytest.fixture
+def result_maker() -> Callable[..., Result]:
+    return make_result
