@@ -101,10 +101,11 @@ class ConstantStress:
     """In-situ stress the same everywhere, tension positive, Pa.
 
     ``components`` in the order xx, yy, zz, xy, yz, xz (in 2-D the z axis is out of plane and
-    yz, xz are zero).
+    yz, xz are zero). ``held`` as in `HeimStress`.
     """
 
     components: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
+    held: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -117,12 +118,16 @@ class HeimStress:
 
     Args:
         K0: ratio of horizontal to vertical stress, along x and out of plane (y in 3-D).
+        held: whether the ground beyond the edges of the model holds the stress there, by tractions
+            that stay in all stages; None: yes for a stress that is the same everywhere (it can't
+            be in equilibrium otherwise), no for one that grows with depth.
     """
 
     K0: Scalar
     vertical: Scalar | None = None
     unit_weight: Scalar | None = None
     surface: float | None = None
+    held: bool | None = None
 
 
 InSitu = ConstantStress | HeimStress

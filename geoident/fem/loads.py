@@ -1,0 +1,99 @@
+"""Nodal forces of what acts on faces and of weight (theory 1, F)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.compatibility import BlockGeometry
+from geoident.fem.elasticity import VOIGT
+from geoident.fem.elements import facet_rule, reference_element
+from geoident.fem.faces import FacetPatch
+from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class FacetGeometry:
+    """Quadrature on the faces of a patch.
+
+    Args:
+        shapes: (n_q, n_a) shape functions.
+        normals: (n, n_q, dim) outward normals times integration weights, m2 (m per m in 2-D).
+        positions: (n, n_q, dim) quadrature points, m.
+    """
+
+    shapes: Floats
+    normals: Floats
+    positions: Floats
+
+
+def facet_geometry(points: Floats, patch: FacetPatch) -> FacetGeometry:
+    """Quadrature points, weights and outward normals of a patch."""
+    reference = reference_element(patch.kind)
+    xi, weights = facet_rule(patch.kind)
+    shapes, local = reference.shapes(xi), reference.gradients(xi)
+    corners = points[patch.nodes]
+    tangents = np.einsum("fai,qaj->fqij", corners, local)
+    if points.shape[1] == 2:
+        t = tangents[..., 0]
+        normals = np.stack([t[..., 1], -t[..., 0]], axis=-1)
+    else:
+        normals = np.cross(tangents[..., 0], tangents[..., 1])
+    positions = np.einsum("qa,fai->fqi", shapes, corners)
+    return FacetGeometry(shapes, normals * weights[None, :, None], positions)
+
+
+def pressure_forces(mesh: Mesh, patch: FacetPatch) -> Floats:
+    """Nodal forces (n_dofs,) of a unit pressure that pushes onto the body."""
+    geometry = facet_geometry(mesh.points, patch)
+    return _scatter(mesh, patch, np.einsum("qa,fqi->fai", geometry.shapes, -geometry.normals))
+
+
+def traction_weights(mesh: Mesh, patch: FacetPatch) -> Floats:
+    """Area (n_nodes,) that belongs to each node: integral of its shape function, m2."""
+    geometry = facet_geometry(mesh.points, patch)
+    area = np.linalg.norm(geometry.normals, axis=2)
+    weights = np.zeros(mesh.n_nodes)
+    np.add.at(weights, patch.nodes, np.einsum("qa,fq->fa", geometry.shapes, area))
+    return weights
+
+
+def stress_forces(mesh: Mesh, patch: FacetPatch, stress: Callable[[Floats], Floats]) -> Floats:
+    """Nodal forces (n_dofs, ...) of the tractions sigma n of a stress field.
+
+    Args:
+        mesh: the mesh.
+        patch: the faces on which the tractions act.
+        stress: gives stresses (n_strain, n, ...) at positions (n, dim).
+    """
+    geometry = facet_geometry(mesh.points, patch)
+    sigma = stress(geometry.positions.reshape(-1, mesh.dim))
+    tensor = sigma[VOIGT[mesh.dim]].reshape(
+        (mesh.dim, mesh.dim, *geometry.normals.shape[:2], *sigma.shape[2:])
+    )
+    forces = np.einsum("qa,ijfq...,fqj->fai...", geometry.shapes, tensor, geometry.normals)
+    return _scatter(mesh, patch, forces)
+
+
+def weight_shares(mesh: Mesh, geometries: tuple[BlockGeometry, ...], elements: Ints) -> Floats:
+    """Volume (n_nodes,) that belongs to each node, of some elements: integral of N_a, m3."""
+    shares = np.zeros(mesh.n_nodes)
+    first = 0
+    for block, geometry in zip(mesh.blocks, geometries, strict=True):
+        mine = elements[(elements >= first) & (elements < first + len(block))] - first
+        volumes = geometry.volumes[mine] @ geometry.shapes
+        shares += np.bincount(
+            block.nodes[mine].ravel(), weights=volumes.ravel(), minlength=mesh.n_nodes
+        )
+        first += len(block)
+    return shares
+
+
+def _scatter(mesh: Mesh, patch: FacetPatch, forces: Floats) -> Floats:
+    """Sum forces (n_f, n_a, dim, ...) of faces into (n_dofs, ...)."""
+    total = np.zeros((mesh.n_nodes, *forces.shape[2:]))
+    np.add.at(total, patch.nodes, forces)
+    return total.reshape((mesh.n_nodes * mesh.dim, *forces.shape[3:]))

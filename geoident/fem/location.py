@@ -1,0 +1,105 @@
+"""Which element holds a point, and the shape functions there.
+
+A point on the border of several elements has several *sites*; which of them can be used depends on
+which elements are present, so all are returned, the best first. A point just outside a curved wall
+that straight elements cut off is taken by the nearest element, up to `REACH` of its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.elements import ReferenceElement, reference_element
+from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import ElementBlock, Mesh
+
+REACH = 0.1
+"""How far outside an element a point may lie to be taken by it, in parts of its size."""
+
+_NEWTON_STEPS = 25
+
+
+@dataclass(frozen=True)
+class Site:
+    """A point seen from one element.
+
+    Args:
+        element: element index.
+        nodes: (n_a,) nodes of the element.
+        shapes: (n_a,) shape functions at the point.
+        outside: how far outside the element the point lies, in parts of its size; <= 0 inside.
+    """
+
+    element: int
+    nodes: Ints
+    shapes: Floats
+    outside: float
+
+
+class Locator:
+    """Finds points in a mesh; the boxes around the elements are made once."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._boxes = [_boxes(mesh, block) for block in mesh.blocks]
+
+    def sites(self, point: tuple[float, ...]) -> tuple[Site, ...]:
+        """The elements that hold a point (dim,), m, the best first; empty if there is none."""
+        x = np.asarray(point, dtype=np.float64)
+        found: list[Site] = []
+        first = 0
+        for block, (low, high) in zip(self._mesh.blocks, self._boxes, strict=True):
+            near = np.flatnonzero(np.all((x >= low) & (x <= high), axis=1))
+            found += [
+                site
+                for e in near
+                if (site := _site(self._mesh, block, int(e), first, x)) is not None
+            ]
+            first += len(block)
+        return tuple(sorted(found, key=lambda site: (max(site.outside, 1e-6), site.element)))
+
+
+def _boxes(mesh: Mesh, block: ElementBlock) -> tuple[Floats, Floats]:
+    corners = mesh.points[block.nodes]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = 2 * REACH * (high - low).max(axis=1, keepdims=True)
+    return low - margin, high + margin
+
+
+def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Site | None:
+    reference = reference_element(block.kind)
+    nodes = block.nodes[e]
+    xi = _inverse_map(reference, mesh.points[nodes], x)
+    if xi is None:
+        return None
+    outside = _outside(reference, xi)
+    if outside > REACH:
+        return None
+    return Site(first + e, nodes, reference.shapes(xi[None])[0], outside)
+
+
+def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats | None:
+    """Reference coordinates of a point by Newton's method; None where it does not converge."""
+    xi = reference.nodes[: reference.n_corners].mean(axis=0)
+    size = np.ptp(corners, axis=0).max()
+    for _ in range(_NEWTON_STEPS):
+        error = reference.shapes(xi[None])[0] @ corners - x
+        if np.abs(error).max() <= 1e-13 * size:
+            return np.asarray(xi)
+        jacobian = corners.T @ reference.gradients(xi[None])[0]
+        try:
+            xi = xi - np.linalg.solve(jacobian, error)
+        except np.linalg.LinAlgError:
+            return None
+        if np.abs(xi).max() > 10:
+            return None
+    return np.asarray(xi) if np.abs(error).max() <= 1e-9 * size else None
+
+
+def _outside(reference: ReferenceElement, xi: Floats) -> float:
+    """Signed distance from the reference domain in parts of its edge."""
+    if reference.family in ("tri", "tet"):
+        return float(max(-xi.min(), xi.sum() - 1))
+    return float(np.abs(xi).max() - 1) / 2

@@ -1,0 +1,74 @@
+"""Orientation of elements: turned ones are mended, folded ones are refused by their number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.errors import Fault, InputError, Location
+from geoident.fem.elements import ReferenceElement, reference_element
+from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import ElementBlock, Mesh
+
+_FLAT = 1e-12  # of the volume of a regular element: below this an element has no volume
+_SHOWN = 10
+
+
+def oriented(mesh: Mesh) -> Mesh:
+    """The mesh with every element right-handed.
+
+    Raises:
+        InputError: elements that are folded, or flat, with their numbers.
+    """
+    faults: list[Fault] = []
+    blocks = tuple(_oriented_block(mesh, block, faults) for block in mesh.blocks)
+    if faults:
+        raise InputError(faults)
+    return replace(mesh, blocks=blocks)
+
+
+def _oriented_block(mesh: Mesh, block: ElementBlock, faults: list[Fault]) -> ElementBlock:
+    reference = reference_element(block.kind)
+    determinant = _determinants(mesh.points, block, reference)
+    size = np.ptp(mesh.points[block.nodes], axis=1).max(axis=1) ** mesh.dim
+    sign = np.where(np.abs(determinant) > _FLAT * size[:, None], np.sign(determinant), 0.0)
+    turned = np.all(sign < 0, axis=1)
+    folded = ~turned & ~np.all(sign > 0, axis=1)
+    if np.any(folded):
+        faults.append(_fault(mesh, block, np.flatnonzero(folded)))
+    if not np.any(turned):
+        return block
+    nodes = block.nodes.copy()
+    nodes[turned] = nodes[turned][:, _mirror(reference)]
+    return replace(block, nodes=nodes)
+
+
+def _determinants(points: Floats, block: ElementBlock, reference: ReferenceElement) -> Floats:
+    """Jacobian determinants (n_el, n) at the strain points and the corners."""
+    corners = reference.nodes[: reference.n_corners]
+    local = reference.gradients(np.vstack([reference.points, corners]))
+    return np.asarray(
+        np.linalg.det(np.einsum("eai,qaj->eqij", points[block.nodes], local, optimize=True))
+    )
+
+
+def _mirror(reference: ReferenceElement) -> Ints:
+    """Permutation of the nodes when the first two reference axes are exchanged."""
+    mirrored = reference.nodes.copy()
+    mirrored[:, [0, 1]] = mirrored[:, [1, 0]]
+    distance = np.abs(mirrored[:, None] - reference.nodes[None]).sum(axis=2)
+    return np.asarray(distance.argmin(axis=1))
+
+
+def _fault(mesh: Mesh, block: ElementBlock, elements: Ints) -> Fault:
+    numbers = ", ".join(str(n) for n in block.numbers[elements[:_SHOWN]])
+    more = f" and {len(elements) - _SHOWN} more" if len(elements) > _SHOWN else ""
+    centre = mesh.points[block.nodes[elements[0]]].mean(axis=0)
+    place = ", ".join(f"{x:.6g}" for x in centre)
+    return Fault(
+        "folded-element",
+        f"{block.kind} elements {numbers}{more} are folded or flat (the first near ({place}) m)",
+        "check the mesh there: nodes numbered across, mid-nodes too far off, or zero thickness",
+        Location(mesh.file),
+    )

@@ -1,0 +1,51 @@
+"""Collects the state of the whole mesh during a march."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.forward.march import Standing
+from geoident.forward.stage_systems import StageSystems
+from geoident.forward.timeline import Timeline
+from geoident.model.arrays import Floats
+from geoident.model.mesh import Mesh
+from geoident.model.result import FieldSeries
+
+
+class FieldRecorder:
+    """Copies displacements and mean element stresses, state by state."""
+
+    def __init__(self, mesh: Mesh, timeline: Timeline, systems: StageSystems) -> None:
+        self._mesh = mesh
+        self._timeline = timeline
+        self._points = systems.points
+        self._displacement: list[Floats] = []
+        self._stress: list[Floats] = []
+
+    def add(self, standing: Standing) -> None:
+        """Record a state (column 0 of its arrays)."""
+        u = standing.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
+        self._displacement.append(u.copy())
+        mean = self._element_means(standing.stress[..., 0])
+        mean[~self._timeline.present(standing.state)] = np.nan
+        self._stress.append(mean)
+
+    def series(self) -> FieldSeries:
+        """All that was recorded."""
+        n = len(self._displacement)
+        present = np.stack([self._timeline.present(state) for state in range(n)])
+        return FieldSeries(
+            self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
+            np.zeros_like(present),
+        )  # fmt: skip
+
+    def _element_means(self, stress: Floats) -> Floats:
+        """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""
+        n = self._mesh.n_elements
+        element, volume = self._points.element, self._points.volume
+        total = np.bincount(element, weights=volume, minlength=n)
+        mean = np.zeros((n, 6))
+        for component, values in enumerate(stress):
+            weighted = np.bincount(element, weights=volume * values, minlength=n)
+            mean[:, component] = weighted / total
+        return mean

@@ -1,0 +1,222 @@
+"""A case on its mesh, ready to answer: the one class by which others use the forward model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.fem.faces import FaceTable, face_table
+from geoident.fem.location import Locator
+from geoident.fem.mechanism import loose_body
+from geoident.fem.orientation import oriented
+from geoident.fem.solvers.protocol import Solver
+from geoident.forward.actions import Actions
+from geoident.forward.fields import FieldRecorder
+from geoident.forward.in_situ import edges_held
+from geoident.forward.march import March
+from geoident.forward.materials import inadmissible
+from geoident.forward.observation import Observation, format_point, observe
+from geoident.forward.response import StagedResponse
+from geoident.forward.stage_systems import StageSystems
+from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
+from geoident.forward.timeline import Timeline, build_timeline, group_faults
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+from geoident.model.result import Counts, FieldSeries
+
+
+@dataclass(frozen=True)
+class Survey:
+    """All that the model says at one parameter vector.
+
+    Args:
+        computed: (n_channels, n_stages) readings, m; NaN where a channel can't be read.
+        sensitivity: (n_channels, n_stages, n) their derivatives.
+        fields: displacements and stresses of all states, or None.
+    """
+
+    computed: Floats
+    sensitivity: Floats
+    fields: FieldSeries | None
+
+
+class StagedModel:
+    """The staged forward model of a case (theory 1 and 2).
+
+    Args:
+        mesh: its mesh.
+        case: the case.
+        solver: factorizes the stiffness matrices.
+
+    Raises:
+        InputError: everything in the case that does not fit the mesh, at once.
+        ModelError: a piece of the ground that no support holds.
+    """
+
+    def __init__(self, mesh: Mesh, case: Case, *, solver: Solver) -> None:
+        self.case = case
+        self.mesh = mesh = oriented(mesh)
+        self.names = tuple(parameter.name for parameter in case.parameters)
+        table = face_table(mesh)
+        _raise_any(_group_faults(case, mesh, table))
+        self.timeline = build_timeline(case, mesh)
+        _raise_any(burden_faults(case, mesh, table, self.timeline))
+        self.observation, faults = observe(case, mesh, Locator(mesh), self.timeline)
+        _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
+        fixed = fixed_dofs(case, mesh)
+        _refuse_mechanisms(mesh, table, self.timeline, fixed)
+        self._solver = solver
+        self._evaluations = 0
+        self._systems = StageSystems(mesh, self.timeline, fixed, solver)
+        actions = Actions(case, mesh, table, self.timeline, self._systems)
+        self.march = March(case, self.timeline, self._systems, actions)
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        spent = self._solver.counts
+        return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
+
+    @property
+    def n_dofs(self) -> tuple[int, ...]:
+        """Unknowns of every state, the virgin state first."""
+        states = range(len(self.timeline.states))
+        return tuple(self._systems[n].pattern.lower.n for n in states)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how the case was understood."""
+        notes = []
+        if edges_held(self.case.in_situ):
+            notes.append(
+                "the in-situ stress is held at the edges of the model by tractions "
+                "(in_situ: edges: held)"
+            )
+        if self.observation.snapped:
+            notes.append(
+                "points just outside the mesh, taken by the nearest element: "
+                + ", ".join(self.observation.snapped)
+            )
+        if self.march.imbalance > 1e-9:
+            notes.append(
+                f"the in-situ stress is out of balance by {100 * self.march.imbalance:.3g} % of "
+                "the largest nodal force; one equilibrium step was made, its motion is not counted"
+            )
+        return tuple(notes)
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        if not np.all(np.isfinite(p)):
+            return "a parameter is not finite"
+        values = self.values(p)
+        used = {m for state in self.timeline.states for m in state.materials.values()}
+        reasons = (inadmissible(self.case.materials[m], values) for m in sorted(used))
+        return next((reason for reason in reasons if reason), None)
+
+    def values(self, p: Floats) -> dict[str, float]:
+        """Parameter values by name."""
+        return dict(zip(self.names, map(float, p), strict=True))
+
+    def count_evaluation(self) -> None:
+        """One more parameter vector was evaluated."""
+        self._evaluations += 1
+
+    def unreadable(self, channel: str, stage: str) -> str | None:
+        """Why a channel can't be read at a stage, or None if it can."""
+        return self.observation.unreadable(channel, self.case.stage_names.index(stage))
+
+    def response(self, pairs: Sequence[tuple[str, str]]) -> StagedResponse:
+        """The response in the readings of some (channel, stage) pairs."""
+        return StagedResponse(self, pairs)
+
+    def survey(self, p: Floats, *, fields: bool) -> Survey:
+        """All channels at all stages, their derivatives, and the fields if wanted.
+
+        One factorization per stage. ``p`` is (n,).
+        """
+        self.count_evaluation()
+        observed = []
+        recorder = FieldRecorder(self.mesh, self.timeline, self._systems) if fields else None
+        for standing in self.march.run(self.values(p), names=self.names):
+            observed.append(self.observation.operator @ standing.u)
+            if recorder is not None:
+                recorder.add(standing)
+        table = self.relative(np.stack(observed))[1:].swapaxes(0, 1)
+        return Survey(
+            table[..., 0], table[..., 1:], None if recorder is None else recorder.series()
+        )
+
+    def relative(self, observed: Floats) -> Floats:
+        """Readings from relative displacements since placing: less what was there at zero.
+
+        Args:
+            observed: (n_states, n_channels, k).
+
+        Returns:
+            (n_states, n_channels, k); NaN where a channel can't be read.
+        """
+        zero, last = self.observation.zero, self.observation.last
+        rows = np.arange(observed.shape[1])
+        reachable = zero < len(observed)
+        result = observed - observed[np.where(reachable, zero, 0), rows]
+        state = np.arange(len(observed))[:, None]
+        result[(state < zero) | (state > last)] = np.nan
+        return np.asarray(result)
+
+
+def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
+    return [*group_faults(case, mesh), *support_faults(case, mesh), *load_faults(case, mesh, table)]
+
+
+def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fault]) -> list[Fault]:
+    """Readings that were taken when the gauge could not be read."""
+    if gauge_faults:
+        return []
+    names = case.stage_names
+    faults = []
+    for reading in case.readings:
+        reason = observation.unreadable(reading.channel, names.index(reading.stage))
+        if reading.value is not None and reason:
+            faults.append(
+                Fault(
+                    "unreadable-gauge",
+                    f"gauge '{reading.channel}' can't have been read at stage "
+                    f"'{reading.stage}': {reason}",
+                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
+                    reading.location,
+                )
+            )
+    return faults
+
+
+def _refuse_mechanisms(mesh: Mesh, table: FaceTable, timeline: Timeline, fixed: Bools) -> None:
+    checked = set()
+    for n, state in enumerate(timeline.states):
+        present = timeline.present(n)
+        if present.tobytes() in checked:
+            continue
+        checked.add(present.tobytes())
+        if not present.any():
+            msg = f"at stage '{state.name}' no ground is present"
+            raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
+        loose = loose_body(mesh, table, present, fixed)
+        if loose is None:
+            continue
+        names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})
+        axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
+        motion = f"move along {axes}" if axes else "turn"
+        msg = (
+            f"at stage '{state.name}' {len(loose.elements)} elements of '{', '.join(names)}' near "
+            f"{format_point(loose.centre)} can {motion} freely: nothing holds them"
+        )
+        hint = "add 'supports', or see whether an excavation cuts the piece loose"
+        raise ModelError(msg, hint)
+
+
+def _raise_any(faults: list[Fault]) -> None:
+    if faults:
+        raise InputError(faults)

@@ -1,0 +1,117 @@
+"""The staged model as the identifiers see it: parameters in, readings and derivatives out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geoident.forward import in_situ, materials
+from geoident.forward.march import Push
+from geoident.model.arrays import Floats
+from geoident.model.condensed import Condensed
+from geoident.model.result import Counts
+
+_DEPENDENT = 1e-10
+"""Singular value of S, relative to the largest, below which readings count as dependent."""
+
+if TYPE_CHECKING:
+    from geoident.forward.model import StagedModel
+
+
+class StagedResponse:
+    """Readings of some (channel, stage) pairs as a function of the parameters.
+
+    Fulfils the protocols ``Response`` and ``AffineElastic`` of the identifiers. The march ends with
+    the last stage that a reading needs.
+    """
+
+    def __init__(self, model: StagedModel, pairs: Sequence[tuple[str, str]]) -> None:
+        observation = model.observation
+        self._model = model
+        stages = model.case.stage_names
+        self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
+        self._state = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
+        self._last = int(self._state.max(initial=0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self._model.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        return self._model.counts
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        return self._model.admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,), m."""
+        return self._run(p)[:, 0]
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        table = self._run(p, names=self.names)
+        return table[:, 0], table[:, 1:]
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, or None if they are."""
+        case = self._model.case
+        free = frozenset(self.names)
+        reasons = [materials.affine_obstacle(m, free) for m in case.materials.values()]
+        reasons.append(in_situ.affine_obstacle(case.in_situ, free))
+        return next((reason for reason in reasons if reason), None)
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
+
+        Let K be the operator of all stages together, block lower triangular, and G the one that adds
+        displacement increments up to readings. One march with the columns G^T gives S = G K^-1 G^T;
+        forces c with S c = measured - v, in least squares where readings depend on each
+        other, bring the displacements to the readings. The equation error of parameters q
+        there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the Jacobian of
+        a march under those forces: exact, since e is affine in q. Two factorizations a stage.
+
+        Args:
+            p: (n,) parameters.
+            measured: (g,) readings, m.
+            sd: (g,) their standard deviations, m.
+        """
+        unit = self._push()
+        table = self._run(p, push=unit)
+        gap, flexibility = measured - table[:, 0], table[:, 1:]
+        weighted = flexibility / sd[:, None]
+        multipliers = np.asarray(np.linalg.lstsq(weighted, gap / sd, rcond=_DEPENDENT)[0])
+        corrected = replace(unit, multipliers=multipliers)
+        jacobian = self._run(p, names=self.names, push=corrected)[:, 1:]
+        return Condensed(table[:, 0], flexibility, -jacobian, -jacobian @ p - gap)
+
+    def _run(self, p: Floats, *, names: Sequence[str] = (), push: Push | None = None) -> Floats:
+        """Readings (g, 1 + n + k)."""
+        self._model.count_evaluation()
+        operator = self._model.observation.operator
+        march = self._model.march.run(
+            self._model.values(p), names=names, last=self._last, push=push
+        )
+        observed = np.stack([operator @ standing.u for standing in march])
+        return self._pick(observed)
+
+    def _pick(self, observed: Floats) -> Floats:
+        zero = self._model.observation.zero[self._row]
+        return np.asarray(observed[self._state, self._row] - observed[zero, self._row])
+
+    def _push(self) -> Push:
+        """Unit forces along every reading: G^T.
+
+        A reading adds up increments from the stage after its zero to its own, so its unit force is a
+        dead load that acts in just these.
+        """
+        observation = self._model.observation
+        state = np.arange(self._last + 1)[:, None]
+        active = (state > observation.zero[self._row]) & (state <= self._state)
+        return Push(observation.operator[self._row].toarray().T, active)

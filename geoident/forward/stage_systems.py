@@ -1,0 +1,138 @@
+"""The equations of every stage, prepared: patterns, analyses, which points and nodes are there."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
+from geoident.fem.elasticity import stiffness_map
+from geoident.fem.ordering import nested_dissection
+from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
+from geoident.fem.stiffness import (
+    GroupBlocks,
+    StiffnessPattern,
+    group_blocks,
+    node_graph,
+    stiffness_pattern,
+)
+from geoident.forward.observation import format_point
+from geoident.forward.timeline import State, Timeline
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.mesh import Mesh
+
+Index = Ints | slice
+
+
+@dataclass(frozen=True)
+class StageSystem:
+    """The equations of one state.
+
+    Args:
+        present: (n_points,) strain points that are there.
+        touched: (n_dofs,) degrees of freedom of nodes that are there.
+        volume: (n_points,) V, zero where absent.
+        points_of: material name to its strain points.
+        pattern: the stiffness pattern.
+        analysis: of the pattern, None if nothing is free to move.
+    """
+
+    present: Bools
+    touched: Bools
+    volume: Floats
+    points_of: Mapping[str, Index]
+    pattern: StiffnessPattern
+    analysis: Analysis | None
+
+
+class StageSystems:
+    """The equations of all states of a timeline; equal patterns are analysed once."""
+
+    def __init__(self, mesh: Mesh, timeline: Timeline, fixed: Bools, solver: Solver) -> None:
+        geometries = tuple(block_geometry(mesh.points, block) for block in mesh.blocks)
+        self.geometries = geometries
+        self.points: StrainPoints = strain_points(mesh, geometries)
+        self._mesh = mesh
+        self._solver = solver
+        self._node_of_rank = nested_dissection(mesh.points, *node_graph(mesh))
+        rank = np.empty_like(self._node_of_rank)
+        rank[self._node_of_rank] = np.arange(len(rank))
+        ever = sorted({g for state in timeline.states for g in state.materials})
+        self._blocks: dict[int, GroupBlocks] = {
+            g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
+        }
+        group_of_point = timeline.group_of[self.points.element]
+        self.points_of: dict[int, Index] = {g: _as_index(group_of_point == g) for g in ever}
+        self._analyses: dict[bytes, Analysis] = {}
+        self._patterns: dict[frozenset[int], StiffnessPattern] = {}
+        self._systems = [
+            self._prepare(s, timeline, n, fixed) for n, s in enumerate(timeline.states)
+        ]
+
+    def __getitem__(self, state: int) -> StageSystem:
+        return self._systems[state]
+
+    def values(self, system: StageSystem, state: State, laws: Mapping[str, Floats]) -> Floats:
+        """Values of K for the moduli (n_strain, n_strain) of every material."""
+        maps = {name: stiffness_map(law, self._mesh.dim) for name, law in laws.items()}
+        return system.pattern.values(
+            self._blocks, {group: maps[material] for group, material in state.materials.items()}
+        )
+
+    def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
+        """Where an unknown stands, for a message."""
+        if unknown is None:
+            return ""
+        node = system.pattern.dofs[unknown] // self._mesh.dim
+        return f" near {format_point(self._mesh.points[node])}"
+
+    def _prepare(self, state: State, timeline: Timeline, n: int, fixed: Bools) -> StageSystem:
+        here = timeline.present(n)
+        present = here[self.points.element]
+        points_of: dict[str, Index] = {}
+        names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
+        name_of_point = names[timeline.group_of[self.points.element]]
+        for material in set(state.materials.values()):
+            points_of[material] = _as_index(name_of_point == material)
+        groups = frozenset(state.materials)
+        if groups not in self._patterns:
+            self._patterns[groups] = stiffness_pattern(
+                {g: self._blocks[g] for g in groups},
+                node_of_rank=self._node_of_rank,
+                fixed=fixed,
+                dim=self._mesh.dim,
+            )
+        pattern = self._patterns[groups]
+        return StageSystem(
+            present, _touched(self._mesh, here), np.where(present, self.points.volume, 0.0),
+            points_of, pattern, self._analyse(pattern.lower),
+        )  # fmt: skip
+
+    def _analyse(self, lower: LowerPattern) -> Analysis | None:
+        if lower.n == 0:
+            return None
+        key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        if key not in self._analyses:
+            self._analyses[key] = self._solver.analyse(lower)
+        return self._analyses[key]
+
+
+def _as_index(mask: Bools) -> Index:
+    """A slice where the marked places are one run (no copies), else their indices."""
+    where = np.flatnonzero(mask)
+    if len(where) and where[-1] - where[0] + 1 == len(where):
+        return slice(int(where[0]), int(where[-1]) + 1)
+    return where
+
+
+def _touched(mesh: Mesh, present: Bools) -> Bools:
+    """(n_dofs,) degrees of freedom of the nodes of present elements."""
+    nodes = np.zeros(mesh.n_nodes, dtype=bool)
+    first = 0
+    for block in mesh.blocks:
+        nodes[block.nodes[present[first : first + len(block)]]] = True
+        first += len(block)
+    return np.repeat(nodes, mesh.dim)

@@ -1,0 +1,146 @@
+"""Who is present when, and of what (theory 2): the stages of a case on the groups of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.model.arrays import Bools, Ints
+from geoident.model.case import VIRGIN, Case, KeyPath, Load
+from geoident.model.mesh import Mesh
+
+_SHOWN = 5
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of construction, at the end of a stage.
+
+    Args:
+        name: of the stage.
+        materials: group index to material name, for the present groups.
+        placed: group indices that enter free of stress at this stage.
+        loads: what acts, by name.
+    """
+
+    name: str
+    materials: Mapping[int, str]
+    placed: frozenset[int]
+    loads: Mapping[str, Load]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """All states of a case, the virgin state first.
+
+    Args:
+        groups: names of the groups that the case uses; a group index counts in them.
+        group_of: (n_elements,) group index of every element.
+        states: one per stage.
+    """
+
+    groups: tuple[str, ...]
+    group_of: Ints
+    states: tuple[State, ...]
+
+    def present(self, state: int) -> Bools:
+        """(n_elements,) which elements are present at a state."""
+        here = np.zeros(len(self.groups), dtype=bool)
+        here[list(self.states[state].materials)] = True
+        return here[self.group_of]
+
+    def elements(self, group: int) -> Ints:
+        """Element indices of a group."""
+        return np.flatnonzero(self.group_of == group)
+
+
+def used_groups(case: Case) -> dict[str, KeyPath]:
+    """Every element group that the case names, with the key that names it first."""
+    used: dict[str, KeyPath] = {name: ("groups", name) for name in case.groups}
+    for n, stage in enumerate(case.stages):
+        for k, name in enumerate(stage.excavate):
+            used.setdefault(name, ("stages", n, "excavate", k))
+        for key, mapping in (("install", stage.install), ("change", stage.change)):
+            for name in mapping:
+                used.setdefault(name, ("stages", n, key, name))
+    return used
+
+
+def build_timeline(case: Case, mesh: Mesh) -> Timeline:
+    """The timeline of a case whose groups are all in the mesh (see `group_faults`)."""
+    groups = tuple(used_groups(case))
+    index = {name: n for n, name in enumerate(groups)}
+    group_of = np.full(mesh.n_elements, -1, dtype=np.int64)
+    for name in groups:
+        group_of[mesh.groups[name]] = index[name]
+    materials = {index[g]: m for g, m in case.groups.items() if m is not None}
+    loads = dict(case.loads)
+    states = [State(VIRGIN, dict(materials), frozenset(), dict(loads))]
+    for stage in case.stages:
+        for name in stage.excavate:
+            materials.pop(index[name], None)
+        materials.update({index[g]: m for g, m in {**stage.install, **stage.change}.items()})
+        loads = {k: v for k, v in loads.items() if k not in stage.remove} | dict(stage.loads)
+        placed = frozenset(index[name] for name in stage.install)
+        states.append(State(stage.name, dict(materials), placed, dict(loads)))
+    return Timeline(groups, group_of, tuple(states))
+
+
+def group_faults(case: Case, mesh: Mesh) -> list[Fault]:
+    """Groups that the mesh lacks, elements in none or in two of the case's groups."""
+    used = used_groups(case)
+    faults = [
+        case.source.fault(
+            path,
+            code="missing-group",
+            message=f"the mesh {mesh.file} has no element group '{name}'",
+            hint=f"its element groups: {listed(mesh.groups)}",
+        )
+        for name, path in used.items()
+        if name not in mesh.groups
+    ]
+    count = np.zeros(mesh.n_elements, dtype=np.int64)
+    for name in used.keys() & mesh.groups.keys():
+        count[mesh.groups[name]] += 1
+    if not faults:
+        faults += _coverage_faults(case, mesh, count)
+    return faults
+
+
+def listed(names: Mapping[str, object]) -> str:
+    """Names for a message, or ``none``."""
+    return ", ".join(sorted(names)) or "none"
+
+
+def _coverage_faults(case: Case, mesh: Mesh, count: Ints) -> list[Fault]:
+    faults = []
+    for wrong, found, hint in (
+        (count == 0, "in none of the groups of the case", "list their group under 'groups'"),
+        (count > 1, "in several groups of the case", "give every element to one group"),
+    ):
+        if np.any(wrong):
+            elements = np.flatnonzero(wrong)
+            named = [g for g, e in mesh.groups.items() if np.isin(e, elements).any()]
+            where = f" (in the mesh they are in: {', '.join(sorted(named))})" if named else ""
+            message = f"{len(elements)} elements of {mesh.file} are {found}{where}; first: "
+            message += ", ".join(str(element_number(mesh, e)) for e in elements[:_SHOWN])
+            absent = "; a group that is never present is written 'NAME: absent'"
+            faults.append(
+                case.source.fault(
+                    ("groups",), code="group-coverage", message=message, hint=hint + absent
+                )
+            )
+    return faults
+
+
+def element_number(mesh: Mesh, element: int) -> int:
+    """The number under which the user knows an element."""
+    for block in mesh.blocks:
+        if element < len(block):
+            return int(block.numbers[element])
+        element -= len(block)
+    msg = "no such element"
+    raise IndexError(msg)
