@@ -30,7 +30,6 @@ from geoident.io.mesh_raw import (
 )
 from geoident.model.arrays import Floats, Ints
 
-_LINES = {"2": "line2", "3": "line3"}
 _PLANES = {"3": "tri3", "4": "quad4", "6": "tri6", "8": "quad8", "9": "quad9"}
 _SOLIDS = {
     "4": "tet4",
@@ -44,8 +43,8 @@ _SOLIDS = {
     "27": "hex27",
 }
 _TYPES = (
-    (r"(?:T2D|T3D|SAX|MAX|R2D|RAX|B[23])([23])[A-Z]*", _LINES),
-    (r"(?:B[23][123])[A-Z]*", {"": "line2"}),
+    (r"(?:T2D|T3D|R2D|RAX)([23])[A-Z]*", {"2": "line2", "3": "line3"}),
+    (r"(?:B[23]|SAX|MAX)([123])[A-Z]*", {"1": "line2", "2": "line3", "3": "line2"}),
     (r"STRI()65", {"": "tri6"}),
     (r"(?:STRI|[SM]3D|SFM3D|R3D|DS|S)([3-9])[A-Z]*5?", _PLANES),
     (r"(?:CPEG|CPE|CPS|CGAX|CAX|AC2D|ACAX|DC2D|DCAX|M3D)([3-9])[A-Z]*", _PLANES),
@@ -235,7 +234,7 @@ def _kind(name: str, line: int) -> str:
     for pattern, kinds in _TYPES:
         match = re.fullmatch(pattern, name.upper())
         if match is not None:
-            kind = kinds.get(match[1] if match.re.groups else "")
+            kind = kinds.get(match[1])
             if kind is not None:
                 return kind
     raise Refused(

@@ -93,7 +93,7 @@ def _dispatch(path: Path, head: bytes) -> RawMesh:
         text = path.read_text(encoding="utf-8", errors="replace")
         return read_abaqus(text, folder=path.parent)
     if suffix not in known_suffixes():
-        known = " ".join((".inp", ".msh", *known_suffixes()))
+        known = " ".join(known_suffixes())
         message = f"the format {suffix or 'of a file without suffix'} is not known"
         raise Refused("mesh-format", message, f"known are {known}")
     return read_other(path)

@@ -144,7 +144,7 @@ class BinaryStream:
 
     def records(self, n: int, fields: npt.DTypeLike) -> npt.NDArray[np.void]:
         """The next ``n`` records of packed ``fields``."""
-        return self._take(n, np.dtype(fields))
+        return self._take(n, np.dtype(fields)).view(np.dtype(fields))
 
     def record(self, floats: int) -> np.dtype[np.void]:
         """The type of a record of one int and some doubles."""

@@ -70,7 +70,7 @@ def in_vtk_order(kind: str, nodes: Ints, *, points: Floats, numbers: Ints) -> In
         return nodes
     others = [_offsets(kind, candidate, points) for candidate in candidates[1:]]
     best = int(np.argmin([np.minimum(o, 10.0).sum() for o in (offsets, *others)]))
-    _check_offsets((offsets, *others)[best], kind=kind, nodes=candidates[best], numbers=numbers)
+    _check_offsets((offsets, *others)[best], kind=kind, numbers=numbers)
     return candidates[best]
 
 
@@ -85,18 +85,17 @@ def _offsets(kind: str, nodes: Ints, points: Floats) -> Floats:
     return ratio
 
 
-def _check_offsets(offsets: Floats, *, kind: str, nodes: Ints, numbers: Ints) -> None:
+def _check_offsets(offsets: Floats, *, kind: str, numbers: Ints) -> None:
     """Refuse the first cell with a node too far from the middle of its edge."""
     far = np.argwhere(offsets > _FARTHEST)
     if len(far) == 0:
         return
     row, edge = (int(k) for k in far[0])
-    first, last = (nodes[row, corner] + 1 for corner in EDGES[kind][edge])
-    middle = nodes[row, nodes.shape[1] - len(EDGES[kind]) + edge] + 1
+    first, last = (corner + 1 for corner in EDGES[kind][edge])
     raise Refused(
         "mesh-mid-node",
-        f"element {numbers[row]} ({kind}): its node {middle} (the nodes counted as in the file) "
-        f"lies far from the middle of the edge {first}-{last} that it belongs to",
+        f"element {numbers[row]} ({kind}): none of its nodes between the corners lies near the "
+        f"middle of the edge from its corner {first} to its corner {last}",
         "the order of the nodes is not one that is known for this format, or the element is "
         "badly distorted: write the mesh as .msh with gmsh, or make elements of first order",
     )

@@ -60,7 +60,7 @@ _NO_GROUP_0 = ("gmsh:physical", "cell_tags")
 
 
 def known_suffixes() -> tuple[str, ...]:
-    """Suffixes of the files that can be read, beside those of gmsh and Abaqus."""
+    """Suffixes of the files that can be read, those of gmsh and Abaqus among them."""
     return tuple(sorted(meshio.extension_to_filetypes))
 
 
@@ -70,11 +70,12 @@ def read_other(path: Path) -> RawMesh:
     Raises:
         Refused: meshio cannot read it, or not all of it.
     """
-    _check_bulk(path)
     printed = io.StringIO()
     try:
         with _silence(printed):
-            mesh = meshio.read(path)
+            mesh = _read_silently(path)
+    except Refused:
+        raise
     except ImportError as error:
         message = f"this format needs the Python package {error.name}"
         raise Refused("mesh-format", message, "install it, or write the mesh as .msh") from error
@@ -87,13 +88,20 @@ def read_other(path: Path) -> RawMesh:
     return _raw(mesh)
 
 
-def _check_bulk(path: Path) -> None:
-    """Refuse a Nastran file without end, over which meshio's reader would hang."""
-    if path.suffix.lower() in (".bdf", ".fem", ".nas"):
-        text = path.read_text(encoding="utf-8", errors="replace")
-        if re.search(r"^BEGIN BULK[\s\S]*^ENDDATA", text, re.MULTILINE) is None:
-            message = "the file has no BEGIN BULK or no ENDDATA"
-            raise Refused("mesh-truncated", message, "copy the whole file")
+def _read_silently(path: Path) -> meshio.Mesh:
+    """The mesh as meshio has it.
+
+    A Nastran deck must end with ENDDATA, or meshio's reader would hang on it, and is given the
+    BEGIN BULK that gmsh does not write.
+    """
+    if path.suffix.lower() not in (".bdf", ".fem", ".nas"):
+        return meshio.read(path)
+    deck = path.read_text(encoding="utf-8", errors="replace")
+    if re.search(r"^ENDDATA", deck, re.MULTILINE) is None:
+        raise Refused("mesh-truncated", "the file has no ENDDATA", "copy the whole file")
+    if re.search(r"^BEGIN BULK", deck, re.MULTILINE) is None:
+        deck = "BEGIN BULK\n" + deck
+    return meshio.read(io.StringIO(deck), file_format="nastran")
 
 
 @contextlib.contextmanager
@@ -177,13 +185,13 @@ def _array_groups(mesh: meshio.Mesh) -> Iterator[tuple[str, Ints]]:
 
 def _group_array(mesh: meshio.Mesh) -> str | None:
     """The array on the cells that gives the groups (see `GROUP_ARRAYS`)."""
-    whole = [key for key, parts in mesh.cell_data.items() if all(map(_is_whole, parts))]
+    whole = [str(key) for key, parts in mesh.cell_data.items() if all(map(_is_whole, parts))]
     by_name = {key.lower(): key for key in whole}
     for name in GROUP_ARRAYS:
         if name.lower() in by_name:
             return by_name[name.lower()]
-    whole = [k for k in whole if k != "gmsh:geometrical" and _is_integer(mesh.cell_data[k])]
-    return whole[0] if len(whole) == 1 else None
+    integer = [k for k in whole if k != "gmsh:geometrical" and _is_integer(mesh.cell_data[k])]
+    return integer[0] if len(integer) == 1 else None
 
 
 def _is_whole(values: np.ndarray) -> bool:
