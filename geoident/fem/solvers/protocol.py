@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from geoident.fem.solvers.counts import SolverCounts
 from geoident.model.arrays import Floats, Ints
 
 
@@ -56,6 +57,10 @@ class Solver(Protocol):
     @property
     def name(self) -> str:
         """Name for `geoident doctor`: ``pardiso``, ``cholmod`` or ``splu``."""
+
+    @property
+    def counts(self) -> SolverCounts:
+        """What has been done so far with this solver."""
 
     def analyse(self, pattern: LowerPattern) -> Analysis:
         """Prepare for matrices of this pattern; counts one analysis."""

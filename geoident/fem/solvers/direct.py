@@ -1,0 +1,107 @@
+"""What all direct solvers share: checks, counts, the lifetime of a factor, a test of its pivots."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import numpy as np
+
+from geoident.fem.solvers.counts import SolverCounts
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.model.arrays import Floats, Ints
+
+SINGULAR = 1e-13
+"""A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
+
+Solve = Callable[[Floats], Floats]
+"""Solutions (n, k) for right-hand sides (n, k) in Fortran order, k >= 1; may overwrite them."""
+
+
+class DirectFactor:
+    """A factorized matrix. Valid until its analysis factorizes again."""
+
+    def __init__(self, analysis: DirectAnalysis, solve: Solve) -> None:
+        self._analysis = analysis
+        self._number = analysis.factorized
+        self._solve = solve
+
+    def solve(self, rhs: Floats) -> Floats:
+        """Solve for several right-hand sides at once.
+
+        Args:
+            rhs: (n, k) right-hand sides, not modified.
+
+        Returns:
+            (n, k) solutions.
+
+        Raises:
+            RuntimeError: the analysis has factorized again since.
+        """
+        if self._number != self._analysis.factorized:
+            raise RuntimeError("this factor was replaced by a later factorization")
+        n = self._analysis.pattern.n
+        if rhs.ndim != 2 or rhs.shape[0] != n:
+            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({n}, k)")
+        self._analysis.counts.solves += rhs.shape[1]
+        if rhs.size == 0:
+            return np.zeros(rhs.shape)
+        return self._solve(np.array(rhs, dtype=np.float64, order="F"))
+
+
+class DirectAnalysis(ABC):
+    """A pattern that has been analysed. Subclasses say how to factorize in `_factorize`.
+
+    Args:
+        pattern: the pattern.
+        counts: where to count.
+    """
+
+    def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
+        self.pattern = pattern
+        self.counts = counts
+        self.factorized = 0
+        counts.analyses += 1
+
+    def factorize(self, values: Floats) -> DirectFactor:
+        """Factorize the matrix with these values.
+
+        Args:
+            values: (nnz,) values of the lower triangle, not modified.
+
+        Returns:
+            The factor, valid until the next call.
+
+        Raises:
+            NotPositiveDefinite: the matrix is indefinite, or singular to working precision.
+        """
+        if values.shape != self.pattern.indices.shape:
+            raise ValueError(f"{values.shape} values for {self.pattern.indices.shape} entries")
+        self.factorized += 1
+        self.counts.factorizations += 1
+        diagonal = values[self.pattern.indptr[:-1]]
+        check_pivots(diagonal, diagonal)
+        if not np.isfinite(values).all():
+            raise NotPositiveDefinite
+        if self.pattern.n == 0:
+            return DirectFactor(self, np.copy)
+        return DirectFactor(self, self._factorize(values, diagonal))
+
+    @abstractmethod
+    def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
+        """Factorize and return how to solve; the diagonal (n,) of the matrix is for the checks."""
+
+
+def check_pivots(pivots: Floats, diagonal: Floats, unknowns: Ints | None = None) -> None:
+    """Raise `NotPositiveDefinite` with the worst unknown if a pivot is not clearly positive.
+
+    Args:
+        pivots: (n,) diagonal of D in L D L^T.
+        diagonal: (n,) diagonal of the matrix, by unknown.
+        unknowns: (n,) unknown that each pivot belongs to; None if they stand in order.
+    """
+    scale = diagonal if unknowns is None else diagonal[unknowns]
+    bad = np.flatnonzero(~(pivots > SINGULAR * np.abs(scale)))
+    if bad.size:
+        first = int(bad[0])
+        raise NotPositiveDefinite(first if unknowns is None else int(unknowns[first]))
