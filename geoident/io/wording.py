@@ -1,0 +1,51 @@
+"""Words that messages about input share."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_SHOWN = 12
+
+
+class Refusal(ValueError):
+    """A value that is refused, with the code, message and hint of the fault to be.
+
+    Args:
+        code: short stable name of the kind of fault.
+        message: what was found and what is expected.
+        hint: the likely remedy.
+    """
+
+    def __init__(self, code: str, message: str, hint: str = "") -> None:
+        self.code = code
+        self.message = message
+        self.hint = hint
+        super().__init__(message)
+
+
+def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str:
+    """A hint that names the known word nearest to a wrong one, or lists the known words.
+
+    >>> did_you_mean("bench1", ["heading", "bench 1"])
+    "Did you mean 'bench 1'?"
+    >>> did_you_mean("xyz", ["heading", "bench 1"], what="Stages")
+    'Stages: heading, bench 1.'
+    """
+    known = list(known)
+    folded = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower()[:100], folded, n=1, cutoff=0.6)
+    return f"Did you mean '{folded[near[0]]}'?" if near else f"{what}: {listing(known)}."
+
+
+def listing(names: Iterable[str]) -> str:
+    """Names for a message, not more than a dozen."""
+    names = list(names)
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more if names else "none"
+
+
+def shorten(text: object, *, width: int = 60) -> str:
+    """A text on one line, cut where it is long."""
+    line = " ".join(str(text).split())
+    return line if len(line) <= width else f"{line[: width - 3]}..."
