@@ -1,0 +1,135 @@
+"""The table of identifiers, and chains of them.
+
+`METHODS` maps the names that users write to the methods. A method is imported when it runs, so the
+table costs nothing at start-up. In a chain each method starts where the one before ended: a scan
+finds the valley, condensation comes near at once, Gauss-Newton gives the exact minimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import cast
+
+import numpy as np
+
+from geoident.errors import Fault, InputError
+from geoident.identify.problem import Observer, Outcome, Problem
+from geoident.identify.protocols import AffineElastic, Response
+from geoident.model.arrays import Floats
+from geoident.model.methods import METHOD_OPTIONS, MethodOptions, method_name
+
+Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
+
+STOPPED = "out-of-budget"
+"""Status of an outcome that the observer ended."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One identifier.
+
+    Args:
+        name: as users write it.
+        options: type of its options.
+        needs: the protocol that the model must offer, `Response` or `AffineElastic`.
+        help: one line for lists of methods.
+    """
+
+    name: str
+    options: type[MethodOptions]
+    needs: type[object]
+    help: str
+
+    def function(self) -> Identifier:
+        """The function that runs it: (problem, options, observe) -> Outcome."""
+        word = self.name.replace("-", "_")
+        return cast(Identifier, getattr(import_module(f"geoident.identify.{word}"), word))
+
+
+def _method(name: str, needs: type[object], text: str) -> tuple[str, Method]:
+    return name, Method(name, METHOD_OPTIONS[name], needs, text)
+
+
+METHODS: Mapping[str, Method] = dict(
+    [
+        _method("gauss-newton", Response, "weighted least squares by a trust region (default)"),
+        _method("condensation", AffineElastic, "iterated linear least squares on the equations"),
+        _method("simplex", Response, "search without derivatives, for any model"),
+        _method("scan", Response, "the discrepancy on a grid"),
+    ]
+)
+
+
+def refusal(response: Response, name: str) -> str | None:
+    """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
+    why = _obstacle(response, METHODS[name])
+    if why is None:
+        return None
+    able = [other for other, method in METHODS.items() if _obstacle(response, method) is None]
+    return f"The method {name} is not possible here: {why} Possible are {', '.join(able)}."
+
+
+def _obstacle(response: Response, method: Method) -> str | None:
+    if method.needs is Response:
+        return None
+    if not isinstance(response, AffineElastic):
+        return "the equations of the model are not at hand."
+    return response.obstacle()
+
+
+def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observer) -> Outcome:
+    """Runs a chain of methods, each from where the one before ended.
+
+    Args:
+        problem: readings, model and parameters with the first start.
+        methods: options of the methods, in their order, at least one.
+        observe: is told of every iteration; its reason to stop ends the chain.
+
+    Returns:
+        The outcome of the last method with the histories of all, and the last grid of a scan.
+        Where the observer stopped the chain, the best point so far.
+
+    Raises:
+        InputError: a method of the chain needs what the model cannot offer; nothing was computed.
+        ModelError: the model has no solution at the start.
+    """
+    _refuse_impossible(problem.response, methods)
+    done: list[Outcome] = []
+    for options in methods:
+        outcome = METHODS[method_name(options)].function()(problem, options, observe)
+        done.append(outcome)
+        if outcome.status == STOPPED:
+            break
+        problem = _restarted(problem, outcome.values)
+    return _joined(done)
+
+
+def _refuse_impossible(response: Response, methods: Sequence[MethodOptions]) -> None:
+    reasons = [refusal(response, method_name(options)) for options in methods]
+    faults = [Fault("method-not-possible", reason) for reason in reasons if reason is not None]
+    if faults:
+        raise InputError(faults)
+
+
+def _restarted(problem: Problem, values: Floats) -> Problem:
+    """The problem with the values (n,), SI, clipped into the bounds, for its start."""
+    parameters = (
+        replace(q, start=float(np.clip(value, q.lower, q.upper)))
+        for q, value in zip(problem.parameters, values, strict=True)
+    )
+    return replace(problem, parameters=tuple(parameters))
+
+
+def _joined(done: Sequence[Outcome]) -> Outcome:
+    """The last outcome with all histories; its values the best ones if it was stopped."""
+    last = done[-1]
+    best = min(done, key=lambda outcome: outcome.objective) if last.status == STOPPED else last
+    return replace(
+        last,
+        values=best.values,
+        objective=best.objective,
+        iterations=tuple(entry for outcome in done for entry in outcome.iterations),
+        grid=next((outcome.grid for outcome in reversed(done) if outcome.grid is not None), None),
+    )
