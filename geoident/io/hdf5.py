@@ -6,13 +6,16 @@ bytes). Every axis of a table is an HDF5 dimension scale.
 
 HDF5 does not survive a full disk: a write that fails while a file is closed leaves the library with
 an open file in pieces, and the process ends with a segmentation fault. So `hdf5_output` puts a file
-of our own under the library, which hides the failure from it and raises it afterwards.
+of our own under the library, which hides the failure from it and raises it afterwards. A signal
+(Ctrl-C) must not raise inside the library either, and is held back until the file is closed.
 """
 
 from __future__ import annotations
 
 import io
 import os
+import signal
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,9 +35,10 @@ _AGAIN = "run the command that wrote it again"
 class _Sink(io.RawIOBase):
     """A file for HDF5 to write to that remembers the first failure instead of raising it."""
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, file: io.FileIO) -> None:
+        super().__init__()
         self.trouble: OSError | None = None
-        self._descriptor = descriptor
+        self._file = file
         self._position = 0
         self._end = 0
 
@@ -57,8 +61,8 @@ class _Sink(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         view = memoryview(buffer).cast("B")
-        data = os.pread(self._descriptor, len(view), self._position)
-        view[:] = data.ljust(len(view), b"\0")
+        self._file.seek(self._position)
+        view[:] = self._file.read(len(view)).ljust(len(view), b"\0")
         self._position += len(view)
         return len(view)
 
@@ -73,7 +77,7 @@ class _Sink(io.RawIOBase):
     def truncate(self, size: int | None = None, /) -> int:
         self._end = self._position if size is None else size
         try:
-            os.ftruncate(self._descriptor, self._end)
+            self._file.truncate(self._end)
         except OSError as error:
             self.trouble = self.trouble or error
         return self._end
@@ -81,8 +85,9 @@ class _Sink(io.RawIOBase):
     def _store(self, view: memoryview) -> None:
         done = 0
         try:
+            self._file.seek(self._position)
             while done < len(view):
-                done += os.pwrite(self._descriptor, view[done:], self._position + done)
+                done += self._file.write(view[done:])
         except OSError as error:
             self.trouble = error
 
@@ -94,18 +99,34 @@ def hdf5_output(path: str | Path) -> Iterator[h5py.File]:
     Raises:
         OSError: it cannot be written (disk full, ...); the library's state stays sound.
     """
-    descriptor = os.open(path, os.O_RDWR | os.O_TRUNC)
-    sink = _Sink(descriptor)
+    with _signals_held(), io.FileIO(path, "w+") as raw:
+        sink = _Sink(raw)
+        try:
+            with h5py.File(sink, "w", libver=("earliest", "v110")) as file:
+                yield file
+        except Exception:
+            if sink.trouble is None:
+                raise
+        if sink.trouble is not None:
+            raise sink.trouble
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Lets the interrupts that arrive in the block act when it ends."""
+    arrived: list[int] = []
+    handlers: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not None:
+                handlers[number] = signal.signal(number, lambda got, _: arrived.append(got))
     try:
-        with h5py.File(sink, "w", libver=("earliest", "v110")) as file:
-            yield file
-    except Exception:
-        if sink.trouble is None:
-            raise
+        yield
     finally:
-        os.close(descriptor)
-    if sink.trouble is not None:
-        raise sink.trouble
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in arrived:
+            signal.raise_signal(number)
 
 
 def refusal(path: str | Path, code: str, message: str, hint: str = _AGAIN) -> InputError:

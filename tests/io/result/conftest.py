@@ -21,7 +21,7 @@ from geoident.model.result import (
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
 STAGES = ("heading", "bench 1")
-NAMES = ("E_rock", "σ_v")
+NAMES = ("E_rock", "sigma_v")
 
 
 def block(kind: str, *rows: tuple[int, ...], first: int = 1) -> ElementBlock:
@@ -42,7 +42,7 @@ def plane_mesh() -> Mesh:
             block("quad8", (0, 2, 12, 10, 1, 7, 11, 5), first=7),
         ),
         facets=(block("line2", (0, 1), (1, 2)), block("line3", (2, 4, 3), first=3)),
-        groups={"rock": np.array([0, 1, 3, 4]), "heading/α": np.array([2])},
+        groups={"rock": np.array([0, 1, 3, 4]), "heading/ä": np.array([2])},
         facet_groups={"bottom": np.array([0, 1, 2])},
         node_groups={"corner": np.array([0]), "none": np.array([], dtype=np.int64)},
         file="cavern.msh",
@@ -53,7 +53,16 @@ def solid_mesh() -> Mesh:
     """One element of every solid kind on the nodes of a 3 x 3 x 3 lattice."""
     grid = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)], dtype=float)
     number = {tuple(p): n for n, p in enumerate(grid.astype(int).tolist())}
-    corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+    corners = [
+        (0, 0, 0),
+        (2, 0, 0),
+        (2, 2, 0),
+        (0, 2, 0),
+        (0, 0, 2),
+        (2, 0, 2),
+        (2, 2, 2),
+        (0, 2, 2),
+    ]
     edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)]
     edges += [(0, 4), (1, 5), (2, 6), (3, 7)]
     tet = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
@@ -166,12 +175,14 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
     band = np.linspace(0.0, 1.0, gauges.measured.size).reshape(shape)
     return dataclasses.replace(
         small,
-        findings=("σ_v is not determined.",),
+        findings=("E höher: not determined.",),
         notes=("A note.", ""),
         sensitivity=np.arange(float(np.prod(shape) * 2)).reshape(*shape, 2),
         prediction=Prediction(band, band + 1, band - 2, band + 2),
         history=tuple(
-            Iteration("gauss-newton", i, 10.0 / (i + 1), np.array([1e10 + i, 8e6]), 0.5, counts, "x")
+            Iteration(
+                "gauss-newton", i, 10.0 / (i + 1), np.array([1e10 + i, 8e6]), 0.5, counts, "x"
+            )
             for i in range(3)
         ),
         grid=Grid(

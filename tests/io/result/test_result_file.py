@@ -1,0 +1,446 @@
+from __future__ import annotations
+
+import dataclasses
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from geoident.errors import InputError, OutputError
+from geoident.io import hdf5
+from geoident.io.result_file import ResultIdentity, read_identity, read_result, write_result
+from geoident.model.result import Result
+
+Make = Callable[..., Result]
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def assert_same(a: Any, b: Any, place: str = "result") -> None:
+    """Equal to the last bit, types included, NaN equal to NaN."""
+    assert type(a) is type(b) or isinstance(a, Mapping), place
+    if dataclasses.is_dataclass(a):
+        for field in dataclasses.fields(a):
+            name = field.name
+            assert_same(getattr(a, name), getattr(b, name), f"{place}.{name}")
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, place
+        np.testing.assert_array_equal(a, b, err_msg=place)
+        assert b.flags.writeable == a.flags.writeable
+    elif isinstance(a, Mapping):
+        assert list(a) == list(b), place
+        for key in a:
+            assert_same(a[key], b[key], f"{place}[{key}]")
+    elif isinstance(a, tuple):
+        assert len(a) == len(b), place
+        for number, pair in enumerate(zip(a, b, strict=True)):
+            assert_same(*pair, f"{place}[{number}]")
+    else:
+        assert a == b or np.isnan([a, b]).all(), place
+
+
+@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_round_trip(tmp_path: Path, result_maker: Make, dim: int, full: bool) -> None:
+    result = result_maker(dim, full=full)
+    path = tmp_path / "a.fit.h5"
+    written = write_result(result, path, overwrite=False)
+    names = ["a.fit.h5", "a.fit.vtkhdf"] if full else ["a.fit.h5"]
+    assert written == tuple(str(tmp_path / name) for name in names)
+    assert names_in(tmp_path) == names
+    assert_same(result, read_result(path))
+
+
+def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
+    """No parameters, no gauges, no stages, an objective that is not a number."""
+    result = result_maker(2, full=False)
+    cut = {
+        name: getattr(result.parameters, name)[:0]
+        for name in [f.name for f in dataclasses.fields(result.parameters)]
+    }
+    cut["covariance"] = cut["correlation"] = np.empty((0, 0))
+    gauges = result.gauges
+    empty = np.empty((0, 0))
+    gauges = dataclasses.replace(
+        gauges,
+        channels=(),
+        stages=(),
+        measured=empty,
+        computed=empty,
+        sd=empty,
+        used=empty.astype(bool),
+        first=gauges.first[:0],
+        second=gauges.second[:0],
+    )
+    result = dataclasses.replace(
+        result,
+        parameters=dataclasses.replace(result.parameters, **cut),
+        gauges=gauges,
+        objective=float("nan"),
+    )
+    write_result(result, tmp_path / "a.h5", overwrite=False)
+    assert_same(result, read_result(tmp_path / "a.h5"))
+
+
+def test_scan_over_one_parameter_called_objective(tmp_path: Path, result_maker: Make) -> None:
+    result = result_maker(2)
+    grid = dataclasses.replace(
+        result.grid,
+        names=("objective",),
+        axes=(np.array([1.0, 2.0]),),
+        objective=np.array([3.0, 4.0]),
+    )
+    result = dataclasses.replace(result, kind="scan", grid=grid)
+    write_result(result, tmp_path / "a.h5", overwrite=False)
+    assert_same(result, read_result(tmp_path / "a.h5"))
+
+
+def test_text_that_utf8_cannot_hold_is_escaped(tmp_path: Path, result_maker: Make) -> None:
+    result = dataclasses.replace(result_maker(full=False), reason="file \udcff", notes=("a\0b",))
+    write_result(result, tmp_path / "a.h5", overwrite=False)
+    again = read_result(tmp_path / "a.h5")
+    assert again.reason == "file \\udcff"
+    assert again.notes == ("a\\x00b",)
+
+
+def test_equal_input_gives_equal_bytes(tmp_path: Path, result_maker: Make) -> None:
+    result = result_maker()
+    write_result(result, tmp_path / "a.h5", overwrite=False)
+    time.sleep(1.1)  # HDF5 time stamps count seconds
+    (tmp_path / "other").mkdir()
+    write_result(result, tmp_path / "other" / "a.h5", overwrite=False)
+    for name in ("a.h5", "a.vtkhdf"):
+        assert (tmp_path / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
+
+
+def test_root_attributes_say_where_it_comes_from(tmp_path: Path, result_maker: Make) -> None:
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5") as file:
+        found = dict(file.attrs)
+    assert found["format"] == "geoident-result/1"
+    assert found["versions"] == '{"geoident": "0.1.0", "numpy": "2.1"}'
+    assert found["mesh_sha256"] == "b" * 64
+    assert (found["seed"], found["exit_code"], found["factorizations"]) == (4, 0, 6)
+    expected = {"command", "case_sha256", "readings_sha256", "identity", "status", "created"}
+    assert expected <= set(found)
+
+
+def test_identity_of_existing_results(tmp_path: Path, result_maker: Make) -> None:
+    path = tmp_path / "a.h5"
+    assert read_identity(path) is None
+    write_result(result_maker(), path, overwrite=False)
+    assert read_identity(path) == ResultIdentity("d" * 64, "fit", "converged", 0)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert read_identity(path) is None
+    path.write_text("text")
+    assert read_identity(path) is None
+
+
+# Tables as others read them
+
+
+TABLES = {
+    "parameters": {"value": ("parameter",), "covariance": ("parameter", "other")},
+    "gauges": {"measured": ("gauge", "stage"), "points": ("gauge", "end", "axis")},
+    "sensitivity": {"sensitivity": ("gauge", "stage", "parameter")},
+    "history": {"objective": ("iteration",), "values": ("iteration", "parameter")},
+    "prediction": {"mean": ("gauge", "stage")},
+    "grid": {"objective": ("E_rock", "sigma_v")},
+}
+
+
+@pytest.mark.parametrize("group", list(TABLES))
+def test_xarray_reads_every_table(tmp_path: Path, result_maker: Make, group: str) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    with xarray.open_dataset(tmp_path / "a.h5", group=group, engine="h5netcdf") as table:
+        table.load()
+    for name, dims in TABLES[group].items():
+        assert table[name].dims == dims
+    for axis in ("gauge", "stage", "parameter"):
+        if axis in table.dims:
+            assert table[axis].dtype.kind in "UOT"
+
+
+def test_xarray_selects_by_name(tmp_path: Path, result_maker: Make) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    result = result_maker()
+    write_result(result, tmp_path / "a.h5", overwrite=False)
+    with xarray.open_dataset(tmp_path / "a.h5", group="gauges", engine="h5netcdf") as table:
+        chosen = table["measured"].sel(gauge="EX1.a15", stage="bench 1")
+        assert float(chosen) == result.gauges.measured[1, 1]
+        assert chosen.attrs["unit"] == "m"
+        assert list(table["used"].values[2]) == [0, 1]
+        residual = result.gauges.measured - result.gauges.computed
+        np.testing.assert_array_equal(table["residual"], residual)
+    with xarray.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as root:
+        assert root.attrs["status"] == "converged"
+
+
+def test_only_plain_types_in_contiguous_layout(tmp_path: Path, result_maker: Make) -> None:
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    kinds = set()
+
+    def visit(name: str, item: h5py.HLObject) -> None:
+        if isinstance(item, h5py.Dataset):
+            kinds.add(item.dtype.str if item.dtype.kind != "O" else "text")
+            assert item.chunks is None
+            assert item.compression is None
+
+    with h5py.File(tmp_path / "a.h5") as file:
+        file.visititems(visit)
+    assert kinds == {"<f8", "<i8", "|i1", "|u1", "text"}
+
+
+# What the reader refuses
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_result(path)
+    (fault,) = caught.value.faults
+    assert fault.location.file == str(path)
+    return str(caught.value)
+
+
+def test_files_that_are_no_results(tmp_path: Path, result_maker: Make) -> None:
+    assert "no such file" in refused(tmp_path / "none.h5")
+    assert "not a file" in refused(tmp_path)
+    (tmp_path / "text.h5").write_text("gauge,stage,value\n")
+    assert "not an HDF5 file" in refused(tmp_path / "text.h5")
+    (tmp_path / "empty.h5").write_text("")
+    assert "not an HDF5 file" in refused(tmp_path / "empty.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1.0
+    assert "not a result of geoident" in refused(tmp_path / "other.h5")
+    write_result(result_maker(), tmp_path / "a.fit.h5", overwrite=False)
+    assert "the result is a.fit.h5" in refused(tmp_path / "a.fit.vtkhdf")
+
+
+@pytest.mark.parametrize("found", ["geoident-result/2", "geoident-result/10"])
+def test_unknown_format(tmp_path: Path, result_maker: Make, found: str) -> None:
+    write_result(result_maker(full=False), tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file.attrs["format"] = found
+    assert f"format '{found}' is not known" in refused(tmp_path / "a.h5")
+
+
+def test_truncated_at_any_length(tmp_path: Path, result_maker: Make) -> None:
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    whole = (tmp_path / "a.h5").read_bytes()
+    for size in [*range(8, len(whole), len(whole) // 17), len(whole) - 1]:
+        (tmp_path / "a.h5").write_bytes(whole[:size])
+        assert "truncated" in refused(tmp_path / "a.h5")
+
+
+def pieces(path: Path) -> list[str]:
+    names: list[str] = []
+    with h5py.File(path) as file:
+        file.visit(names.append)
+    return names
+
+
+# what only others read, or what is derived from the rest
+UNUSED = ("bound", "end", "other", "iteration", "parameter", "gauge", "stage", "axis", "residual")
+UNUSED += ("Values", "Offsets", "Types", "vtkGhostType", "CellData/group", "NumberOfCells")
+UNUSED += ("NumberOfConnectivityIds", "singular_values")
+
+
+def test_every_missing_piece_is_named(tmp_path: Path, result_maker: Make) -> None:
+    path = tmp_path / "a.h5"
+    write_result(result_maker(), path, overwrite=False)
+    whole = path.read_bytes()
+    for name in pieces(path):
+        if name.endswith(UNUSED) or "/Steps/" in name:
+            continue
+        path.write_bytes(whole)
+        with h5py.File(path, "a") as file:
+            del file[name]
+        assert f"/{name} is missing" in refused(path)
+
+
+@pytest.mark.parametrize("name", ["identity", "reason", "seed", "versions", "contents", "solves"])
+def test_missing_attributes_are_named(tmp_path: Path, result_maker: Make, name: str) -> None:
+    write_result(result_maker(full=False), tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file.attrs[name]
+    assert f"the attribute '{name}' is missing" in refused(tmp_path / "a.h5")
+
+
+def test_pieces_of_another_shape_or_type_are_named(tmp_path: Path, result_maker: Make) -> None:
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["prediction/mean"]
+        file["prediction/mean"] = np.zeros((3, 1))
+    assert "/prediction/mean has the shape (3, 1), not (3, 2)" in refused(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["gauges/sd"]
+        file["gauges/sd"] = "text"
+    assert "/gauges/sd holds object" in refused(tmp_path / "a.h5")
+
+
+def test_flipped_bytes_are_refused_or_read_but_never_crash(
+    tmp_path: Path, result_maker: Make
+) -> None:
+    path = tmp_path / "a.h5"
+    write_result(result_maker(), path, overwrite=False)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    refusals = []
+    for place in rng.integers(0, len(whole), 150):
+        broken = bytearray(whole)
+        broken[place] ^= 0xFF
+        path.write_bytes(broken)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                read_result(path)
+        except InputError as error:
+            refusals.append(str(error).startswith(str(path)))
+    assert refusals
+    assert all(refusals)
+
+
+# What the writer survives
+
+
+def test_existing_result_is_kept_without_overwrite(tmp_path: Path, result_maker: Make) -> None:
+    path = tmp_path / "a.fit.h5"
+    write_result(result_maker(2), path, overwrite=False)
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match="exists already"):
+        write_result(result_maker(3), path, overwrite=False)
+    assert path.read_bytes() == before
+    write_result(result_maker(3), path, overwrite=True)
+    assert_same(result_maker(3), read_result(path))
+
+
+def test_sidecar_follows_the_result(tmp_path: Path, result_maker: Make) -> None:
+    path, sidecar = tmp_path / "a.fit.h5", tmp_path / "a.fit.vtkhdf"
+    write_result(result_maker(), path, overwrite=False)
+    path.unlink()
+    write_result(result_maker(), path, overwrite=False)  # its own sidecar is no obstacle
+    write_result(result_maker(full=False), path, overwrite=True)
+    assert not sidecar.exists()
+    sidecar.write_text("something else")
+    write_result(result_maker(full=False), path, overwrite=True)
+    assert sidecar.read_text() == "something else"
+    path.unlink()
+    with pytest.raises(OutputError, match="vtkhdf: exists already"):
+        write_result(result_maker(), path, overwrite=False)
+    assert names_in(tmp_path) == ["a.fit.vtkhdf"]
+
+
+def test_result_named_as_a_sidecar_needs_none(tmp_path: Path, result_maker: Make) -> None:
+    path = tmp_path / "a.vtkhdf"
+    assert write_result(result_maker(), path, overwrite=False) == (str(path),)
+    assert_same(result_maker(), read_result(path))
+
+
+FULL_DISK = """
+import resource, sys
+sys.path.insert(0, sys.argv[1])
+from conftest import make_result
+from geoident.errors import OutputError
+from geoident.io.result_file import write_result
+result = make_result()
+for limit in range(0, int(sys.argv[3]), int(sys.argv[4])):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    try:
+        write_result(result, sys.argv[2], overwrite=True)
+    except OutputError as error:
+        assert "File too large" in str(error), error
+    else:
+        raise SystemExit(f"limit {limit} had no effect")
+"""
+
+
+def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make) -> None:
+    """The kernel's limit on file sizes stands for the disk; HDF5 alone ends in a crash."""
+    path = tmp_path / "a.h5"
+    write_result(result_maker(full=False), path, overwrite=False)
+    before = path.read_bytes()
+    write_result(result_maker(), tmp_path / "b.h5", overwrite=False)
+    size = (tmp_path / "b.h5").stat().st_size
+    arguments = [str(Path(__file__).parent), str(path), str(size), str(size // 40)]
+    run = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert path.read_bytes() == before
+    assert names_in(tmp_path) == ["a.h5", "b.h5", "b.vtkhdf"]
+
+
+def test_interrupt_waits_until_the_library_is_done(
+    tmp_path: Path, result_maker: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = hdf5._Sink._store
+    calls = []
+
+    def interrupted(sink: hdf5._Sink, view: memoryview) -> None:
+        calls.append(1)
+        if len(calls) == 20:
+            signal.raise_signal(signal.SIGINT)
+        store(sink, view)
+
+    monkeypatch.setattr(hdf5._Sink, "_store", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    assert len(calls) > 40
+    assert names_in(tmp_path) == []
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+WRITER = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from conftest import make_result
+from geoident.io.result_file import write_result
+results = [make_result(2), make_result(3)]
+print("ready", flush=True)
+for turn in range(1, 10**9):
+    write_result(results[turn % 2], sys.argv[2], overwrite=True)
+"""
+
+
+def kill_a_writer(path: Path, delay: float) -> None:
+    command = [sys.executable, "-c", WRITER, str(Path(__file__).parent), str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(delay)
+        process.kill()
+
+
+def check_kills(path: Path, result_maker: Make, delays: Any) -> None:
+    write_result(result_maker(2), path, overwrite=False)
+    for delay in delays:
+        kill_a_writer(path, delay)
+        found = read_result(path)
+        assert_same(result_maker(found.gauges.first.shape[1]), found)
+    write_result(result_maker(2), path, overwrite=True)
+    assert names_in(path.parent) == ["a.h5", "a.vtkhdf"]
+
+
+def test_kill_leaves_a_complete_result(tmp_path: Path, result_maker: Make) -> None:
+    check_kills(tmp_path / "a.h5", result_maker, (0.0, 0.013, 0.041))
+
+
+@pytest.mark.slow
+def test_kill_leaves_a_complete_result_many_times(tmp_path: Path, result_maker: Make) -> None:
+    check_kills(tmp_path / "a.h5", result_maker, np.random.default_rng(0).uniform(0, 0.2, 60))
