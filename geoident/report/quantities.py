@@ -1,0 +1,47 @@
+"""Numbers in the units in which people wrote them."""
+
+from __future__ import annotations
+
+import re
+
+from geoident.report.layout import number
+from geoident.units import DIMENSIONS, UNITS
+
+_PRIOR = re.compile(r"(\w+)\((\S+), (\S+)\)")
+
+
+def si_unit(dimension: str) -> str:
+    """The SI unit of a dimension; empty for a pure number."""
+    return DIMENSIONS.get(dimension, "")
+
+
+def in_unit(value: float, unit: str, dimension: str) -> float:
+    """An SI value in a unit; in SI where the unit is none of the dimension.
+
+    >>> in_unit(2.5e9, "GPa", "pressure")
+    2.5
+    """
+    known = UNITS.get(unit)
+    return value / known[1] if known and known[0] == dimension else value
+
+
+def shown_unit(unit: str, dimension: str) -> str:
+    """The unit that `in_unit` gives."""
+    known = UNITS.get(unit)
+    return unit if known and known[0] == dimension else si_unit(dimension)
+
+
+def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
+    """The text of a prior with its numbers in a unit.
+
+    >>> prior_in_unit("normal(8e+06, 1e+06)", "MPa", "pressure")
+    '8 +- 1'
+    >>> prior_in_unit("lognormal(8e+06, 1e+06)", "MPa", "pressure")
+    '8 +- 1 (lognormal)'
+    """
+    match = _PRIOR.fullmatch(prior)
+    if match is None:
+        return prior
+    mean, sd = (number(in_unit(float(text), unit, dimension)) for text in match.groups()[1:])
+    kind = "" if match[1] == "normal" else f" ({match[1]})"
+    return f"{mean} +- {sd}{kind}"

@@ -1,0 +1,210 @@
+"""Results as plain text tables, for people at a terminal.
+
+Pure functions of a result. Numbers stand in the units in which the user wrote them; readings in mm.
+What is not determined is said in words, never shown as a number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoident.model.result import Counts, Grid, ParameterTable, Result
+from geoident.report.layout import bullets, millimetres, number, section, sections, sentence, table
+from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
+
+NOT_DETERMINED = "not determined"
+
+
+def result_text(result: Result, *, title: str = "") -> str:
+    """All of a result that fits a terminal.
+
+    Args:
+        result: what to show.
+        title: the first line, such as its path.
+    """
+    return sections(
+        "\n".join(part for part in (title, head(result)) if part),
+        section("Parameters", parameters_text(result.parameters)),
+        section("Findings", bullets(result.findings)),
+        section(_fit_title(result), fit_text(result)),
+        section("Predictions (mm, 95 % band)", predictions_text(result)),
+        section("Scan", grid_text(result)),
+        section("Notes", bullets(result.notes)),
+        cost(result.counts),
+    )
+
+
+def summary_text(result: Result) -> str:
+    """The outcome in a few lines, for the end of a run."""
+    return "\n".join(
+        part
+        for part in (
+            head(result),
+            parameters_text(result.parameters),
+            bullets(result.findings),
+        )
+        if part
+    )
+
+
+def head(result: Result) -> str:
+    """How it ended, by which method and why."""
+    method = f" by {result.method}" if result.method else ""
+    reason = f": {result.reason}" if result.reason else ""
+    return sentence(f"{result.status}{method}{reason}")
+
+
+def parameters_text(parameters: ParameterTable) -> str:
+    """One line for each parameter: value, 95 % interval, unit, and what else is to be known."""
+    rows = [_parameter_row(parameters, i) for i in range(len(parameters.names))]
+    if not rows:
+        return ""
+    return table(["name", "value", "95 % interval", "unit", "remarks"], rows, right="lrl")
+
+
+def _parameter_row(parameters: ParameterTable, i: int) -> list[str]:
+    unit, dimension = parameters.units[i], parameters.dimensions[i]
+    value, low, high = (
+        number(in_unit(float(column[i]), unit, dimension))
+        for column in (parameters.values, parameters.lower95, parameters.upper95)
+    )
+    interval = "" if low == "-" else f"{low} .. {high}"
+    if not parameters.determined[i]:
+        value, interval = NOT_DETERMINED, ""
+    shown = shown_unit(unit, dimension)
+    return [parameters.names[i], value, interval, shown, _remarks(parameters, i)]
+
+
+def _remarks(parameters: ParameterTable, i: int) -> str:
+    remarks = []
+    if parameters.at_bound[i]:
+        remarks.append(f"at {_bound(parameters, i)} bound")
+    if parameters.priors[i]:
+        text = prior_in_unit(parameters.priors[i], parameters.units[i], parameters.dimensions[i])
+        remarks.append(f"prior {text}")
+    return ", ".join(remarks)
+
+
+def _bound(parameters: ParameterTable, i: int) -> str:
+    value = parameters.values[i]
+    nearer_lower = abs(value - parameters.lower[i]) <= abs(value - parameters.upper[i])
+    return "lower" if nearer_lower else "upper"
+
+
+def _fit_title(result: Result) -> str:
+    used = np.count_nonzero(result.gauges.used)
+    phi = "" if math.isnan(result.objective) else f", discrepancy {number(result.objective)}"
+    return f"Readings (mm; {used} used{phi})"
+
+
+def fit_text(result: Result) -> str:
+    """Measured and computed readings; those that took no part are marked."""
+    gauges = result.gauges
+    rows = [
+        [
+            gauges.channels[i],
+            gauges.stages[j],
+            *_comparison(result, i, j),
+            "" if gauges.used[i, j] else "not used",
+        ]
+        for j, i in np.argwhere(np.isfinite(gauges.measured).T)
+    ]
+    if not rows:
+        return ""
+    header = ["gauge", "stage", "measured", "computed", "residual", "in sd", ""]
+    return table(header, rows, right="llrrrrl")
+
+
+def _comparison(result: Result, i: int, j: int) -> list[str]:
+    gauges = result.gauges
+    residual = float(gauges.measured[i, j] - gauges.computed[i, j])
+    measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
+    in_sd = residual / float(gauges.sd[i, j])
+    in_sd_text = "-" if math.isnan(in_sd) else f"{in_sd:.1f}"
+    return [millimetres(measured), millimetres(computed), millimetres(residual), in_sd_text]
+
+
+def predictions_text(result: Result) -> str:
+    """Predicted readings with their bands, and the readings where there are any."""
+    prediction, gauges = result.prediction, result.gauges
+    if prediction is None:
+        return ""
+    rows = []
+    for j, i in np.argwhere(np.isfinite(prediction.mean).T):
+        low, high = float(prediction.lower95[i, j]), float(prediction.upper95[i, j])
+        known = math.isfinite(low) and math.isfinite(high)
+        cells = (prediction.mean[i, j], low, high) if known else (math.nan,) * 3
+        measured = float(gauges.measured[i, j])
+        inside = _mark(measured, low, high) if known else NOT_DETERMINED
+        texts = [millimetres(float(cell)) for cell in (*cells, measured)]
+        rows.append([gauges.channels[i], gauges.stages[j], *texts, inside])
+    header = ["gauge", "stage", "predicted", "from", "to", "measured", ""]
+    return table(header, rows, right="llrrrrl")
+
+
+def _mark(measured: float, low: float, high: float) -> str:
+    if math.isnan(measured):
+        return ""
+    return "inside" if low <= measured <= high else "outside"
+
+
+def grid_text(result: Result) -> str:
+    """A scan: the table over one parameter, the extent over two."""
+    grid = result.grid
+    if grid is None:
+        return ""
+    units = [_unit_of(result.parameters, name) for name in grid.names]
+    return _line_text(grid, units[0]) if len(grid.names) == 1 else _plane_text(grid, units)
+
+
+def _unit_of(parameters: ParameterTable, name: str) -> tuple[str, str]:
+    i = parameters.names.index(name)
+    return parameters.units[i], parameters.dimensions[i]
+
+
+def _line_text(grid: Grid, unit: tuple[str, str]) -> str:
+    rows = [
+        [number(in_unit(float(value), *unit)), _discrepancy(float(phi))]
+        for value, phi in zip(grid.axes[0], grid.objective, strict=True)
+    ]
+    return table([_with_unit(grid.names[0], unit[0]), "discrepancy"], rows, right="rr")
+
+
+def _plane_text(grid: Grid, units: Sequence[tuple[str, str]]) -> str:
+    rows = [
+        [
+            name,
+            number(in_unit(float(axis.min()), *unit)),
+            number(in_unit(float(axis.max()), *unit)),
+            unit[0],
+            str(axis.size),
+        ]
+        for name, axis, unit in zip(grid.names, grid.axes, units, strict=True)
+    ]
+    finite = grid.objective[np.isfinite(grid.objective)]
+    extent = (
+        f"Discrepancy from {number(float(finite.min()))} to {number(float(finite.max()))}"
+        f" over {grid.objective.size} points; the values are in the result file."
+        if finite.size
+        else "The model has no solution at any point."
+    )
+    return table(["axis", "from", "to", "unit", "points"], rows, right="lrrlr") + "\n" + extent
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name
+
+
+def _discrepancy(phi: float) -> str:
+    return "no solution" if math.isinf(phi) else number(phi, 6)
+
+
+def cost(counts: Counts) -> str:
+    """What it cost."""
+    return (
+        f"Cost: {counts.evaluations} evaluations, {counts.factorizations} factorizations,"
+        f" {counts.solves} solves"
+    )
