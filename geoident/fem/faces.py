@@ -39,7 +39,7 @@ class FaceTable:
         """Rows of the table that are outer faces of the body of present elements."""
         rows = np.flatnonzero(present[self.element])
         sharing = np.bincount(self.face[rows], minlength=self.n_faces)
-        return rows[sharing[self.face[rows]] == 1]
+        return np.asarray(rows[sharing[self.face[rows]] == 1])
 
     def find(self, facets: ElementBlock) -> Ints:
         """Identity of the face at every facet of a block, -1 where no element has it."""

@@ -1,0 +1,253 @@
+"""Reference elements, compatibility and stiffness: invariants, exact solutions, convergence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from support.meshes import KINDS, KINDS_2D, box
+
+from geoident.fem.compatibility import N_STRAIN, block_geometry, strain_points
+from geoident.fem.elasticity import isotropic_matrices, lame_from_young, stiffness_map
+from geoident.fem.elements import reference_element
+from geoident.fem.faces import face_table, patches
+from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
+from geoident.fem.ordering import nested_dissection
+from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
+
+LAME, _ = lame_from_young(3.0, 0.3)
+
+
+def dim_of(kind):
+    return 2 if kind in KINDS_2D else 3
+
+
+def distorted(kind, n=3):
+    return box(kind, (n,) * dim_of(kind), distortion=0.2)
+
+
+def points_of(mesh):
+    geometries = tuple(block_geometry(mesh.points, b) for b in mesh.blocks)
+    return strain_points(mesh, geometries), geometries
+
+
+def elasticity_of(mesh):
+    return np.tensordot(LAME, isotropic_matrices(N_STRAIN[mesh.dim]), axes=1)
+
+
+def direct_stiffness(mesh):
+    """K = C^T diag(V E) C by the definition."""
+    points, _ = points_of(mesh)
+    weights = sp.kron(elasticity_of(mesh), sp.diags_array(points.volume))
+    return (points.transpose @ weights @ points.compatibility).tocsr()
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "line2", "line3"])
+def test_shape_functions_are_one_at_their_node_and_sum_to_one(kind):
+    element = reference_element(kind)
+    np.testing.assert_allclose(element.shapes(element.nodes), np.eye(element.n_nodes), atol=1e-14)
+    inside = np.random.default_rng(1).uniform(0, 0.3, (5, element.dim))
+    np.testing.assert_allclose(element.shapes(inside).sum(axis=1), 1.0, atol=1e-14)
+    np.testing.assert_allclose(element.gradients(inside).sum(axis=1), 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradients_are_derivatives_of_the_shape_functions(kind):
+    element = reference_element(kind)
+    xi = np.random.default_rng(2).uniform(0.05, 0.3, (4, element.dim))
+    for axis in range(element.dim):
+        h = 1e-6 * np.eye(element.dim)[axis]
+        numeric = (element.shapes(xi + h) - element.shapes(xi - h)) / 2e-6
+        np.testing.assert_allclose(element.gradients(xi)[..., axis], numeric, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_constant_strain_is_reproduced_on_distorted_elements(kind):
+    mesh = distorted(kind)
+    points, _ = points_of(mesh)
+    gradient = np.random.default_rng(3).normal(size=(mesh.dim, mesh.dim))
+    strain = points.strain((mesh.points @ gradient.T).ravel())
+    full = np.zeros((3, 3))
+    full[: mesh.dim, : mesh.dim] = gradient
+    engineering = full + full.T
+    expected = [
+        full[0, 0],
+        full[1, 1],
+        full[2, 2],
+        engineering[0, 1],
+        engineering[1, 2],
+        engineering[0, 2],
+    ]
+    np.testing.assert_allclose(
+        strain, np.outer(expected[: points.n_strain], np.ones(points.n_points)), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
+    mesh = distorted(kind)
+    K = direct_stiffness(mesh)
+    gradient = np.random.default_rng(4).normal(size=(mesh.dim, mesh.dim))
+    forces = (K @ (mesh.points @ gradient.T).ravel()).reshape(-1, mesh.dim)
+    inner = np.all((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9), axis=1)
+    assert inner.any()
+    np.testing.assert_allclose(forces[inner], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(kind):
+    mesh = distorted(kind)
+    E, (points, _) = elasticity_of(mesh), points_of(mesh)
+    gradient = np.random.default_rng(5).normal(size=(mesh.dim, mesh.dim))
+    exact = (mesh.points @ gradient.T).ravel()
+    stress = E @ points.strain(exact)[:, 0]
+    table = face_table(mesh)
+    outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
+    forces = sum(stress_forces(mesh, p, lambda x: np.outer(stress, np.ones(len(x)))) for p in outer)
+    held = [*range(mesh.dim), *[mesh.dim * n + a for n, a in _three_more(mesh)]]
+    free = np.setdiff1d(np.arange(len(exact)), held)
+    K = direct_stiffness(mesh).tocsc()
+    u = exact.copy()
+    u[free] = spla.spsolve(K[free][:, free], (forces - K[:, held] @ exact[held])[free])
+    np.testing.assert_allclose(u, exact, atol=1e-10)
+
+
+def _three_more(mesh):
+    """Degrees of freedom that, with the first node, stop all rigid motion."""
+
+    def at(*x):
+        return int(np.linalg.norm(mesh.points - np.array(x), axis=1).argmin())
+
+    if mesh.dim == 2:
+        return [(at(1, 0), 1)]
+    return [(at(1, 0, 0), 1), (at(1, 0, 0), 2), (at(0, 1, 0), 2)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rigid_motion_makes_no_strain(kind):
+    mesh = distorted(kind)
+    points, _ = points_of(mesh)
+    skew = np.random.default_rng(6).normal(size=(mesh.dim, mesh.dim))
+    motion = mesh.points @ (skew - skew.T) + 1.5
+    np.testing.assert_allclose(points.strain(motion.ravel()), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_assembled_stiffness_equals_its_definition(kind):
+    mesh = distorted(kind)
+    _, geometries = points_of(mesh)
+    order = nested_dissection(mesh.points, *node_graph(mesh))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    half = mesh.n_elements // 2
+    groups = {
+        g: group_blocks(mesh, geometries, e, rank)
+        for g, e in enumerate(np.split(np.arange(mesh.n_elements), [half]))
+    }
+    fixed = np.zeros(mesh.points.size, bool)
+    fixed[[0, 5, 7]] = True
+    pattern = stiffness_pattern(groups, node_of_rank=order, fixed=fixed, dim=mesh.dim)
+    T = stiffness_map(elasticity_of(mesh), mesh.dim)
+    values = pattern.values(groups, {0: T, 1: T})
+    n = pattern.lower.n
+    lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
+    expected = sp.tril(direct_stiffness(mesh)[pattern.dofs][:, pattern.dofs]).toarray()
+    np.testing.assert_allclose(lower.toarray(), expected, atol=1e-12)
+    assert np.all(pattern.lower.indices[pattern.lower.indptr[:-1]] == np.arange(n))
+
+
+def test_stiffness_map_serves_a_general_anisotropic_material():
+    mesh = distorted("tet4", 2)
+    points, geometries = points_of(mesh)
+    root = np.random.default_rng(8).normal(size=(6, 6))
+    E = root @ root.T
+    rank = np.arange(mesh.n_nodes)
+    blocks = {0: group_blocks(mesh, geometries, np.arange(mesh.n_elements), rank)}
+    fixed = np.zeros(mesh.points.size, bool)
+    pattern = stiffness_pattern(blocks, node_of_rank=rank, fixed=fixed, dim=3)
+    values = pattern.values(blocks, {0: stiffness_map(E, 3)})
+    n = pattern.lower.n
+    lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
+    weights = sp.kron(E, sp.diags_array(points.volume))
+    expected = (points.transpose @ weights @ points.compatibility).toarray()
+    np.testing.assert_allclose(lower.toarray(), np.tril(expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_weight_and_pressure_resultants(kind):
+    mesh = distorted(kind)
+    _, geometries = points_of(mesh)
+    shares = weight_shares(mesh, geometries, np.arange(mesh.n_elements))
+    assert shares.sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(shares @ mesh.points, 0.5, atol=0.05)
+    table = face_table(mesh)
+    outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
+    total = sum(pressure_forces(mesh, p) for p in outer).reshape(-1, mesh.dim)
+    np.testing.assert_allclose(total.sum(axis=0), 0.0, atol=1e-13)
+    # Divergence theorem: the integral of x . n over the surface is dim times the volume.
+    flux = sum(np.sum((g := facet_geometry(mesh.points, p)).positions * g.normals) for p in outer)
+    assert flux == pytest.approx(mesh.dim, abs=1e-12)
+
+
+def _manufactured(x):
+    """A smooth displacement, its strains (n_strain, n) and the body force that it needs."""
+    dim = x.shape[1]
+    k = np.array([1.3, 0.9, 1.1])[:dim]
+    phase = x @ k
+    a = np.array([0.7, -0.4, 0.5])[:dim]
+    u = np.outer(np.sin(phase), a)
+    # div sigma = -(lambda + mu) k (a.k) sin - mu a (k.k) sin; the body force balances it.
+    lam, mu = LAME
+    force = np.outer(np.sin(phase), (lam + mu) * k * (a @ k) + mu * a * (k @ k))
+    return u, force
+
+
+def _l2_error(kind, n):
+    mesh = box(kind, (n,) * dim_of(kind), distortion=0.1)
+    K = direct_stiffness(mesh).tocsc()
+    element = reference_element(kind)
+    xi, w = _fine_rule(kind)
+    block = mesh.blocks[0]
+    corners = mesh.points[block.nodes]
+    jacobian = np.einsum("eai,qaj->eqij", corners, element.gradients(xi))
+    weight = np.linalg.det(jacobian) * w
+    shapes = element.shapes(xi)
+    positions = np.einsum("qa,eai->eqi", shapes, corners)
+    exact, force = (
+        f.reshape(positions.shape) for f in _manufactured(positions.reshape(-1, mesh.dim))
+    )
+    F = np.zeros(mesh.points.shape)
+    np.add.at(F, block.nodes, np.einsum("qa,eq,eqi->eai", shapes, weight, force))
+    u = _manufactured(mesh.points)[0].ravel()
+    border = np.any((mesh.points < 1e-9) | (mesh.points > 1 - 1e-9), axis=1)
+    free = np.flatnonzero(~np.repeat(border, mesh.dim))
+    held = np.flatnonzero(np.repeat(border, mesh.dim))
+    u[free] = spla.spsolve(K[free][:, free], F.ravel()[free] - K[free][:, held] @ u[held])
+    computed = np.einsum("qa,eai->eqi", shapes, u.reshape(-1, mesh.dim)[block.nodes])
+    return np.sqrt(np.sum(weight[..., None] * (computed - exact) ** 2))
+
+
+def _fine_rule(kind):
+    """Five Gauss points an axis, folded onto the simplex for triangles and tetrahedra (Duffy)."""
+    dim = dim_of(kind)
+    x, w = np.polynomial.legendre.leggauss(5)
+    grid = np.stack(np.meshgrid(*[x] * dim, indexing="ij"), -1).reshape(-1, dim)
+    weight = np.prod(np.stack(np.meshgrid(*[w] * dim, indexing="ij"), -1).reshape(-1, dim), axis=1)
+    if kind.startswith(("quad", "hex")):
+        return grid, weight
+    t = (grid + 1) / 2
+    weight = weight / 2**dim
+    if dim == 2:
+        return np.stack([t[:, 0], t[:, 1] * (1 - t[:, 0])], 1), weight * (1 - t[:, 0])
+    a, b, c = t.T
+    xi = np.stack([a, b * (1 - a), c * (1 - a) * (1 - b)], 1)
+    return xi, weight * (1 - a) ** 2 * (1 - b)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_displacement_converges_with_order_p_plus_one(kind):
+    order = reference_element(kind).order
+    coarse, fine = (4, 8) if dim_of(kind) == 2 or order == 1 else (2, 4)
+    slope = np.log2(_l2_error(kind, coarse) / _l2_error(kind, fine))
+    assert slope > order + 1 - 0.25

@@ -1,0 +1,1 @@
+"""Meshes, cases and closed forms that several tests share."""

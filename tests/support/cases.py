@@ -1,0 +1,69 @@
+"""Cases put together in code, for tests of the forward model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geoident.fem.solvers import pick_solver
+from geoident.forward.model import StagedModel
+from geoident.model.case import (
+    Analysis,
+    Case,
+    FitSettings,
+    Isotropic,
+    Material,
+    Support,
+)
+from geoident.model.gauges import Channel
+from geoident.model.mesh import Mesh
+from geoident.model.methods import GaussNewtonOptions
+from geoident.model.parameter import Scalar
+
+
+def material(
+    name: str, E: float | Scalar, nu: float | Scalar, density: float | Scalar = 0.0
+) -> Material:
+    """An isotropic material; numbers or parameters."""
+    return Material(name, Isotropic(E=as_scalar(E), nu=as_scalar(nu)), as_scalar(density))
+
+
+def as_scalar(value: float | Scalar) -> Scalar:
+    return value if isinstance(value, Scalar) else Scalar(float(value))
+
+
+def make_case(mesh: Mesh, **changes: Any) -> Case:
+    """A case on a mesh with a fit nobody asks for; ``changes`` are fields of `Case`."""
+    settings: dict[str, Any] = {
+        "title": "test",
+        "analysis": Analysis.SOLID if mesh.dim == 3 else Analysis.PLANE_STRAIN,
+        "mesh_file": "",
+        "parameters": (),
+        "materials": {},
+        "groups": {},
+        "supports": (),
+        "in_situ": None,
+        "gravity": None,
+        "loads": {},
+        "stages": (),
+        "channels": (),
+        "readings": (),
+        "fit": FitSettings((GaussNewtonOptions(),)),
+    }
+    return Case(**{**settings, **changes})
+
+
+def rollers(dim: int) -> tuple[Support, ...]:
+    """No motion across the planes x = min, y = min (, z = min)."""
+    return tuple(Support(f"{'xyz'[axis]}0", (axis,)) for axis in range(dim))
+
+
+def displacement(
+    name: str, point: tuple[float, ...], direction: tuple[float, ...], *, zero: str = "virgin"
+) -> Channel:
+    """A channel that reads one component of the displacement of a point."""
+    return Channel(name, name, "displacement", None, point, direction, 1e-4, zero, ("gauges", name))
+
+
+def model(mesh: Mesh, **changes: Any) -> StagedModel:
+    """A staged model of a case made by `make_case`."""
+    return StagedModel(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))

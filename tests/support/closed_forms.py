@@ -1,0 +1,63 @@
+"""Closed forms of the literature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def kirsch(
+    x: np.ndarray, *, radius: float, E: float, nu: float, horizontal: float, vertical: float
+) -> np.ndarray:
+    """Displacements (n, 2) that excavating a round hole adds in a stressed plane, plane strain.
+
+    Kirsch (1898), as in Brady & Brown, Rock Mechanics for Underground Mining, section 7.2.
+    Pressures are positive in compression.
+    """
+    r, t = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+    G, p, K = E / (2 * (1 + nu)), vertical, horizontal / vertical
+    s = (radius / r) ** 2
+    u_r = -p * radius**2 / (4 * G * r) * ((1 + K) - (1 - K) * (4 * (1 - nu) - s) * np.cos(2 * t))
+    u_t = -p * radius**2 / (4 * G * r) * (1 - K) * (2 * (1 - 2 * nu) + s) * np.sin(2 * t)
+    return np.stack([u_r * np.cos(t) - u_t * np.sin(t), u_r * np.sin(t) + u_t * np.cos(t)], 1)
+
+
+def spherical_cavity(
+    x: np.ndarray, *, radius: float, E: float, nu: float, stress: tuple[float, float, float]
+) -> np.ndarray:
+    """Displacements (n, 3) that a spherical cavity adds under principal stresses along x, y, z.
+
+    Goodier (1933), Concentration of stress around spherical and cylindrical inclusions and flaws,
+    J. Appl. Mech. 1: the solution for a pull along one axis, superposed. Tension positive.
+    """
+    mu = E / (2 * (1 + nu))
+    r = np.linalg.norm(x, axis=1)
+    total = np.zeros_like(x)
+    for axis, S in enumerate(stress):
+        k = S / (8 * mu * (7 - 5 * nu))
+        A = -k * (13 - 10 * nu) * radius**3
+        B = k * radius**5
+        C = k * 5 * (1 - 2 * nu) * radius**3
+        cos_t = x[:, axis] / r
+        sin_t = np.sqrt(np.maximum(1 - cos_t**2, 0))
+        cos_2t, sin_2t = 2 * cos_t**2 - 1, 2 * sin_t * cos_t
+        u_r = -A / r**2 - 3 * B / r**4
+        u_r = u_r + ((5 - 4 * nu) / (1 - 2 * nu) * C / r**2 - 9 * B / r**4) * cos_2t
+        u_t = -(2 * C / r**2 + 6 * B / r**4) * sin_2t
+        radial = x / r[:, None]
+        away = radial * cos_t[:, None]
+        away[:, axis] -= 1
+        tangent = away / np.maximum(sin_t, 1e-30)[:, None]
+        total += u_r[:, None] * radial + u_t[:, None] * tangent
+    return total
+
+
+def lift_settlement(n: int, height: float, weight: float, modulus: float) -> np.ndarray:
+    """Settlements (n,) of the tops of n lifts that were placed one after the other, m.
+
+    Each lift is free of stress when placed; a top counts its settlement from its own placing. A
+    lift of height h compresses by gamma h^2 / (2 M) under its own weight and by gamma h^2 / M under
+    each lift above. So the top of lift k has settled by
+    gamma h^2 / M (k (n - k) + (k - 1) + 1/2): a parabola over the height.
+    """
+    k = np.arange(1, n + 1)
+    return weight * height**2 / modulus * (k * (n - k) + (k - 1) + 0.5)
