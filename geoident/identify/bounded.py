@@ -41,7 +41,8 @@ def bounded_least_squares(A: Floats, b: Floats, lower: Floats, upper: Floats) ->
         upper: (n,) upper side, not below zero.
 
     Returns:
-        (n,) the minimum; variables on the box are on it exactly.
+        (n,) the minimum; variables on the box are on it exactly. Rounding could make the active set
+        go round in circles: after 20 (n + 1) changes the point reached, no worse than d = 0, is it.
     """
     d = smallest_solution(A, b)
     if np.all((d >= lower) & (d <= upper)):

@@ -121,14 +121,15 @@ def _log_sd(values: Floats, covariance: Floats, pair: tuple[int, int], sign: flo
     """Standard deviation of ln p_i + sign ln p_j."""
     g = np.zeros(len(values))
     g[list(pair)] = np.array([1.0, sign]) / values[list(pair)]
-    return float(np.sqrt(max(g @ covariance @ g, 0.0)))
+    variance = float(g @ covariance @ g)
+    return float(np.sqrt(max(variance, 0.0)))
 
 
 def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
     """Parameters that hardly gained from the readings."""
     for i, parameter in enumerate(known.parameters):
         if known.from_prior[i] and i not in said:
-            yield f"{parameter.name} is known only from its prior: the readings add hardly anything."
+            yield f"{parameter.name} is known only from its prior: the readings hardly add to it."
 
 
 def _bounds(known: Knowledge) -> Iterator[str]:

@@ -49,6 +49,7 @@ _STALLED = (
     "No shorter step lowers the discrepancy, although the derivatives promise it: the readings of "
     "the model are not smooth here; go on with the method simplex."
 )
+_FLAT = "The discrepancy is flat here: it has no slope along any parameter that is free to move."
 _ROUNDING = "The discrepancy cannot be lowered further: what is left is rounding."
 
 
@@ -121,7 +122,7 @@ class _Search:
             trial = self.try_point(self.box.reach(point.x, step.d))
             note = walk.judge(step, trial)
             self.record(self.box.reach(point.x, step.d), trial, step.length, note)
-            if note == "rejected" and _negligible(step, self.options.tolerance):
+            if note == "rejected" and self.negligible(point):
                 return _Ending(walk.best, "converged", _ROUNDING)
         return self.ended(walk) or _Ending(walk.best, "not-converged", self.exhausted())
 
@@ -132,6 +133,8 @@ class _Search:
             walk.return_to_best()
         elif reason:
             return _Ending(walk.best, "converged", reason)
+        if walk.radius <= self.options.tolerance and self.flat(walk.best):
+            return _Ending(walk.best, "converged", _FLAT)
         if walk.radius <= self.options.tolerance or self.history.stop is not None:
             return _Ending(walk.best, "not-converged", _STALLED)
         return None
@@ -152,6 +155,20 @@ class _Search:
         if full.gain <= max(tolerance * min(point.phi, 1e4), 1e-14 * point.phi):
             return f"The next step would lower the discrepancy by no more than {full.gain:.1e}."
         return None
+
+    def negligible(self, point: Point) -> bool:
+        """The unrestricted step is so short, for so little gain, that only rounding rejects it."""
+        full = self.step(point, np.inf)
+        return full.gain <= NEGLIGIBLE and full.length <= np.sqrt(self.options.tolerance)
+
+    def flat(self, point: Point) -> bool:
+        """The residuals are orthogonal to all that the parameters, bounds allowing, can change."""
+        J, r = point.model.jacobian, point.model.residual
+        g = J.T @ r
+        low, high = self.box.sides(point.x, 1.0)
+        g[((g > 0.0) & (low == 0.0)) | ((g < 0.0) & (high == 0.0))] = 0.0
+        size = np.linalg.norm(J, axis=0) * np.linalg.norm(r)
+        return bool(np.all(np.abs(g) <= np.sqrt(self.options.tolerance) * size))
 
     def exhausted(self) -> str:
         """That the steps were used up, and what to do."""
@@ -177,8 +194,3 @@ class _Search:
         """Notes a point that was evaluated, or None for no solution at x (n,)."""
         phi = np.inf if point is None else point.phi
         self.history.record(self.scaling.to_natural(x), phi, step=length, note=note)
-
-
-def _negligible(step: Step, tolerance: float) -> bool:
-    """A rejected step so short, for so little gain, that only rounding can have rejected it."""
-    return step.gain <= NEGLIGIBLE and step.length <= np.sqrt(tolerance)

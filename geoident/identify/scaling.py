@@ -73,9 +73,11 @@ class Scaling:
         return self._scale(np.clip(p, self._natural_lower, self._natural_upper))
 
     def to_natural(self, x: Floats) -> Floats:
-        """Natural p (n,), SI, of scaled x (n,); never outside the bounds by rounding."""
+        """Natural p (n,), SI, of scaled x (n,); exact on the bounds, never outside."""
         p = x * self.reference
         p[self.log] = np.exp(x[self.log])
+        p[x <= self.lower] = self._natural_lower[x <= self.lower]
+        p[x >= self.upper] = self._natural_upper[x >= self.upper]
         return np.clip(p, self._natural_lower, self._natural_upper)
 
     def slope(self, p: Floats) -> Floats:

@@ -2,8 +2,9 @@
 
 A step of length R changes every parameter by at most a factor exp(R): for parameters scaled by
 their logarithm, |d| <= R; for linear ones whose bounds have one sign, |ln(1 + d/x)| <= R. A linear
-parameter that may be zero moves by at most R in x. So a Young's modulus does not fall to its lower
-bound in the first step only because its user left the scale linear.
+parameter that may be zero moves by at most R in x, or by R/4 of the width between its bounds where
+that is more. So a Young's modulus does not fall to its lower bound in the first step only because
+its user left the scale linear.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ class TrustBox:
         self._scaling = scaling
         one_sign = (scaling.lower > 0.0) | (scaling.upper < 0.0)
         self._relative = one_sign & ~scaling.log
+        quarter = np.where(one_sign | scaling.log, 1.0, 0.25 * (scaling.upper - scaling.lower))
+        self._unit = np.where(np.isfinite(quarter), np.maximum(quarter, 1.0), 1.0)
 
     def sides(self, x: Floats, radius: float) -> tuple[Floats, Floats]:
         """Lowest and highest step (n,), (n,) of length ``radius`` inside the bounds at x (n,)."""
-        low, high = np.full_like(x, -radius), np.full_like(x, radius)
+        low, high = -radius * self._unit, radius * self._unit
         ends = np.outer(np.expm1([-radius, radius]), x[self._relative])
         low[self._relative], high[self._relative] = ends.min(axis=0), ends.max(axis=0)
         lower, upper = self._scaling.lower - x, self._scaling.upper - x
@@ -36,7 +39,7 @@ class TrustBox:
 
     def length(self, x: Floats, d: Floats) -> float:
         """Length of the step d (n,) at x (n,): the largest change of a parameter."""
-        change = np.abs(d)
+        change = np.abs(d) / self._unit
         change[self._relative] = np.abs(np.log1p(d[self._relative] / x[self._relative]))
         return float(change.max(initial=0.0))
 

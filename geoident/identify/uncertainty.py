@@ -12,9 +12,10 @@ the singular values of A separate seen from unseen directions. Their parts are k
     spread_x = R v min(1/S, L), one column for each unseen v   (n, u)
 
 A parameter is *determined* if 1.96 times its total standard deviation, the root of the diagonal of
-cov_x + spread_x spread_x^T, is at most half its range; and if, having a prior, it is better known
-than that, its standard deviation below 0.95 of the prior's. What one parameter lacks does
-not touch the number of another.
+cov_x + spread_x spread_x^T, is at most half its range, and the part of it that comes from unseen
+directions, so from the bounds of other parameters, at most a quarter; and if, having a prior, it is
+better known than that, its standard deviation below 0.95 of the prior's. What one parameter
+lacks does not touch the number of another that has no part in it.
 
 A parameter on its bound is fixed in cov_x: the numbers of the others hold for that value. Whether
 it and the others are determined is judged as if it were free, or a bound would hide that two
@@ -100,9 +101,10 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     whole, readings = Spectrum.of(A, varies), Spectrum.of(B, varies)
     covariance_x = Spectrum.of(A, ~at_bound).seen_covariance * np.outer(width, width)
     spread_x = whole.spread * width[:, None]
-    total = np.sqrt(np.diag(whole.seen_covariance + whole.spread @ whole.spread.T))
+    unseen = np.linalg.norm(whole.spread, axis=1)
+    total = np.hypot(np.sqrt(np.diag(whole.seen_covariance)), unseen)
     from_prior = _only_from_prior(P, total)
-    determined = (NORMAL_95 * total <= 0.5) & ~from_prior
+    determined = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * unseen <= 0.25) & ~from_prior
     known = Knowledge(
         problem.parameters, values, at_bound, from_prior, slope * width, whole, readings
     )
