@@ -1,0 +1,93 @@
+"""How the outside talks with a running command: progress out, requests to stop in.
+
+The command line implements `Monitor`; a notebook or a test may give another one.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from geoident.errors import ExitCode, Interrupted
+from geoident.model.result import Iteration
+
+OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
+
+
+class Monitor(Protocol):
+    """Is told how a command proceeds."""
+
+    def warn(self, message: str) -> None:
+        """Something that the user should know even when asked to be quiet."""
+
+    def inform(self, message: str) -> None:
+        """A line worth reading."""
+
+    def detail(self, message: str) -> None:
+        """A line for those who asked for more."""
+
+    def step(self, iteration: Iteration) -> None:
+        """One iteration of an identifier is done."""
+
+
+class Silent:
+    """A monitor that says nothing."""
+
+    def warn(self, message: str) -> None:
+        """Say nothing."""
+
+    def inform(self, message: str) -> None:
+        """Say nothing."""
+
+    def detail(self, message: str) -> None:
+        """Say nothing."""
+
+    def step(self, iteration: Iteration) -> None:
+        """Say nothing."""
+
+
+@dataclass
+class StopRequest:
+    """A wish from outside, such as a signal, to stop after the running evaluation.
+
+    Args:
+        exit_code: with which the command is to end; None while nobody wishes it.
+    """
+
+    exit_code: ExitCode | None = None
+
+    def ask(self, exit_code: ExitCode) -> None:
+        """Wish the stop."""
+        self.exit_code = exit_code
+
+    def check(self) -> None:
+        """Raise `Interrupted` if the stop was wished."""
+        if self.exit_code is not None:
+            raise Interrupted("Interrupted.", exit_code=self.exit_code)
+
+
+@dataclass
+class Control:
+    """What a running command reports to and obeys.
+
+    Args:
+        monitor: is told of the progress.
+        stop: the wish to stop.
+        max_time: seconds after which an identifier ends with what it has; None for no limit.
+        out_of_time: the limit was reached.
+    """
+
+    monitor: Monitor = field(default_factory=Silent)
+    stop: StopRequest = field(default_factory=StopRequest)
+    max_time: float | None = None
+    out_of_time: bool = False
+    started: float = field(default_factory=time.monotonic)
+
+    def observe(self, iteration: Iteration) -> str | None:
+        """Observer of the identifiers: a reason to stop now, or None."""
+        self.monitor.step(iteration)
+        if self.max_time is None or time.monotonic() - self.started < self.max_time:
+            return None
+        self.out_of_time = True
+        return OUT_OF_TIME
