@@ -119,6 +119,9 @@ def read_abaqus(text: str, *, folder: Path) -> RawMesh:
     Raises:
         Refused: a line cannot be understood, with its number.
     """
+    if not text.endswith(("\n", "\r")):
+        hint = "copy it again; if it is complete, end its last line"
+        raise Refused("mesh-truncated", "the file ends within a line", hint)
     content = _Content()
     for block in _blocks(text, folder, depth=0):
         _read_block(block, content)

@@ -11,6 +11,7 @@ from geoident.io.mesh_order import in_vtk_order
 from geoident.io.mesh_raw import (
     CORNERS,
     DIMENSIONS,
+    NODES,
     RawCells,
     RawMesh,
     Refused,
@@ -23,6 +24,9 @@ from geoident.model.mesh import ElementBlock, Mesh
 
 _FLAT = 1e-6
 """Extent in z, in parts of the largest extent, below which a mesh is plane."""
+
+_FAR = 1e50
+"""Coordinates (m) from here on are damage, and their squares would overflow."""
 
 _INCOMPLETE = "mesh with gmsh's option Mesh.SecondOrderIncomplete=1, or with elements of order 1"
 _HINTS = {
@@ -92,8 +96,8 @@ def _check_dimension(raw: RawMesh, dim: int) -> None:
 
 
 def _check_kinds(raw: RawMesh, dim: int) -> None:
-    """Refuse elements and facets of kinds that cannot be computed with."""
-    for cells in raw.cells:
+    """Refuse elements and facets of kinds that cannot be computed with, elements first."""
+    for cells in sorted(raw.cells, key=lambda cells: -cells.dim):
         if cells.dim >= dim - 1 and cells.dim > 0 and cells.kind not in CORNERS and len(cells):
             kind = cells.kind
             known = ", ".join(k for k in CORNERS if DIMENSIONS[k] == cells.dim)
@@ -107,11 +111,15 @@ def _check_kinds(raw: RawMesh, dim: int) -> None:
 
 def _check_nodes(raw: RawMesh) -> None:
     """Refuse coordinates that are no numbers and node indices out of range."""
-    bad = np.flatnonzero(~np.isfinite(raw.points).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(raw.points) < _FAR).all(axis=1))
     if len(bad):
-        message = f"node {bad[0] + 1} of the file has a coordinate that is not a finite number"
+        what = "that is no number or beyond all measure"
+        message = f"node {bad[0] + 1} of the file has a coordinate {what}"
         raise Refused("mesh-coordinate", message, "write the mesh again")
     for cells in raw.cells:
+        if len(cells) and cells.nodes.shape[1] != NODES.get(cells.kind, cells.nodes.shape[1]):
+            message = f"element {cells.numbers[0]} ({cells.kind}) has {cells.nodes.shape[1]} nodes"
+            raise Refused("mesh-node", message, "the file is damaged: write it as .msh with gmsh")
         wrong = (cells.nodes < 0) | (cells.nodes >= len(raw.points))
         if bool(wrong.any()):
             number = cells.numbers[np.flatnonzero(wrong.any(axis=1))[0]]

@@ -8,7 +8,7 @@ from geoident.errors import Fault, InputError, Location
 from geoident.io.mesh_abaqus import read_abaqus
 from geoident.io.mesh_build import build_mesh
 from geoident.io.mesh_gmsh import is_gmsh, read_gmsh
-from geoident.io.mesh_other import known_suffixes, read_other
+from geoident.io.mesh_other import SUFFIXES, read_other
 from geoident.io.mesh_raw import RawMesh, Refused
 from geoident.model.mesh import Mesh
 
@@ -20,7 +20,8 @@ def read_mesh(path: str, *, dim: int) -> Mesh:
     """Read a mesh.
 
     The format is told by the suffix, gmsh's also by its contents: gmsh (MSH 2.2 and 4.1, text and
-    binary), Abaqus (.inp), and through meshio VTU, VTK, XDMF, MED, Nastran, Medit and others.
+    binary), Abaqus (.inp), and through meshio VTU, VTK, XDMF, MED, Nastran, Medit and others (see
+    `mesh_other.SUFFIXES`, and `mesh_other.GROUP_ARRAYS` for what gives the groups there).
     Groups carry the names of physical groups or sets, or their numbers as text.
 
     Args:
@@ -77,7 +78,7 @@ def _check_suffix(path: Path, dim: int) -> None:
     if suffix in (".geo", ".geo_unrolled", *_GEOMETRY):
         hint = f"mesh it first: gmsh -{dim} {path.name} -o {mesh}"
         raise Refused("mesh-geometry", "the file holds a geometry, not a mesh", hint)
-    if suffix in _PACKED and path.name.lower()[-7:] != ".vol.gz":
+    if suffix in _PACKED:
         raise Refused("mesh-packed", "the file is packed", f"unpack {path.name} and give the mesh")
 
 
@@ -92,8 +93,8 @@ def _dispatch(path: Path, head: bytes) -> RawMesh:
     if suffix == ".inp":
         text = path.read_text(encoding="utf-8", errors="replace")
         return read_abaqus(text, folder=path.parent)
-    if suffix not in known_suffixes():
-        known = " ".join(known_suffixes())
-        message = f"the format {suffix or 'of a file without suffix'} is not known"
-        raise Refused("mesh-format", message, f"known are {known}")
+    if suffix not in SUFFIXES:
+        known = " ".join((".msh", ".inp", *SUFFIXES))
+        message = f"the format of a mesh file {suffix or 'without suffix'} is not known"
+        raise Refused("mesh-format", message, f"known are {known}; meshio can convert others")
     return read_other(path)

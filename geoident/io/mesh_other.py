@@ -53,15 +53,17 @@ GROUP_ARRAYS = (
 has, without regard to case. If it has none of them, but just one array of whole numbers on its
 cells, that one is taken. The group of a cell has the number as its name."""
 
+SUFFIXES = (
+    *(".vtu", ".vtk", ".xdmf", ".xmf", ".med", ".bdf", ".fem", ".nas", ".mesh", ".meshb"),
+    *(".vol", ".f3grid", ".cgns", ".e", ".exo", ".ex2", ".su2", ".xml", ".h5m", ".hmf", ".ugrid"),
+)
+"""Formats that are read. meshio has more: those of mere surfaces, and those (Tecplot, TetGen,
+Kratos) over whose damaged files it hangs."""
+
 _LOSSES = re.compile(r"cannot handle|could not parse|doesn't know|not closed|Skipping cell block")
 
 _NO_GROUP_0 = ("gmsh:physical", "cell_tags")
 """In these arrays 0 means: in no group."""
-
-
-def known_suffixes() -> tuple[str, ...]:
-    """Suffixes of the files that can be read, those of gmsh and Abaqus among them."""
-    return tuple(sorted(meshio.extension_to_filetypes))
 
 
 def read_other(path: Path) -> RawMesh:
@@ -85,7 +87,19 @@ def read_other(path: Path) -> RawMesh:
     if loss is not None:
         message = f"parts of the file are not understood ({loss.strip()})"
         raise Refused("mesh-malformed", message, "write the mesh as .msh with gmsh")
+    if path.suffix.lower() == ".vtk":
+        _check_vtk(path.read_bytes(), mesh)
     return _raw(mesh)
+
+
+def _check_vtk(data: bytes, mesh: meshio.Mesh) -> None:
+    """Refuse a VTK file of which meshio has read less than it announces, as it does silently."""
+    found = {b"POINTS": len(mesh.points), b"CELL_TYPES": sum(map(len, mesh.cells))}
+    for key, n in found.items():
+        match = re.search(rb"^%s[ \t]+(\d+)" % key, data, re.MULTILINE)
+        if match is not None and int(match[1]) != n:
+            message = f"the file announces {int(match[1])} {key.decode()} and holds {n}"
+            raise Refused("mesh-truncated", message, "copy or write the whole file again")
 
 
 def _read_silently(path: Path) -> meshio.Mesh:
@@ -123,6 +137,8 @@ def _unreadable(path: Path, error: BaseException, printed: str) -> Refused:
         message = "the file announces more data than there is memory for"
         return Refused("mesh-malformed", message, "it is damaged, or mesh more coarsely")
     said = " ".join(printed.split()) if isinstance(error, SystemExit) else f"{error}"
+    if path.suffix.lower() in (".xdmf", ".xmf") and isinstance(error, KeyError):
+        said = "second-order cells mixed with others are not read from XDMF, nor unknown kinds"
     detail = f" ({said[:200]})" if said.strip() else ""
     return Refused(
         "mesh-malformed",

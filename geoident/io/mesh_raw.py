@@ -6,6 +6,7 @@ cannot; `mesh_build` makes the `Mesh` of it and holds all the checks that format
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -49,6 +50,9 @@ CORNERS: Mapping[str, int] = {
     "hex20": 8,
 }
 """Kinds of cells that a `Mesh` holds, with the number of their corner nodes."""
+
+NODES: Mapping[str, int] = {kind: int(re.sub(r"[a-z]+", "", kind)) for kind in CORNERS}
+"""The same kinds with the number of all their nodes, which their names end in."""
 
 
 class Refused(Exception):
