@@ -166,6 +166,8 @@ def test_a_weak_reading_that_says_less_than_the_bounds_determines_nothing():
     for s, determined in ((0.09, True), (0.11, False)):
         found = assess(Problem(None, np.zeros(1), np.array([s]), q), np.array([0.25]), np.eye(1))
         assert found.determined.tolist() == [determined]
+        said = () if determined else ("The readings do not determine nu.",)
+        assert found.findings == said
 
 
 def test_a_bound_does_not_hide_that_two_parameters_cannot_be_told_apart(assessed):
