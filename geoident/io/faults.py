@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.yaml_reader import Document
+from geoident.io.yaml_reader import Document, Node
 from geoident.model.case import KeyPath, Source, format_path
 
 SET_FLAG = "--set"
@@ -19,10 +19,12 @@ class Places:
 
     Args:
         document: the file.
+        data: its data, with the overrides.
         overridden: paths that flags have set.
     """
 
     document: Document
+    data: Node
     overridden: frozenset[KeyPath] = frozenset()
 
     def locate(self, path: KeyPath, *, key: bool = False) -> Location:

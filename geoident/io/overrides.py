@@ -17,8 +17,8 @@ _STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)"""
 _MAY_BE_NEW = {"fit"}
 
 
-def apply_overrides(document: Document, overrides: Sequence[str]) -> tuple[Node, Places]:
-    """The data of a document with overrides, and where its keys are written.
+def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
+    """A document with overrides, and where its keys are written.
 
     Args:
         document: the case as written.
@@ -43,7 +43,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> tuple[Node,
             faults.append(Fault(error.code, message, error.hint, location, format_path(path)))
     if faults:
         raise InputError(faults)
-    return data, Places(document, frozenset(paths))
+    return Places(document, data, frozenset(paths))
 
 
 def _parse(override: str) -> tuple[KeyPath, Node]:
@@ -116,5 +116,6 @@ def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
         if key not in holder and not new:
             raise Refusal("bad-override", f"{outer} has no '{key}'", did_you_mean(key, holder))
     else:
-        kind = {dict: "a mapping", list: "a list"}.get(type(holder), "no mapping and no list")
+        kinds = {"dict": "a mapping", "list": "a list"}
+        kind = kinds.get(type(holder).__name__, "no mapping and no list")
         raise Refusal("bad-override", f"{outer} is {kind}, '{key}' cannot be set in it")

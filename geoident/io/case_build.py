@@ -1,0 +1,180 @@
+"""From the validated sections of a case file to the case: plain data in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from geoident.io.case_gauges import build_channels, vector
+from geoident.io.case_schema import CaseSection, ConstantSection, LoadSection, MaterialSection
+from geoident.io.case_sequence import ABSENT
+from geoident.io.case_values import Given
+from geoident.io.faults import Faults
+from geoident.io.parameter_schema import ParameterSection
+from geoident.model.case import (
+    Analysis,
+    Case,
+    ConstantStress,
+    FitSettings,
+    HeimStress,
+    InSitu,
+    Isotropic,
+    KeyPath,
+    Load,
+    Material,
+    Pressure,
+    Stage,
+    Support,
+    Traction,
+)
+from geoident.model.gauges import Reading
+from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
+from geoident.model.parameter import Parameter, Prior, Scalar
+
+_AXES = "xyz"
+
+
+def build_case(
+    section: CaseSection, readings: tuple[Reading, ...], mesh_file: str, faults: Faults
+) -> Case:
+    """The case; what does not fit its number of axes is noted as a fault."""
+    return Case(
+        title=section.title,
+        analysis=Analysis(section.analysis),
+        mesh_file=mesh_file,
+        parameters=tuple(_parameter(name, p) for name, p in section.parameters.items()),
+        materials={name: _material(name, m) for name, m in section.materials.items()},
+        groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
+        supports=_supports(section, faults),
+        in_situ=_in_situ(section, faults),
+        gravity=_gravity(section, faults),
+        loads=_loads(section.loads, ("loads",), _dim(section), faults),
+        stages=_stages(section, faults),
+        channels=build_channels(section, faults),
+        readings=readings,
+        fit=_fit(section),
+        source=faults.places.source(),
+    )
+
+
+def _dim(section: CaseSection) -> int:
+    return Analysis(section.analysis).dim
+
+
+def _scalar(given: Given | None) -> Scalar | None:
+    return None if given is None else given.scalar
+
+
+def _parameter(name: str, section: ParameterSection) -> Parameter:
+    prior = section.prior
+    return Parameter(
+        name=name,
+        start=section.start.factor,
+        lower=section.bounds[0].factor,
+        upper=section.bounds[1].factor,
+        scale=section.scale,
+        prior=Prior(prior.mean.factor, prior.sd.factor, prior.kind) if prior else None,
+        dimension=section.start.dimension,
+        unit=section.start.unit,
+    )
+
+
+def _material(name: str, section: MaterialSection) -> Material:
+    E, nu, K, G = (_scalar(given) for given in (section.E, section.nu, section.K, section.G))
+    return Material(name, Isotropic(E, nu, K, G), _scalar(section.density) or Scalar(0.0))
+
+
+def _supports(section: CaseSection, faults: Faults) -> tuple[Support, ...]:
+    dim = _dim(section)
+    supports = []
+    for group, value in section.supports.items():
+        names = _AXES[:dim] if value == "fixed" else value
+        components = tuple(sorted({_AXES.index(name) for name in names}))
+        if components[-1] >= dim:
+            path = ("supports", group)
+            faults.add(path, "wrong-dimension", "a plane model has no direction z", "Use x and y.")
+        supports.append(Support(group, components))
+    return tuple(supports)
+
+
+def _in_situ(section: CaseSection, faults: Faults) -> InSitu | None:
+    given = section.in_situ
+    if given is None:
+        return None
+    if not isinstance(given, ConstantSection):
+        return HeimStress(
+            K0=given.K0.scalar,
+            vertical=_scalar(given.vertical),
+            unit_weight=_scalar(given.unit_weight),
+            surface=given.surface.factor if given.surface else None,
+            held=given.held,
+        )
+    for name in ("yz", "xz"):
+        if getattr(given, name) is not None and _dim(section) == 2:
+            message = f"a plane model has no stress {name}"
+            faults.add(("in_situ", name), "wrong-dimension", message, "Remove it.", key=True)
+    xy, yz, xz = (_scalar(x) or Scalar(0.0) for x in (given.xy, given.yz, given.xz))
+    components = (given.xx.scalar, given.yy.scalar, given.zz.scalar, xy, yz, xz)
+    return ConstantStress(components, held=given.held)
+
+
+def _gravity(section: CaseSection, faults: Faults) -> tuple[float, ...] | None:
+    given, dim = section.gravity, _dim(section)
+    if given is None:
+        return None
+    if isinstance(given, list):
+        return vector(given, dim, ("gravity",), faults, what="gravity")
+    if given.factor < 0:
+        hint = "A single value points downwards by itself; write it positive, or as a vector."
+        faults.add(("gravity",), "out-of-range", f"'{given.text}' is negative", hint)
+    return (*(0.0,) * (dim - 1), -given.factor)
+
+
+def _loads(
+    sections: Mapping[str, LoadSection], path: KeyPath, dim: int, faults: Faults
+) -> dict[str, Load]:
+    loads: dict[str, Load] = {}
+    for name, section in sections.items():
+        if section.pressure is not None:
+            loads[name] = Pressure(section.on, section.pressure.scalar)
+        elif section.traction is not None:
+            place = (*path, name, "traction")
+            vector(section.traction, dim, place, faults, what="the traction")
+            loads[name] = Traction(section.on, tuple(x.scalar for x in section.traction))
+    return loads
+
+
+def _stages(section: CaseSection, faults: Faults) -> tuple[Stage, ...]:
+    return tuple(
+        Stage(
+            name=stage.name,
+            excavate=tuple(stage.excavate),
+            install=dict(stage.install),
+            change=dict(stage.change),
+            loads=_loads(stage.loads, ("stages", n, "loads"), _dim(section), faults),
+            remove=tuple(stage.remove),
+        )
+        for n, stage in enumerate(section.stages)
+    )
+
+
+def _fit(section: CaseSection) -> FitSettings:
+    methods = tuple(_options(section, method) for method in section.fit.chain)
+    stages = None if section.fit.stages is None else tuple(section.fit.stages)
+    return FitSettings(methods, stages)
+
+
+def _options(section: CaseSection, method: str) -> MethodOptions:
+    kind = METHOD_OPTIONS[method]
+    given = section.fit.options(method)
+    values: dict[str, Any] = {}
+    for option in fields(kind):
+        value = getattr(given, option.name)
+        values[option.name] = value.factor if isinstance(value, Given) else value
+    if method == "scan":
+        values["grid"] = {
+            name: ScanAxis(axis.start.factor, axis.stop.factor, axis.points or values["points"])
+            for name, axis in values["grid"].items()
+        }
+    return kind(**values)

@@ -1,0 +1,130 @@
+"""Reading a case file: from text to a case in SI units, or to all that is wrong with it.
+
+Faults are shown in three rounds, each complete: the text and its sections; what refers to something
+else in the case or its readings; and later, elsewhere, what needs the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from geoident.errors import InputError
+from geoident.io.case_build import build_case
+from geoident.io.case_references import check_readings, check_references, inline_readings
+from geoident.io.case_resolve import resolved_text
+from geoident.io.case_schema import CaseSection
+from geoident.io.case_values import kind_of
+from geoident.io.faults import Faults, Places
+from geoident.io.overrides import apply_overrides
+from geoident.io.readings_file import PlacedReading, read_readings
+from geoident.io.schema_faults import add_schema_faults
+from geoident.io.text_file import STDIN, decode, read_bytes
+from geoident.io.wording import did_you_mean, shorten
+from geoident.io.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.model.case import Case, KeyPath
+
+STDIN_NAME = "<stdin>"
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A case and the texts that it comes from.
+
+    Args:
+        case: the case.
+        text: the file verbatim.
+        resolved: the same as YAML with overrides and defaults filled in, without comments.
+        mesh_path: path of the mesh, relative paths against the folder of the case.
+        readings_path: path of the readings file, or None if there is none.
+    """
+
+    case: Case
+    text: str
+    resolved: str
+    mesh_path: str
+    readings_path: str | None
+
+
+def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+    """Read a case file and its readings; the mesh is not opened.
+
+    Args:
+        path: the file, ``-`` for stdin.
+        overrides: texts ``path=value`` that replace values of the file, in their order.
+
+    Raises:
+        InputError: with all faults found.
+    """
+    text = decode(read_bytes(path, limit=MAX_BYTES, what="case"), _shown(path))
+    places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
+    section = _validate(places)
+    faults = Faults(places)
+    folder = Path() if path == STDIN else Path(path).parent
+    mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults)
+    check_references(section, faults)
+    readings_path, readings = _readings(section, folder, faults)
+    case = build_case(section, tuple(r.reading for r in readings), mesh_path, faults)
+    faults.raise_any()
+    return LoadedCase(case, text, resolved_text(section), mesh_path, readings_path)
+
+
+def _shown(path: str) -> str:
+    return STDIN_NAME if path == STDIN else path
+
+
+def _validate(places: Places) -> CaseSection:
+    """The sections of a case, each right by itself."""
+    faults = Faults(places)
+    known: dict[int, tuple[str, ...]] = {}
+    try:
+        if not isinstance(places.data, dict):
+            hint = "Begin with 'format: geoident-case/1'."
+            message = f"found {kind_of(places.data)}; a mapping is expected"
+            faults.add((), "wrong-kind", message, hint)
+        return CaseSection.model_validate(places.data, context=known)
+    except ValidationError as error:
+        if not faults.found:
+            add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+        faults.raise_any()
+        raise
+
+
+def _readings(
+    section: CaseSection, folder: Path, faults: Faults
+) -> tuple[str | None, tuple[PlacedReading, ...]]:
+    """Path of the readings file, and the readings from there or from the case."""
+    path = None
+    if isinstance(section.readings, str):
+        before = len(faults.found)
+        path = _find(folder, section.readings, ("readings",), faults)
+        readings = _read_file(path, faults) if len(faults.found) == before else ()
+    else:
+        readings = inline_readings(section, faults)
+    check_readings(section, readings, faults)
+    return path, readings
+
+
+def _read_file(path: str, faults: Faults) -> tuple[PlacedReading, ...]:
+    try:
+        return read_readings(path)
+    except InputError as error:
+        faults.extend(error.faults)
+        return ()
+
+
+def _find(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
+    """Path of a file that the case names; a fault if it is not there."""
+    path = folder / name
+    try:
+        missing = not path.exists() or path.is_dir()
+        beside = sorted(entry.name for entry in path.parent.iterdir()) if missing else []
+    except (OSError, ValueError):
+        missing, beside = True, []
+    if missing:
+        hint = did_you_mean(path.name, beside, what=f"Files in {path.parent}")
+        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
+    return str(path)

@@ -1,0 +1,307 @@
+"""What a case file may hold: the keys, their types, defaults and descriptions.
+
+This is the code that validates, and the JSON schema is generated from it. What takes more than one
+section to judge (names that refer to each other, the sequence of stages) is in `case_references`
+and `case_sequence`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from geoident.io.case_values import (
+    Acceleration,
+    Accelerations,
+    Accuracy,
+    Density,
+    Factor,
+    Flag,
+    Length,
+    Line,
+    Modulus,
+    Name,
+    Numbers,
+    ParameterName,
+    Point,
+    Pressure,
+    Pressures,
+    Ratio,
+    Text,
+    UnitWeight,
+    shape_of,
+)
+from geoident.io.fit_schema import FitSection
+from geoident.io.parameter_schema import ParameterSection
+from geoident.io.section import Section, Wrongs
+from geoident.io.wording import Refusal
+from geoident.model.case import VIRGIN
+
+
+def _available(value: str) -> str:
+    if value == "axisymmetric":
+        message = "axisymmetric analysis is not available yet"
+        raise Refusal("not-available", message, "Use plane-strain or solid.")
+    return value
+
+
+def _not_reserved(value: str) -> str:
+    if value == VIRGIN:
+        message = f"'{VIRGIN}' is the name of the state before the first stage"
+        raise Refusal("reserved-name", message, "Give the stage another name.")
+    return value
+
+
+class MeshSection(Section):
+    """The finite element mesh."""
+
+    file: Text = Field(
+        description="Path of the mesh, relative to the case. Groups go by their physical names."
+    )
+
+
+class MaterialSection(Section):
+    """A material: isotropic elasticity by E and nu, or by K and G."""
+
+    elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
+    E: Modulus | None = Field(None, description="Young's modulus.", examples=["15 GPa", "$E_rock"])
+    nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
+    K: Modulus | None = Field(None, description="Bulk modulus.")
+    G: Modulus | None = Field(None, description="Shear modulus.")
+    density: Density | None = Field(
+        None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
+    )
+
+    @model_validator(mode="after")
+    def _one_pair(self) -> MaterialSection:
+        given = [name for name in ("E", "nu", "K", "G") if getattr(self, name) is not None]
+        if given not in (["E", "nu"], ["K", "G"]):
+            wrongs = Wrongs()
+            message = f"found {' and '.join(given) or 'no constants'}; E with nu, or K with G, is"
+            wrongs.add((), "wrong-pair", f"{message} expected", "Give exactly one of the pairs.")
+            wrongs.raise_any()
+        if self.density and self.density.parameter is None and self.density.factor < 0:
+            wrongs = Wrongs()
+            wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
+            wrongs.raise_any()
+        return self
+
+
+_HELD = (
+    "Whether the ground beyond the edges of the model holds the stress there in all stages; "
+    "if missing: true for a stress that is the same everywhere, false for one that grows with depth."
+)
+
+
+class ConstantSection(Section):
+    """In-situ stress that is the same everywhere; tension is positive."""
+
+    model: Literal["constant"]
+    xx: Pressure = Field(description="Normal stress along x, tension positive.")
+    yy: Pressure = Field(description="Normal stress along y, tension positive.")
+    zz: Pressure = Field(description="Normal stress along z (out of plane in 2-D).")
+    xy: Pressure | None = Field(None, description="Shear stress; 0 if missing.")
+    yz: Pressure | None = Field(None, description="Shear stress (solid only); 0 if missing.")
+    xz: Pressure | None = Field(None, description="Shear stress (solid only); 0 if missing.")
+    held: Flag | None = Field(None, description=_HELD)
+
+
+class HeimSection(Section):
+    """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
+
+    The vertical is y in 2-D and z in a solid.
+    """
+
+    model: Literal["heim"]
+    K0: Factor = Field(description="Ratio of horizontal to vertical stress.")
+    vertical: Pressure | None = Field(
+        None, description="Vertical pressure, compression positive, the same everywhere."
+    )
+    unit_weight: UnitWeight | None = Field(
+        None, description="Weight of the ground: the pressure grows with depth below `surface`."
+    )
+    surface: Length | None = Field(None, description="Level of the ground surface.")
+    held: Flag | None = Field(None, description=_HELD)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> HeimSection:
+        given = [k for k in ("vertical", "unit_weight", "surface") if getattr(self, k) is not None]
+        if given not in (["vertical"], ["unit_weight", "surface"]):
+            wrongs = Wrongs()
+            message = f"found {' and '.join(given) or 'neither'}; vertical, or unit_weight with"
+            hint = "Give 'vertical' alone, or 'unit_weight' and 'surface'."
+            wrongs.add((), "wrong-pair", f"{message} surface, is expected", hint)
+            wrongs.raise_any()
+        return self
+
+
+class LoadSection(Section):
+    """A load on a group of faces: a pressure, or a traction."""
+
+    on: Name = Field(description="Group of lines (2-D) or surfaces (solid) in the mesh.")
+    pressure: Pressure | None = Field(None, description="Positive pushes onto the ground.")
+    traction: Pressures | None = Field(
+        None, description="Force per area in the coordinate directions."
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> LoadSection:
+        if (self.pressure is None) == (self.traction is None):
+            wrongs = Wrongs()
+            found = "neither" if self.pressure is None else "both"
+            message = f"found {found}; either pressure or traction is expected"
+            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+            wrongs.raise_any()
+        return self
+
+
+class StageSection(Section):
+    """One step of construction: all that it says happens together, before the readings."""
+
+    name: Annotated[Name, AfterValidator(_not_reserved)] = Field(
+        description="Unique name, to which readings refer."
+    )
+    excavate: list[Name] = Field([], description="Element groups that leave.")
+    install: dict[Name, Name] = Field(
+        {},
+        description="Element group to material: enters free of stress (lift, lining, backfill); "
+        "a group that is present is replaced.",
+    )
+    change: dict[Name, Name] = Field(
+        {}, description="Element group to material: the material changes, the stress stays."
+    )
+    loads: dict[Name, LoadSection] = Field(
+        {}, description="Loads by name, from this stage on; a name used again replaces."
+    )
+    remove: list[Name] = Field([], description="Names of loads that end with this stage.")
+
+
+class _Gauge(Section):
+    accuracy: Accuracy = Field(
+        description="Standard deviation of one reading.", examples=["0.1 mm"]
+    )
+    zero: Name = Field(
+        VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
+    )
+
+
+class ExtensometerSection(_Gauge):
+    """Change of distance between a head and anchors, positive when they move apart.
+
+    One channel per anchor, named GAUGE.ANCHOR.
+    """
+
+    kind: Literal["extensometer"]
+    head: Point = Field(description="Coordinates of the head.")
+    anchors: dict[Name, Point] = Field(min_length=1, description="Name to coordinates.")
+
+
+class ConvergenceSection(_Gauge):
+    """Change of distance between two points, positive when they move apart."""
+
+    kind: Literal["convergence"]
+    between: Line = Field(description="The two points.")
+
+
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Point, Tag("list")],
+    Discriminator(shape_of),
+]
+
+
+class DisplacementSection(_Gauge):
+    """Displacement of a point in a direction, relative to the ground or to another point."""
+
+    kind: Literal["displacement"]
+    point: Point = Field(description="The point whose motion is read.")
+    relative_to: Reference = Field("ground", description="A point, or fixed ground.")
+    component: Literal["x", "y", "z"] | None = Field(None, description="Coordinate direction.")
+    direction: Numbers | None = Field(
+        None, description="Direction vector in place of a component; its length does not matter."
+    )
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> DisplacementSection:
+        wrongs = Wrongs()
+        if (self.component is None) == (self.direction is None):
+            found = "neither" if self.component is None else "both"
+            message = f"found {found}; either component or direction is expected"
+            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+        if self.direction is not None and not any(x.factor for x in self.direction):
+            wrongs.add(("direction",), "zero-direction", "the direction has length zero")
+        wrongs.raise_any()
+        return self
+
+
+class SettlementSection(_Gauge):
+    """Settlement of a point, positive downwards, relative to the ground or to another point."""
+
+    kind: Literal["settlement"]
+    point: Point = Field(description="The point whose settlement is read.")
+    relative_to: Reference = Field("ground", description="A point, or fixed ground.")
+
+
+class ReadingSection(Section):
+    """One reading."""
+
+    gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
+    stage: Name = Field(description="Stage at whose end it was read.")
+    value: Length | None = Field(description="What was read; empty if it is missing.")
+    accuracy: Accuracy | None = Field(None, description="Its own standard deviation.")
+
+
+GaugeSection = Annotated[
+    ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
+    Field(discriminator="kind"),
+]
+InSituSection = Annotated[ConstantSection | HeimSection, Field(discriminator="model")]
+Component = Literal["x", "y", "z"]
+SupportValue = Annotated[
+    Annotated[Literal["x", "y", "z", "fixed"], Tag("text")]
+    | Annotated[list[Component], Field(min_length=1), Tag("list")],
+    Discriminator(shape_of),
+]
+Gravity = Annotated[
+    Annotated[Acceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
+    Discriminator(shape_of),
+]
+Readings = Annotated[
+    Annotated[Text, Tag("text")] | Annotated[list[ReadingSection], Tag("list")],
+    Discriminator(shape_of),
+]
+
+
+class CaseSection(Section):
+    """A project for geoident: ground, construction, gauges and what is to be identified."""
+
+    format: Literal["geoident-case/1"] = Field(description="Type and version of this file.")
+    title: Text = Field("", description="Free text.")
+    analysis: Annotated[
+        Literal["plane-strain", "axisymmetric", "solid"], AfterValidator(_available)
+    ] = Field(description="Kind of analysis; axisymmetric is not available yet.")
+    mesh: MeshSection
+    parameters: dict[ParameterName, ParameterSection] = Field(
+        {}, description="What is identified; elsewhere $NAME stands for it."
+    )
+    materials: dict[Name, MaterialSection] = Field(min_length=1, description="Materials by name.")
+    groups: dict[Name, Name] = Field(
+        min_length=1,
+        description="Element group to material in the virgin state, or 'absent'.",
+    )
+    supports: dict[Name, SupportValue] = Field(
+        {}, description="Group to fixed directions: x, [x, y], or fixed for all."
+    )
+    in_situ: InSituSection | None = Field(None, description="Stress of the virgin ground.")
+    gravity: Gravity | None = Field(
+        None,
+        description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
+        examples=["9.81 m/s2"],
+    )
+    loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
+    stages: list[StageSection] = Field([], description="Construction, step by step.")
+    gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
+    readings: Readings | None = Field(
+        None, description="Path of a CSV file (gauge,stage,value,unit), or a list."
+    )
+    fit: FitSection = Field(default_factory=FitSection)

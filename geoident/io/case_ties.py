@@ -1,0 +1,79 @@
+"""Where the numbers of a case are tied to its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from pydantic import BaseModel
+
+from geoident.io.case_schema import CaseSection
+from geoident.io.case_values import Given
+from geoident.io.faults import Faults
+from geoident.io.wording import did_you_mean
+from geoident.model.case import KeyPath
+from geoident.units import with_article
+
+_MODULI = ("E", "K", "G")
+
+
+def check_ties(section: CaseSection, faults: Faults) -> None:
+    """Note ties to unknown parameters or of another dimension, and parameters without any use."""
+    used = set()
+    for path, given in _numbers(section, ()):
+        if given.parameter is not None:
+            used.add(given.parameter)
+            _check_tie(section, path, given, faults)
+    for name in section.parameters:
+        if name not in used:
+            message = f"the parameter '{name}' is declared, but nothing depends on it"
+            hint = f"Write ${name} where it stands, or remove it."
+            faults.add(("parameters", name), "unused-parameter", message, hint, key=True)
+    _check_starts(section, faults)
+
+
+def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
+    """Every number of the case with its path."""
+    if isinstance(node, Given):
+        yield path, node
+    elif isinstance(node, BaseModel):
+        for name, info in type(node).model_fields.items():
+            yield from _numbers(getattr(node, name), (*path, info.alias or name))
+    elif isinstance(node, Mapping):
+        for key, value in node.items():
+            yield from _numbers(value, (*path, key))
+    elif isinstance(node, list):
+        for n, value in enumerate(node):
+            yield from _numbers(value, (*path, n))
+
+
+def _check_tie(section: CaseSection, path: KeyPath, given: Given, faults: Faults) -> None:
+    parameter = section.parameters.get(given.parameter or "")
+    if parameter is None:
+        message = f"there is no parameter '{given.parameter}'"
+        hint = did_you_mean(given.parameter or "", section.parameters, what="Parameters")
+        faults.add(path, "unknown-parameter", message, hint)
+    elif parameter.start.dimension != given.dimension:
+        message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
+        message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
+        hint = "Change the unit of its start, or use another parameter."
+        faults.add(path, "unit", message, hint)
+
+
+def _check_starts(section: CaseSection, faults: Faults) -> None:
+    """Note tied elastic constants that are inadmissible at the start."""
+    values = {name: parameter.start.factor for name, parameter in section.parameters.items()}
+    for name, material in section.materials.items():
+        for constant in (*_MODULI, "nu"):
+            given: Given | None = getattr(material, constant)
+            if given is None or given.parameter not in values:
+                continue
+            value = given.scalar.value(values)
+            if constant == "nu" and not -1 < value < 0.5:
+                limits = "between -1 and 0.5"
+            elif constant != "nu" and value <= 0:
+                limits = "positive"
+            else:
+                continue
+            message = f"'{given.text}' is {value:g} at the start; it must be {limits}"
+            hint = f"Change the start of {given.parameter}."
+            faults.add(("materials", name, constant), "out-of-range", message, hint)

@@ -1,0 +1,318 @@
+"""The values of a case as pydantic types: quantities, numbers, counts and names.
+
+Each type validates the text that is written and describes itself in the JSON schema, so the schema
+can't say anything else than the code does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from geoident.io.wording import Refusal, shorten
+from geoident.model.parameter import Scalar
+from geoident.units import (
+    DIMENSIONLESS,
+    DIMENSIONS,
+    NUMBER_PATTERN,
+    UNITS,
+    UnitError,
+    read_quantity,
+    require_dimension,
+    units_of,
+    with_article,
+)
+
+NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
+_TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
+_BARE = re.compile(NUMBER_PATTERN)
+_LONGEST = 80
+_SERIALIZE_TEXT = core_schema.plain_serializer_function_ser_schema(lambda given: given.text)
+
+
+@dataclass(frozen=True)
+class Given:
+    """A number as the case gives it.
+
+    Args:
+        text: as written.
+        factor: the number in SI units, or the factor of a tie.
+        parameter: the parameter that it is tied to, or None.
+        dimension: key of `geoident.units.DIMENSIONS`.
+        unit: as normalised by `geoident.units`, empty for a tie.
+    """
+
+    text: str
+    factor: float
+    parameter: str | None
+    dimension: str
+    unit: str = ""
+
+    @property
+    def scalar(self) -> Scalar:
+        """For the model."""
+        return Scalar(self.factor, self.parameter)
+
+
+@dataclass(frozen=True)
+class Of:
+    """Annotation of a `Given`: what the number must be.
+
+    Args:
+        dimension: key of `geoident.units.DIMENSIONS`, or None for any.
+        tied: ``$parameter`` may stand here.
+        above: the number must be larger, if it is given.
+        below: the number must be smaller, if it is given.
+        default: text that stands for a missing key, for the schema.
+    """
+
+    dimension: str | None
+    tied: bool = False
+    above: float | None = None
+    below: float | None = None
+
+    def parse(self, value: object) -> Given:
+        """The number that a text says.
+
+        Raises:
+            UnitError: no quantity, or one of another dimension.
+            Refusal: no text, a tie where none may be, or a number outside its range.
+        """
+        if isinstance(value, Given):
+            return value
+        text = require_text(value, self.words())
+        tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+        if tie is not None and self.tied:
+            factor = float(tie[1] or (-1.0 if tie[2] else 1.0))
+            return Given(text, factor, tie[3], self.dimension or "")
+        if text.strip().startswith("$") or tie is not None:
+            raise self._refuse_tie(text, well_formed=tie is not None)
+        return self._in_range(self._quantity(text))
+
+    def words(self) -> str:
+        """What is expected, for a message."""
+        return with_article(self.dimension) if self.dimension else "a number with its unit"
+
+    def _quantity(self, text: str) -> Given:
+        quantity = read_quantity(text)
+        if self.dimension is not None:
+            require_dimension(quantity, self.dimension, text)
+        return Given(text, quantity.value, None, quantity.dimension, quantity.unit)
+
+    def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:
+        if self.tied and not well_formed:
+            hint = "Write $NAME or FACTOR $NAME, such as 0.6 $E_rock."
+            return Refusal("bad-tie", f"'{shorten(text)}' is not a tie to a parameter", hint)
+        message = f"'{shorten(text)}': a parameter cannot stand here; {self.words()} is expected"
+        return Refusal("bad-tie", message, "Write the number itself.")
+
+    def _in_range(self, given: Given) -> Given:
+        if self.above is not None and not given.factor > self.above:
+            if self.below is None:
+                limit = (
+                    "it must be positive" if self.above == 0 else f"it must exceed {self.above:g}"
+                )
+                raise Refusal("out-of-range", f"'{given.text}': {limit}")
+        elif self.below is None or given.factor < self.below:
+            return given
+        message = f"'{given.text}': it must be between {self.above:g} and {self.below:g}"
+        raise Refusal("out-of-range", message)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.parse, serialization=_SERIALIZE_TEXT
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        units = UNITS if self.dimension is None else units_of(self.dimension)
+        pattern = rf"^\s*({quantity_pattern(units)}{_tie_pattern(tied=self.tied)})\s*$"
+        kind = ["number", "string"] if self.dimension in {None, DIMENSIONLESS} else "string"
+        return {"type": kind, "pattern": pattern, "description": self._describe()}
+
+    def _describe(self) -> str:
+        si = DIMENSIONS.get(self.dimension or "", "")
+        text = f"{self.words()}{f' (SI: {si})' if si else ''}"
+        return f"{text}, or $parameter with or without a factor" if self.tied else text
+
+
+@dataclass(frozen=True)
+class Count:
+    """Annotation of an int: a whole number, not less than ``least``."""
+
+    least: int = 1
+
+    def parse(self, value: object) -> int:
+        """The number that a text says.
+
+        Raises:
+            Refusal: no whole number, or too small.
+        """
+        text = str(value) if isinstance(value, int) else require_text(value, "a whole number")
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.5
+        if not number.is_integer() or not self.least <= number <= 10**9:
+            message = f"'{shorten(text)}' is not a whole number from {self.least} on"
+            raise Refusal("bad-count", message)
+        return int(number)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.parse)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.least}
+
+
+@dataclass(frozen=True)
+class SharesUnit:
+    """Annotation of a list of quantities whose bare numbers take the unit of the last entry."""
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(share_unit, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = handler(schema)
+        return {**described, "items": {"anyOf": [described["items"], {"type": "number"}]}}
+
+
+def require_text(value: object, expected: str) -> str:
+    """The text itself.
+
+    Raises:
+        Refusal: nothing, a list or a mapping is written.
+    """
+    if isinstance(value, str):
+        return value
+    raise Refusal("wrong-kind", f"found {kind_of(value)}; {expected} is expected")
+
+
+def kind_of(value: object) -> str:
+    """What a node of the file is, for a message."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a mapping"
+    return "a list" if isinstance(value, list) else f"'{shorten(value)}'"
+
+
+def quantity_pattern(units: Any) -> str:
+    """Regular expression of a number with one of some units."""
+    alternatives = "|".join(re.escape(unit).replace(r"\-", "-") for unit in units if unit)
+    needed = "?" if "" in units else ""
+    return rf"{NUMBER_PATTERN}(\s*({alternatives})){needed}"
+
+
+def _tie_pattern(*, tied: bool) -> str:
+    return rf"|(({NUMBER_PATTERN}\s*\*?\s*)|-)?\${NAME_PATTERN}" if tied else ""
+
+
+def share_unit(value: object) -> object:
+    """A list whose bare numbers take the unit of the last entry: ``[12.5, 3 m]``.
+
+    >>> share_unit(["12.5", "3 m"])
+    ['12.5 m', '3 m']
+    """
+    if not isinstance(value, list) or not value or not isinstance(value[-1], str):
+        return value
+    try:
+        unit = read_quantity(value[-1]).unit
+    except UnitError:
+        return value
+    return [f"{x.strip()} {unit}".strip() if _is_bare(x) else x for x in value]
+
+
+def _is_bare(value: object) -> bool:
+    return (
+        isinstance(value, str) and len(value) <= _LONGEST and bool(_BARE.fullmatch(value.strip()))
+    )
+
+
+def _texts(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
+def _flag(value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    text = require_text(value, "true or false")
+    if text not in {"true", "false"}:
+        raise Refusal("not-listed", f"found '{shorten(text)}'; true or false is expected")
+    return text == "true"
+
+
+def _name(value: object) -> str:
+    text = require_text(value, "a name")
+    if not text.strip() or text != text.strip() or "\n" in text or len(text) > 100:
+        hint = "One line, up to 100 characters, without blanks at its ends."
+        raise Refusal("bad-name", f"'{shorten(text)}' is not a name", hint)
+    return text
+
+
+def _parameter_name(value: object) -> str:
+    text = require_text(value, "a name")
+    if not re.fullmatch(NAME_PATTERN, text):
+        hint = "Letters, digits and underscores, not beginning with a digit."
+        raise Refusal("bad-name", f"'{shorten(text)}' is not a name for a parameter", hint)
+    return text
+
+
+Shape = Callable[[object], str]
+
+
+def shape_of(value: object) -> str:
+    """``list`` or ``text``: tells the two ways apart in which some keys can be written."""
+    return "list" if isinstance(value, list | tuple) else "text"
+
+
+Length = Annotated[Given, Of("length")]
+Accuracy = Annotated[Given, Of("length", above=0.0)]
+Pressure = Annotated[Given, Of("pressure", tied=True)]
+Modulus = Annotated[Given, Of("pressure", tied=True, above=0.0)]
+Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
+Density = Annotated[Given, Of("density", tied=True)]
+UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
+Factor = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
+Number = Annotated[Given, Of(DIMENSIONLESS)]
+Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
+Acceleration = Annotated[Given, Of("acceleration")]
+AnyQuantity = Annotated[Given, Of(None)]
+
+_SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
+Point = Annotated[
+    list[Length],
+    SharesUnit(),
+    Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
+]
+Line = Annotated[list[Point], Field(min_length=2, max_length=2)]
+Bounds = Annotated[
+    list[AnyQuantity],
+    SharesUnit(),
+    Field(min_length=2, max_length=2, description=f"Lower and upper bound{_SHARED}."),
+]
+Accelerations = Annotated[list[Acceleration], SharesUnit()]
+Pressures = Annotated[list[Pressure], SharesUnit()]
+Numbers = list[Number]
+Flag = Annotated[bool, BeforeValidator(_flag)]
+Name = Annotated[str, BeforeValidator(_name)]
+ParameterName = Annotated[
+    str, BeforeValidator(_parameter_name), Field(pattern=rf"^{NAME_PATTERN}$")
+]
+Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"))]

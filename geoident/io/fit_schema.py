@@ -1,0 +1,138 @@
+"""The section `fit` of a case file, made from the table of methods and their option types."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
+
+from geoident.io.case_values import (
+    AnyQuantity,
+    Count,
+    Given,
+    Name,
+    Of,
+    ParameterName,
+    Positive,
+    require_text,
+    shape_of,
+)
+from geoident.io.section import Section
+from geoident.io.wording import Refusal, did_you_mean, listing, shorten
+from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
+from geoident.units import DIMENSIONLESS
+
+DEFAULT_METHOD = next(iter(METHOD_OPTIONS))
+
+_RANGES: Mapping[str, Any] = {
+    "restarts": Annotated[int, Count(least=0)],
+    "points": Annotated[int, Count(least=2)],
+    "beta": Annotated[Given, Of(DIMENSIONLESS, above=0.0, below=1.0)],
+    "gamma": Annotated[Given, Of(DIMENSIONLESS, above=1.0)],
+}
+_KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}
+
+
+def _known_method(value: object) -> str:
+    text = require_text(value, "the name of a method")
+    if text not in METHOD_OPTIONS:
+        message = f"there is no method '{shorten(text)}'; the methods are {listing(METHOD_OPTIONS)}"
+        hint = did_you_mean(text, METHOD_OPTIONS, what="Methods")
+        raise Refusal(
+            "unknown-method", message, hint if hint.startswith("Did") else "Use one of them."
+        )
+    return text
+
+
+MethodName = Annotated[
+    str, BeforeValidator(_known_method), WithJsonSchema({"enum": list(METHOD_OPTIONS)})
+]
+
+
+class AxisSection(Section):
+    """One axis of a scan, in the dimension of its parameter."""
+
+    start: AnyQuantity = Field(alias="from", description="First value.")
+    stop: AnyQuantity = Field(alias="to", description="Last value.")
+    points: Annotated[int, Count(least=2)] | None = Field(None, description="Number of values.")
+
+
+class FitBase(Section):
+    """How the parameters are identified."""
+
+    method: Annotated[
+        Annotated[MethodName, Tag("text")]
+        | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
+        Discriminator(shape_of),
+    ] = Field(DEFAULT_METHOD, description="A method, or several that follow each other.")
+    stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
+        None, description="Stages whose readings are used (all if missing); others are predicted."
+    )
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Names of the methods in their order."""
+        return (self.method,) if isinstance(self.method, str) else tuple(self.method)
+
+    def options(self, method: str) -> Section:
+        """The options of a method."""
+        section = getattr(self, field_name(method))
+        assert isinstance(section, Section)
+        return section
+
+
+def field_name(method: str) -> str:
+    """Name of the attribute that holds the options of a method."""
+    return method.replace("-", "_")
+
+
+def _option_model(method: str, kind: type[MethodOptions]) -> type[Section]:
+    summary, texts = _documented(kind)
+    hints = get_type_hints(kind)
+    definitions: dict[str, Any] = {}
+    for option in fields(kind):
+        annotation = _annotation(option.name, hints[option.name])
+        default = {} if option.default is MISSING else _default(option.default)
+        description = texts.get(option.name, "")
+        definitions[option.name] = (annotation, Field(default, description=description))
+    name = f"{kind.__name__}Section"
+    return create_model(name, __base__=Section, __doc__=summary, **definitions)
+
+
+def _annotation(name: str, hint: Any) -> Any:
+    if hint == Mapping[str, ScanAxis]:
+        return dict[ParameterName, AxisSection]
+    return _RANGES.get(name, _KINDS.get(hint, hint))
+
+
+def _default(value: object) -> object:
+    if isinstance(value, float):
+        return Given(f"{value:g}", value, None, DIMENSIONLESS)
+    return value
+
+
+def _documented(kind: type) -> tuple[str, dict[str, str]]:
+    """Summary and the description of every option, from a docstring."""
+    doc = kind.__doc__ or ""
+    summary, _, args = doc.partition("Args:")
+    entries = re.findall(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", args, re.MULTILINE)
+    return summary.strip(), {name: " ".join(text.split()) for name, text in entries}
+
+
+def _fit_model() -> type[FitBase]:
+    definitions: dict[str, Any] = {}
+    for method, kind in METHOD_OPTIONS.items():
+        model = _option_model(method, kind)
+        description = f"Options of {method}."
+        field = Field(default_factory=model, alias=method, description=description)
+        definitions[field_name(method)] = (model, field)
+    return create_model("FitSection", __base__=FitBase, __doc__=FitBase.__doc__, **definitions)
+
+
+if TYPE_CHECKING:
+    FitSection = FitBase
+else:
+    FitSection = _fit_model()

@@ -1,0 +1,36 @@
+"""The JSON schema of case files, generated from the code that validates them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from geoident.io.case_schema import CaseSection
+from geoident.io.case_values import Given
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def case_schema() -> dict[str, Any]:
+    """The schema of case files.
+
+    >>> case_schema()["title"]
+    'geoident case'
+    """
+    schema = CaseSection.model_json_schema(schema_generator=_Generator)
+    schema |= {"$schema": DIALECT, "title": "geoident case"}
+    return schema
+
+
+class _Generator(GenerateJsonSchema):
+    def encode_default(self, dft: Any) -> Any:
+        if isinstance(dft, Given):
+            return dft.text if dft.unit else dft.factor
+        return super().encode_default(dft)
+
+
+def case_schema_text() -> str:
+    """The schema as it stands in ``schemas/case.schema.json``."""
+    return json.dumps(case_schema(), indent=2, ensure_ascii=False) + "\n"
