@@ -218,10 +218,11 @@ class March:
         self, system: StageSystem, state: State, laws: Mapping[str, Floats]
     ) -> Factor | None:
         """Factorization of K_j; None where every displacement is prescribed."""
-        if system.analysis is None:
+        analysis = self._systems.analysis(system)
+        if analysis is None:
             return None
         try:
-            return system.analysis.factorize(self._systems.values(system, state, laws))
+            return analysis.factorize(self._systems.values(system, state, laws))
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(system, error.unknown)
             msg = f"at stage '{state.name}' the stiffness matrix is not positive definite{place}"

@@ -36,20 +36,23 @@ class StageSystem:
         touched: (n_dofs,) degrees of freedom of nodes that are there.
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
+        groups: indices of the present groups.
         pattern: the stiffness pattern.
-        analysis: of the pattern, None if nothing is free to move.
     """
 
     present: Bools
     touched: Bools
     volume: Floats
     points_of: Mapping[str, Index]
+    groups: frozenset[int]
     pattern: StiffnessPattern
-    analysis: Analysis | None
 
 
 class StageSystems:
-    """The equations of all states of a timeline; equal patterns are analysed once."""
+    """The equations of all states of a timeline, each prepared when it is first needed.
+
+    Equal patterns are analysed once, and only if something is solved on them.
+    """
 
     def __init__(self, mesh: Mesh, timeline: Timeline, fixed: Bools, solver: Solver) -> None:
         geometries = tuple(block_geometry(mesh.points, block) for block in mesh.blocks)
@@ -66,14 +69,23 @@ class StageSystems:
         }
         group_of_point = timeline.group_of[self.points.element]
         self.points_of: dict[int, Index] = {g: _as_index(group_of_point == g) for g in ever}
-        self._analyses: dict[bytes, Analysis] = {}
+        self._timeline = timeline
+        self._fixed = fixed
+        self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
-        self._systems = [
-            self._prepare(s, timeline, n, fixed) for n, s in enumerate(timeline.states)
-        ]
+        self._analyses: dict[frozenset[int], Analysis | None] = {}
+        self._analysed: dict[bytes, Analysis] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
+        if state not in self._systems:
+            self._systems[state] = self._prepare(state)
         return self._systems[state]
+
+    def analysis(self, system: StageSystem) -> Analysis | None:
+        """The analysed pattern of a state; None if nothing is free to move."""
+        if system.groups not in self._analyses:
+            self._analyses[system.groups] = self._analyse(system.pattern.lower)
+        return self._analyses[system.groups]
 
     def values(self, system: StageSystem, state: State, laws: Mapping[str, Floats]) -> Floats:
         """Values of K for the moduli (n_strain, n_strain) of every material."""
@@ -89,8 +101,9 @@ class StageSystems:
         node = system.pattern.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
 
-    def _prepare(self, state: State, timeline: Timeline, n: int, fixed: Bools) -> StageSystem:
-        here = timeline.present(n)
+    def _prepare(self, number: int) -> StageSystem:
+        timeline, state = self._timeline, self._timeline.states[number]
+        here = timeline.present(number)
         present = here[self.points.element]
         points_of: dict[str, Index] = {}
         names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
@@ -102,22 +115,21 @@ class StageSystems:
             self._patterns[groups] = stiffness_pattern(
                 {g: self._blocks[g] for g in groups},
                 node_of_rank=self._node_of_rank,
-                fixed=fixed,
+                fixed=self._fixed,
                 dim=self._mesh.dim,
             )
         pattern = self._patterns[groups]
-        return StageSystem(
-            present, _touched(self._mesh, here), np.where(present, self.points.volume, 0.0),
-            points_of, pattern, self._analyse(pattern.lower),
-        )  # fmt: skip
+        volume = np.where(present, self.points.volume, 0.0)
+        touched = _touched(self._mesh, here)
+        return StageSystem(present, touched, volume, points_of, groups, pattern)
 
     def _analyse(self, lower: LowerPattern) -> Analysis | None:
         if lower.n == 0:
             return None
         key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
-        if key not in self._analyses:
-            self._analyses[key] = self._solver.analyse(lower)
-        return self._analyses[key]
+        if key not in self._analysed:
+            self._analysed[key] = self._solver.analyse(lower)
+        return self._analysed[key]
 
 
 def _as_index(mask: Bools) -> Index:
