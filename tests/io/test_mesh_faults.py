@@ -9,6 +9,7 @@ import gmsh
 import meshio
 import numpy as np
 import pytest
+import vtk
 
 from geoident.errors import Fault, InputError
 from geoident.io.mesh_file import read_mesh
@@ -198,6 +199,20 @@ def test_nodes_that_are_missing_or_double_are_refused_by_number(tmp_path):
     assert "element 1" in fault_of(vtu).message
 
 
+def test_a_missing_node_is_found_also_among_sparse_numbers(tmp_path):
+    nodes = "10 0 0 0\n20 1 0 0\n40 1 1 0\n"
+    path = tmp_path / "m.msh"
+    assert read_mesh(str(msh2(path, "9 2 2 0 1 40 10 20\n", nodes)), dim=2).n_elements == 1
+    assert "node 30" in fault_of(msh2(path, "9 2 2 0 1 10 20 30\n", nodes)).message
+
+
+@pytest.mark.parametrize("section", ["Nodes", "Elements"])
+def test_a_section_with_more_than_it_announces_is_refused(section, tmp_path):
+    path = msh2(tmp_path / "m.msh", "9 2 2 0 1 1 2 3\n")
+    path.write_text(path.read_text().replace(f"$End{section}", f"7 7 7 7\n$End{section}"))
+    assert fault_of(path).code == "mesh-malformed"
+
+
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300"])
 def test_coordinates_that_are_no_numbers_are_refused(value, tmp_path):
     nodes = f"1 0 0 0\n2 {value} 0 0\n3 1 1 0\n"
@@ -229,6 +244,22 @@ def test_a_vtk_cell_that_would_be_dropped_is_refused(tmp_path):
         f"POINTS 8 double\n{numbers}\n{cells}"
     )
     assert fault_of(voxel, dim=3).code in ("mesh-malformed", "mesh-truncated")
+
+
+def test_a_voxel_in_a_vtu_file_is_refused_and_not_dropped(tmp_path):
+    path = tmp_path / "m.vtu"
+    grid = vtk.vtkUnstructuredGrid()
+    points = vtk.vtkPoints()
+    for point in CUBE:
+        points.InsertNextPoint(*point)
+    grid.SetPoints(points)
+    grid.InsertNextCell(vtk.VTK_VOXEL, 8, [0, 1, 3, 2, 4, 5, 7, 6])
+    grid.InsertNextCell(vtk.VTK_TETRA, 4, [0, 1, 2, 5])
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(grid)
+    writer.Write()
+    assert "cannot handle" in fault_of(path, dim=3).message
 
 
 def test_a_vtk_file_cut_within_the_cell_types_is_refused(tmp_path):

@@ -95,6 +95,22 @@ def test_elements_without_group_and_unused_nodes_are_kept(model, form, tmp_path)
     assert far[0] not in np.concatenate([block.nodes.ravel() for block in mesh.blocks])
 
 
+def test_repeated_elements_need_not_follow_each_other(tmp_path):
+    """MSH 2.2 repeats the elements of a second group, and lines may stand twice in the file."""
+    (tmp_path / "m.msh").write_text(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+        '$PhysicalNames\n3\n2 1 "rock"\n2 2 "first"\n1 3 "floor"\n$EndPhysicalNames\n'
+        "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n$EndNodes\n$Elements\n6\n"
+        "1 1 2 3 1 1 2\n2 1 2 3 2 2 3\n3 1 2 4 3 2 1\n"
+        "11 2 2 1 1 1 2 3\n12 2 2 1 1 1 3 4\n13 2 2 2 1 1 2 3\n$EndElements\n"
+    )
+    mesh = read_mesh(str(tmp_path / "m.msh"), dim=2)
+    assert mesh.blocks[0].numbers.tolist() == [11, 12]
+    assert {n: w.tolist() for n, w in mesh.groups.items()} == {"rock": [0, 1], "first": [0]}
+    assert mesh.facets[0].numbers.tolist() == [1, 2]
+    assert {n: w.tolist() for n, w in mesh.facet_groups.items()} == {"floor": [0, 1], "4": [0]}
+
+
 def test_lines_of_a_solid_mesh_become_node_groups(model, tmp_path):
     model.occ.addBox(0, 0, 0, 1, 1, 1)
     model.occ.synchronize()
