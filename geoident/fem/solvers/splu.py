@@ -13,12 +13,15 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.direct import DirectAnalysis, Solve, check_pivots
+from geoident.fem.solvers.direct import SINGULAR, DirectAnalysis, Solve, check_pivots
 from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
 from geoident.model.arrays import Floats, Ints
 
 BLOCK = 4
 """Right-hand sides solved together; SuperLU loses its cache with more."""
+
+READABLE = 20_000_000
+"""Entries of the factor up to which it is copied to see its pivots (12 bytes each)."""
 
 
 class SpluSolver:
@@ -57,10 +60,7 @@ class SpluAnalysis(DirectAnalysis):
             )
         except RuntimeError as error:  # exactly singular
             raise NotPositiveDefinite from error
-        unknowns = np.argsort(lu.perm_c)
-        if not np.array_equal(lu.perm_r, lu.perm_c):  # left the diagonal: its entry was zero
-            raise NotPositiveDefinite(int(np.flatnonzero(lu.perm_r != lu.perm_c)[0]))
-        check_pivots(lu.U.diagonal(), diagonal, unknowns)
+        _check(lu, diagonal)
         return lambda rhs: _solve_in_blocks(lu, rhs)
 
 
@@ -78,6 +78,25 @@ def _mirror(pattern: LowerPattern) -> sp.csc_array[np.int64]:
     return sp.csc_array(
         (places[order], rows[order].astype(np.int32), indptr.astype(np.int32)), shape=(n, n)
     )
+
+
+def _check(lu: Any, diagonal: Floats) -> None:
+    """Raise `NotPositiveDefinite` unless the factor is that of a positive definite matrix.
+
+    To see the pivots SuperLU must copy the factor; where that is too large, one solve stands in: it
+    finds a singular matrix for sure, an indefinite one if its negative eigenvalues dominate.
+    """
+    off = np.flatnonzero(lu.perm_r != lu.perm_c)
+    if off.size:  # it left the diagonal, where a pivot was zero
+        raise NotPositiveDefinite(int(off[0]))
+    if lu.nnz <= READABLE:
+        check_pivots(lu.U.diagonal(), diagonal, np.argsort(lu.perm_c))
+        return
+    probe = np.random.default_rng(0).normal(size=diagonal.size)
+    shape = lu.solve(probe)
+    worst = int(np.argmax(np.abs(shape)))
+    if not probe @ shape > SINGULAR * diagonal[worst] * (shape @ shape):
+        raise NotPositiveDefinite(worst)
 
 
 def _solve_in_blocks(lu: Any, rhs: Floats) -> Floats:

@@ -1,0 +1,278 @@
+"""Sparse direct solvers: each solves, says what is not positive definite, and counts its work."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from geoident.errors import UsageError
+from geoident.fem import solvers
+from geoident.fem.solvers import SOLVERS, pick_solver, solver_report, splu
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+
+INSTALLED = {info.name: info.available for info in solver_report()}
+
+
+@pytest.fixture(params=SOLVERS)
+def solver(request):
+    if not INSTALLED[request.param]:
+        pytest.skip(f'needs pip install "geoident[{request.param}]"')
+    return pick_solver(request.param)
+
+
+def lower(matrix):
+    """Pattern and values of the lower triangle, every diagonal entry stored."""
+    triangle = sp.coo_array(sp.tril(matrix))
+    order = np.lexsort((triangle.row, triangle.col))
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(triangle.col, minlength=matrix.shape[0]))])
+    pattern = LowerPattern(indptr.astype(np.int64), triangle.row[order].astype(np.int64))
+    return pattern, triangle.data[order].astype(float)
+
+
+def laplacian(n):
+    """Five-point Laplacian of an n x n grid with fixed edge."""
+    line = sp.diags_array(
+        [-np.ones(n), 2 * np.ones(n), -np.ones(n)], offsets=[-1, 0, 1], shape=(n, n)
+    )
+    return sp.csr_array(sp.kron(line, sp.eye_array(n)) + sp.kron(sp.eye_array(n), line))
+
+
+def truss(n, *, ground=1.0, seed=0):
+    """Stiffness of a cube of springs, n nodes a side, 3 displacements a node; springs to ground.
+
+    Spring constants span three orders, as rock and soil do. Without ground it has rigid motions.
+    """
+    rng = np.random.default_rng(seed)
+    points = np.array(list(itertools.product(range(n), repeat=3)), dtype=float)
+    near = np.abs(points[:, None] - points[None]).max(axis=2) == 1
+    first, second = np.nonzero(np.triu(near))
+    along = points[second] - points[first]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    stretch = np.zeros((first.size, len(points), 3))
+    stretch[np.arange(first.size), second] = along
+    stretch[np.arange(first.size), first] = -along
+    stretch = stretch.reshape(first.size, -1)
+    constants = 10.0 ** rng.uniform(6, 9, first.size)
+    held = np.diag(np.repeat(points[:, 2] == 0, 3) * 1e7 * ground)
+    return sp.csr_array(stretch.T * constants @ stretch + held)
+
+
+def random_spd(n, seed):
+    rng = np.random.default_rng(seed)
+    half = sp.random_array((n, n), density=0.05, rng=rng)
+    return sp.csr_array(half @ half.T + sp.eye_array(n))
+
+
+MATRICES = {
+    "laplacian": laplacian(15),
+    "springs": truss(4),
+    "random 1": random_spd(120, 1),
+    "random 2": random_spd(120, 2),
+    "dense": sp.csr_array(np.eye(30) + 1.0),
+    "diagonal": sp.csr_array(sp.diags_array(np.geomspace(1e-6, 1e12, 20))),
+    "one unknown": sp.csr_array([[4.0]]),
+}
+
+
+@pytest.mark.parametrize("name", MATRICES)
+def test_solutions_are_those_of_the_dense_matrix(solver, name):
+    matrix = MATRICES[name]
+    pattern, values = lower(matrix)
+    rhs = np.random.default_rng(0).normal(size=(pattern.n, 11))
+    solution = solver.analyse(pattern).factorize(values).solve(rhs)
+    assert solution.shape == rhs.shape
+    scale = np.abs(matrix).sum(axis=1).max() * np.abs(solution).max() + np.abs(rhs).max()
+    assert np.abs(matrix @ solution - rhs).max() <= 1e-12 * scale
+    np.testing.assert_allclose(solution, np.linalg.solve(matrix.toarray(), rhs), rtol=1e-6)
+
+
+def test_work_is_counted(solver):
+    pattern, values = lower(laplacian(4))
+    analysis = solver.analyse(pattern)
+    analysis.factorize(values).solve(np.ones((16, 3)))
+    analysis.factorize(2 * values).solve(np.ones((16, 2)))
+    counts = solver.counts
+    assert (counts.analyses, counts.factorizations, counts.solves) == (1, 2, 5)
+
+
+def test_one_analysis_serves_many_values(solver):
+    analysis = solver.analyse(lower(truss(3))[0])
+    rhs = np.ones((81, 1))
+    for seed in range(4):
+        matrix = truss(3, seed=seed)
+        solution = analysis.factorize(lower(matrix)[1]).solve(rhs)
+        np.testing.assert_allclose(matrix @ solution, rhs, rtol=1e-8)
+
+
+def test_two_analyses_live_side_by_side(solver):
+    matrices = [laplacian(6), truss(3)]
+    factors = [
+        solver.analyse(pattern).factorize(values) for pattern, values in map(lower, matrices)
+    ]
+    for matrix, factor in zip(matrices, factors, strict=True):
+        rhs = np.ones((matrix.shape[0], 2))
+        np.testing.assert_allclose(matrix @ factor.solve(rhs), rhs, rtol=1e-8)
+
+
+def test_a_factor_outlives_the_names_of_its_analysis(solver):
+    pattern, values = lower(laplacian(8))
+    factor = solver.analyse(pattern).factorize(values)
+    del pattern, values
+    gc.collect()
+    np.testing.assert_allclose(laplacian(8) @ factor.solve(np.ones((64, 1))), 1.0)
+
+
+def test_a_replaced_factor_refuses_to_solve(solver):
+    pattern, values = lower(laplacian(4))
+    analysis = solver.analyse(pattern)
+    old = analysis.factorize(values)
+    analysis.factorize(2 * values)
+    with pytest.raises(RuntimeError, match="replaced"):
+        old.solve(np.ones((16, 1)))
+
+
+def test_input_is_neither_changed_nor_has_to_be_writable_or_contiguous(solver):
+    pattern, values = lower(laplacian(5))
+    rhs = np.random.default_rng(0).normal(size=(25, 6))
+    kept = values.copy(), rhs.copy()
+    for array in (pattern.indptr, pattern.indices, values, rhs):
+        array.setflags(write=False)
+    factor = solver.analyse(pattern).factorize(values)
+    expected = factor.solve(rhs)
+    assert np.array_equal(values, kept[0])
+    assert np.array_equal(rhs, kept[1])
+    for same in (np.asfortranarray(rhs), np.repeat(rhs, 2, axis=1)[:, ::2]):
+        np.testing.assert_allclose(factor.solve(same), expected, rtol=1e-13)
+    np.testing.assert_allclose(factor.solve(rhs[:, :1]), expected[:, :1], rtol=1e-12)
+
+
+def test_solutions_do_not_share_memory(solver):
+    pattern, values = lower(laplacian(5))
+    factor = solver.analyse(pattern).factorize(values)
+    first = factor.solve(np.ones((25, 2)))
+    kept = first.copy()
+    factor.solve(np.full((25, 2), 7.0))
+    assert np.array_equal(first, kept)
+
+
+def test_no_right_hand_side_and_no_unknown(solver):
+    pattern, values = lower(laplacian(3))
+    assert solver.analyse(pattern).factorize(values).solve(np.zeros((9, 0))).shape == (9, 0)
+    empty = LowerPattern(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    assert solver.analyse(empty).factorize(np.zeros(0)).solve(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_shapes_that_do_not_fit_are_refused(solver):
+    pattern, values = lower(laplacian(3))
+    analysis = solver.analyse(pattern)
+    with pytest.raises(ValueError, match="values"):
+        analysis.factorize(values[:-1])
+    with pytest.raises(ValueError, match="shape"):
+        analysis.factorize(values).solve(np.ones(9))
+
+
+def test_an_indefinite_matrix_is_named_by_the_unknown_where_elimination_fails(solver):
+    pattern, values = lower(laplacian(10))
+    values[pattern.indptr[37]] = 0.5
+    analysis = solver.analyse(pattern)
+    with pytest.raises(NotPositiveDefinite) as caught:
+        analysis.factorize(values)
+    assert caught.value.unknown == 37
+    values[pattern.indptr[37]] = 4.0
+    np.testing.assert_allclose(
+        laplacian(10) @ analysis.factorize(values).solve(np.ones((100, 1))), 1.0
+    )
+
+
+@pytest.mark.parametrize("entry", [0.0, -1.0, np.nan, np.inf])
+def test_a_bad_diagonal_entry_is_named(solver, entry):
+    pattern, values = lower(laplacian(5))
+    values[pattern.indptr[7]] = entry
+    with pytest.raises(NotPositiveDefinite) as caught:
+        solver.analyse(pattern).factorize(values)
+    assert caught.value.unknown == 7
+
+
+def test_a_value_that_is_not_a_number_is_refused(solver):
+    pattern, values = lower(laplacian(5))
+    values[pattern.indptr[7] + 1] = np.nan
+    with pytest.raises(NotPositiveDefinite):
+        solver.analyse(pattern).factorize(values)
+
+
+def test_a_body_that_nothing_holds_is_refused(solver):
+    pattern, values = lower(truss(4, ground=0.0))
+    with pytest.raises(NotPositiveDefinite) as caught:
+        solver.analyse(pattern).factorize(values)
+    # The last four nodes stand on an edge. The rotation about it moves node 59 along x and nothing
+    # that comes later.
+    assert caught.value.unknown == 3 * 59
+
+
+def test_a_matrix_held_by_little_is_not_taken_for_singular(solver):
+    matrix = truss(4, ground=1e-6)
+    pattern, values = lower(matrix)
+    rhs = np.ones((pattern.n, 1))
+    solution = solver.analyse(pattern).factorize(values).solve(rhs)
+    np.testing.assert_allclose(matrix @ solution, rhs, rtol=1e-3)
+
+
+def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
+    monkeypatch.setattr(splu, "READABLE", 0)
+    solver = pick_solver("splu")
+    held, loose = lower(truss(4)), lower(truss(4, ground=0.0))
+    solver.analyse(held[0]).factorize(held[1])
+    with pytest.raises(NotPositiveDefinite):
+        solver.analyse(loose[0]).factorize(loose[1])
+
+
+def test_the_first_installed_solver_is_picked():
+    assert pick_solver().name == next(name for name in SOLVERS if INSTALLED[name])
+    assert INSTALLED["splu"]
+
+
+def test_each_pick_counts_for_itself():
+    assert pick_solver("splu").counts is not pick_solver("splu").counts
+
+
+def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
+    def missing(name):
+        raise ImportError(f"No module named {name!r}")
+
+    create = solvers._create
+    monkeypatch.setattr(
+        solvers, "_create", lambda name: create(name) if name == "splu" else missing(name)
+    )
+    assert pick_solver().name == "splu"
+    with pytest.raises(UsageError, match=r'pip install "geoident\[cholmod\]"'):
+        pick_solver("cholmod")
+    report = {info.name: info for info in solver_report()}
+    assert not report["pardiso"].available
+    assert "pardiso" in report["pardiso"].remedy
+
+
+def test_an_unknown_solver_is_named_with_the_choices():
+    with pytest.raises(UsageError, match="auto, pardiso, cholmod, splu"):
+        pick_solver("mumps")
+
+
+@pytest.mark.skipif(not INSTALLED["pardiso"], reason='needs pip install "geoident[pardiso]"')
+def test_the_report_respects_the_environment(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    assert solver_report()[0].threads == 5
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    assert solver_report()[0].threads == 3
+
+
+@pytest.mark.skipif(not INSTALLED["cholmod"], reason='needs pip install "geoident[cholmod]"')
+def test_options_of_other_users_of_cvxopt_are_kept(monkeypatch):
+    from cvxopt import cholmod  # noqa: PLC0415
+
+    monkeypatch.setitem(cholmod.options, "supernodal", 0)
+    pattern, values = lower(laplacian(5))
+    pick_solver("cholmod").analyse(pattern).factorize(values)
+    assert cholmod.options["supernodal"] == 0
