@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError
+from geoident.model.gauges import Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
 from geoident.report.quantities import si_unit
@@ -130,6 +131,23 @@ def grid_object(grid: Grid) -> dict[str, Any]:
     return {
         "axes": dict(zip(grid.names, grid.axes, strict=True)),
         "objective": grid.objective,
+    }
+
+
+def simulation_object(
+    readings: Sequence[Reading], *, case: str, output: str | None
+) -> dict[str, Any]:
+    """Readings of the model, m."""
+    return {
+        "case": case,
+        "kind": "simulate",
+        "status": "done",
+        "exit_code": 0,
+        "output": output,
+        "readings": [
+            {"gauge": reading.channel, "stage": reading.stage, "value": reading.value, "unit": "m"}
+            for reading in readings
+        ],
     }
 
 

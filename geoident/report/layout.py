@@ -88,6 +88,13 @@ def millimetres(value: float) -> str:
     >>> millimetres(0.01234)
     '12.34'
     """
-    if math.isnan(value):
-        return "-"
-    return f"{1e3 * value:.2f}"
+    return decimals(1e3 * value, 2)
+
+
+def decimals(value: float, places: int) -> str:
+    """A number with so many decimals, never ``-0.00``; a dash for none.
+
+    >>> decimals(-0.001, 2)
+    '0.00'
+    """
+    return "-" if math.isnan(value) else f"{value:z.{places}f}"

@@ -11,8 +11,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoident.model.result import Counts, Grid, ParameterTable, Result
-from geoident.report.layout import bullets, millimetres, number, section, sections, sentence, table
+from geoident.model.parameter import Parameter
+from geoident.model.result import Counts, Grid, Iteration, ParameterTable, Result
+from geoident.report.layout import (
+    bullets,
+    decimals,
+    millimetres,
+    number,
+    section,
+    sections,
+    sentence,
+    table,
+)
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 
 NOT_DETERMINED = "not determined"
@@ -101,8 +111,11 @@ def _fit_title(result: Result) -> str:
 
 
 def fit_text(result: Result) -> str:
-    """Measured and computed readings; those that took no part are marked."""
+    """Measured and computed readings, without those that stand among the predictions."""
     gauges = result.gauges
+    shown = np.isfinite(gauges.measured)
+    if result.prediction is not None:
+        shown &= gauges.used | ~np.isfinite(result.prediction.mean)
     rows = [
         [
             gauges.channels[i],
@@ -110,7 +123,7 @@ def fit_text(result: Result) -> str:
             *_comparison(result, i, j),
             "" if gauges.used[i, j] else "not used",
         ]
-        for j, i in np.argwhere(np.isfinite(gauges.measured).T)
+        for j, i in np.argwhere(shown.T)
     ]
     if not rows:
         return ""
@@ -123,8 +136,8 @@ def _comparison(result: Result, i: int, j: int) -> list[str]:
     residual = float(gauges.measured[i, j] - gauges.computed[i, j])
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     in_sd = residual / float(gauges.sd[i, j])
-    in_sd_text = "-" if math.isnan(in_sd) else f"{in_sd:.1f}"
-    return [millimetres(measured), millimetres(computed), millimetres(residual), in_sd_text]
+    lengths = [millimetres(length) for length in (measured, computed, residual)]
+    return [*lengths, decimals(in_sd, 1)]
 
 
 def predictions_text(result: Result) -> str:
@@ -207,4 +220,18 @@ def cost(counts: Counts) -> str:
     return (
         f"Cost: {counts.evaluations} evaluations, {counts.factorizations} factorizations,"
         f" {counts.solves} solves"
+    )
+
+
+def iteration_text(iteration: Iteration, parameters: Sequence[Parameter]) -> str:
+    """One step of an identifier on one line."""
+    values = ", ".join(
+        f"{q.name} {number(in_unit(float(value), q.unit, q.dimension))}"
+        + (f" {unit}" if (unit := shown_unit(q.unit, q.dimension)) else "")
+        for q, value in zip(parameters, iteration.values, strict=False)
+    )
+    note = f" {iteration.note}," if iteration.note else ""
+    return (
+        f"{iteration.method} {iteration.number}:{note} discrepancy"
+        f" {number(iteration.objective, 6)} ({values})"
     )

@@ -28,9 +28,6 @@ class Unused:
     reading: Reading
     reason: str
 
-    def __str__(self) -> str:
-        return f"{self.reading.channel} at {self.reading.stage}: {self.reason}"
-
 
 @dataclass(frozen=True)
 class Selection:
@@ -60,6 +57,17 @@ class Selection:
     def sd(self) -> Floats:
         """The (g,) standard deviations of the used readings, m."""
         return np.array([self.accuracy(reading) for reading in self.used], dtype=np.float64)
+
+    def unused_by_stage(self) -> tuple[str, ...]:
+        """The unused readings in words, those of one stage and reason together."""
+        together: dict[tuple[str, str], list[str]] = {}
+        for unused in self.unused:
+            key = (unused.reading.stage, unused.reason)
+            together.setdefault(key, []).append(unused.reading.channel)
+        return tuple(
+            f"{', '.join(channels)} at {stage}: {reason}"
+            for (stage, reason), channels in together.items()
+        )
 
     def accuracy(self, reading: Reading) -> float:
         """Standard deviation of a reading, m: its own, or that of its channel."""

@@ -1,0 +1,91 @@
+"""``geoident check``: everything that can be wrong, and what the case amounts to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from geoident.forward.model import StagedModel
+from geoident.model.case import Case
+from geoident.model.methods import method_name
+from geoident.model.summary import CaseSummary, GaugeSummary, GroupSummary, StageSummary
+from geoident.workflow.estimate import require_possible
+from geoident.workflow.inputs import Inputs, build_model, load_inputs
+from geoident.workflow.selection import Selection, require_enough, select_readings
+
+
+def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> CaseSummary:
+    """Read a case and build its model, without solving anything.
+
+    Raises:
+        InputError: with all faults that are found in one go.
+        ModelError: the model moves freely somewhere.
+    """
+    inputs = load_inputs(path, overrides=overrides)
+    model = build_model(inputs, solver=solver)
+    selection = select_readings(inputs.case, model)
+    if inputs.case.readings:
+        require_enough(selection)
+    require_possible(model, inputs.case, inputs.case.fit.methods)
+    return summarize(inputs, model, selection)
+
+
+def summarize(inputs: Inputs, model: StagedModel, selection: Selection) -> CaseSummary:
+    """What a case amounts to."""
+    case = inputs.case
+    return CaseSummary(
+        case=inputs.path,
+        title=case.title,
+        analysis=case.analysis.value,
+        mesh=str(inputs.loaded.mesh_path),
+        nodes=model.mesh.n_nodes,
+        elements=model.mesh.n_elements,
+        groups=_groups(case, model),
+        stages=_stages(case, model, selection),
+        gauges=_gauges(case, selection),
+        parameters=tuple(parameter.name for parameter in case.parameters),
+        methods=tuple(method_name(options) for options in case.fit.methods),
+        used=len(selection.used),
+        unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
+        notes=tuple(model.notes),
+    )
+
+
+def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
+    return tuple(
+        GroupSummary(name, material, len(model.mesh.groups[name]))
+        for name, material in case.groups.items()
+    )
+
+
+def _stages(case: Case, model: StagedModel, selection: Selection) -> tuple[StageSummary, ...]:
+    used = Counter(stage for _, stage in selection.pairs)
+    return tuple(
+        StageSummary(
+            name=stage.name,
+            leaves=stage.excavate,
+            enters=tuple(stage.install.items()),
+            changes=tuple(stage.change.items()),
+            loads=tuple(stage.loads),
+            removed=stage.remove,
+            dofs=dofs,
+            used=used[stage.name],
+        )
+        for stage, dofs in zip(case.stages, model.n_dofs[1:], strict=True)
+    )
+
+
+def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
+    used = Counter(channel for channel, _ in selection.pairs)
+    unused = Counter(unused.reading.channel for unused in selection.unused)
+    return tuple(
+        GaugeSummary(
+            name=channel.name,
+            kind=channel.kind,
+            zero=channel.zero,
+            accuracy=channel.accuracy,
+            used=used[channel.name],
+            unused=unused[channel.name],
+        )
+        for channel in case.channels
+    )

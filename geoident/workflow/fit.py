@@ -1,0 +1,120 @@
+"""``geoident fit``: the parameters that meet the readings, and what they say of later stages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import ExitCode
+from geoident.forward.model import Survey
+from geoident.identify.problem import Outcome, Problem
+from geoident.identify.uncertainty import Assessment, assess
+from geoident.model.methods import method_name
+from geoident.model.result import Counts, Result
+from geoident.workflow.control import Control
+from geoident.workflow.estimate import (
+    Setup,
+    evaluation_log,
+    prepare,
+    problem_of,
+    search,
+    total,
+    used_jacobian,
+)
+from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.jobs import Job
+from geoident.workflow.predictions import predict_stages, predicted_stages, score
+from geoident.workflow.provenance import job_provenance
+from geoident.workflow.tables import accuracies, gauge_table, parameter_table
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found, and what the model says there.
+
+    Args:
+        outcome: of the identifiers.
+        assessment: how well the parameters are known.
+        survey: the model at the parameters.
+        counts: of all.
+    """
+
+    outcome: Outcome
+    assessment: Assessment
+    survey: Survey
+    counts: Counts
+
+
+def fit(job: Job, control: Control) -> Finished:
+    """Identify the parameters of a case and write the result; keep one that is up to date.
+
+    Raises:
+        InputError, ModelError, OutputError: see the commands' exit codes.
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if job.up_to_date:
+        return keep(job)
+    setup = prepare(job)
+    tell_readings(setup, control)
+    with evaluation_log(job, control) as log:
+        problem = problem_of(setup, log, control)
+        outcome = search(problem, job.methods, control)
+        return write(job, _result(job, setup, _look(setup, problem, outcome)))
+
+
+def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
+    """One survey of the model at the end of the search says everything else."""
+    before = setup.model.counts
+    survey = setup.model.survey(outcome.values, fields=True)
+    assessment = assess(problem, outcome.values, used_jacobian(setup, survey))
+    counts = total(problem.response.counts, before, setup.model.counts)
+    return Found(outcome, assessment, survey, counts)
+
+
+def _result(job: Job, setup: Setup, found: Found) -> Result:
+    case, survey = job.inputs.case, found.survey
+    gauges = gauge_table(setup.selection, survey.computed)
+    parameters = parameter_table(case.parameters, found.outcome.values, found.assessment)
+    prediction = predict_stages(
+        survey.computed,
+        found.assessment,
+        sensitivity=survey.sensitivity,
+        accuracy=accuracies(case),
+        stages=predicted_stages(gauges),
+    )
+    status = _status(found)
+    return Result(
+        kind="fit",
+        status=status,
+        exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
+        method=" + ".join(method_name(options) for options in job.methods),
+        reason=_reason(found, parameters.names),
+        objective=found.outcome.objective,
+        findings=tuple(found.assessment.findings),
+        case_text=job.inputs.loaded.text,
+        case_resolved=job.inputs.loaded.resolved,
+        provenance=job_provenance(job),
+        parameters=parameters,
+        gauges=gauges,
+        counts=found.counts,
+        sensitivity=survey.sensitivity,
+        prediction=prediction if np.isfinite(prediction.mean).any() else None,
+        history=found.outcome.iterations,
+        fields=survey.fields,
+        singular_values=found.assessment.singular_values,
+        notes=(*setup.model.notes, *unused_notes(setup.selection), *score(gauges, prediction)),
+    )
+
+
+def _status(found: Found) -> str:
+    if found.outcome.status != "converged":
+        return found.outcome.status
+    return "converged" if found.assessment.determined.all() else "not-determined"
+
+
+def _reason(found: Found, names: tuple[str, ...]) -> str:
+    pairs = zip(names, found.assessment.determined, strict=True)
+    loose = [name for name, determined in pairs if not determined]
+    also = f" Not determined: {', '.join(loose)}." if loose else ""
+    return found.outcome.reason + also

@@ -1,0 +1,115 @@
+"""Reading what a command is given, and the hashes that name it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from geoident import __version__
+from geoident.errors import Fault, InputError, Location
+from geoident.fem.solvers import pick_solver
+from geoident.forward.model import StagedModel
+from geoident.io.case_file import LoadedCase, parse_case, read_case
+from geoident.io.mesh_file import read_mesh
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+from geoident.model.methods import MethodOptions, method_name
+
+STDIN = "-"
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A case that was read, and the hashes of all that it consists of.
+
+    Args:
+        path: the case as the user named it.
+        loaded: the case, its text, and the files that it names.
+        case_sha256: of the case after overrides.
+        mesh_sha256: of the bytes of the mesh.
+        readings_sha256: of the bytes of the readings file; of nothing if there is none.
+    """
+
+    path: str
+    loaded: LoadedCase
+    case_sha256: str
+    mesh_sha256: str
+    readings_sha256: str
+
+    @property
+    def case(self) -> Case:
+        """The case."""
+        return self.loaded.case
+
+    def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
+        """Hash of everything that the result of a command depends on."""
+        parts = {
+            "command": command,
+            "case": self.case_sha256,
+            "mesh": self.mesh_sha256,
+            "readings": self.readings_sha256,
+            "version": __version__,
+            "seed": seed,
+            "methods": [[method_name(options), asdict(options)] for options in methods],
+        }
+        return sha256(json.dumps(parts, sort_keys=True).encode())
+
+
+def load_inputs(path: str, *, overrides: Sequence[str] = ()) -> Inputs:
+    """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
+
+    The mesh and the readings are hashed, the mesh is not parsed yet.
+
+    Raises:
+        InputError: with all faults of the case.
+    """
+    return _hashed(path, read_case(path, overrides=tuple(overrides)))
+
+
+def parse_inputs(text: str, path: str) -> Inputs:
+    """A case from its text, as if it stood at ``path``."""
+    return _hashed(path, parse_case(text, path))
+
+
+def _hashed(path: str, loaded: LoadedCase) -> Inputs:
+    return Inputs(
+        path,
+        loaded,
+        case_sha256=sha256(loaded.resolved.encode()),
+        mesh_sha256=_hash_file(str(loaded.mesh_path), "mesh"),
+        readings_sha256=(
+            _hash_file(str(loaded.readings_path), "readings") if loaded.readings_path else ""
+        ),
+    )
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 as hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _hash_file(path: str, what: str) -> str:
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        message = f"The {what} file cannot be read: {error.strerror or error}."
+        raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
+
+
+def load_mesh(inputs: Inputs) -> Mesh:
+    """Parse the mesh of a case."""
+    return read_mesh(inputs.loaded.mesh_path, dim=inputs.case.analysis.dim)
+
+
+def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel:
+    """The staged model of a case.
+
+    Raises:
+        InputError: what the case says does not fit the mesh.
+        ModelError: the model moves freely somewhere.
+    """
+    return StagedModel(load_mesh(inputs), inputs.case, solver=pick_solver(solver))

@@ -1,0 +1,292 @@
+"""``geoident predict``: what the gauges will show, from a fit that is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
+from geoident.forward.model import StagedModel, Survey
+from geoident.identify import Assessment, Problem, assess
+from geoident.io.result_file import read_result, write_result
+from geoident.model.arrays import Ints
+from geoident.model.case import Case
+from geoident.model.result import Counts, ParameterTable, Provenance, Result
+from geoident.workflow.control import Control
+from geoident.workflow.finished import Finished
+from geoident.workflow.inputs import Inputs, build_model, load_inputs, parse_inputs
+from geoident.workflow.outputs import (
+    Standing,
+    Target,
+    require_free,
+    require_writable,
+    standing,
+    target,
+)
+from geoident.workflow.predictions import chosen_stages, predict_stages, predicted_stages, score
+from geoident.workflow.provenance import case_path, provenance
+from geoident.workflow.selection import Selection
+from geoident.workflow.tables import accuracies, gauge_table
+
+
+@dataclass(frozen=True)
+class PredictRequest:
+    """What to predict.
+
+    Args:
+        result: path of a fit.
+        stages: names of the stages to predict; all that took no part in the fit if empty.
+        case: path of a case to predict in place of that of the fit, or None.
+        overrides: of that case.
+        output: a file or an existing folder; None for beside the result.
+        solver: name of the sparse solver, or ``auto``.
+        force: overwrite a prediction of other input.
+        fresh: compute again what is up to date.
+    """
+
+    result: str
+    stages: tuple[str, ...] = ()
+    case: str | None = None
+    overrides: tuple[str, ...] = ()
+    output: str | None = None
+    solver: str = "auto"
+    force: bool = False
+    fresh: bool = False
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a fit knows of the parameters of the case to predict.
+
+    Args:
+        parameters: their table, in the order of that case.
+        assessment: likewise.
+        used: channel and stage of each reading that the fit used.
+    """
+
+    parameters: ParameterTable
+    assessment: Assessment
+    used: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A prediction that can be made.
+
+    Args:
+        request: what was asked for.
+        fit: the fit to predict from.
+        origin: the case of the fit.
+        inputs: the case to predict.
+        place: of the result.
+        identity: hash of everything that the result depends on.
+        found: what stands at its place.
+    """
+
+    request: PredictRequest
+    fit: Result
+    origin: Case
+    inputs: Inputs
+    place: Target
+    identity: str
+    found: Standing
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stages that were asked for."""
+        return self.request.stages
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where the result comes from."""
+        return provenance(
+            self.inputs,
+            command="predict",
+            identity=self.identity,
+            seed=self.fit.provenance.seed,
+            output=self.place.path,
+        )
+
+
+def plan_prediction(request: PredictRequest) -> Task:
+    """Read a fit and the case to predict, and look at what stands where the result goes.
+
+    Raises:
+        InputError: the result is no fit, its mesh has changed, or a parameter is not in it.
+        OutputError: the result could not be written, or another one would be lost.
+        UsageError: there is no such stage.
+    """
+    fit = _read_fit(request.result)
+    origin = parse_inputs(fit.case_resolved, case_path(request.result, fit.provenance.case_file))
+    inputs = _inputs(request, origin, fit)
+    _require_stages(request.stages, inputs.case)
+    require_identified(fit, inputs)
+    place = target(request.result, "predict", output=request.output)
+    purpose = f"predict {fit.provenance.identity} {request.stages}"
+    identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
+    return Task(request, fit, origin.case, inputs, place, identity, standing(place, identity))
+
+
+def predict(task: Task, control: Control) -> Finished:
+    """Predict readings with their bands and write them; keep a result that is up to date."""
+    request, place, found = task.request, task.place, task.found
+    if found is Standing.UP_TO_DATE and not request.fresh:
+        return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
+    require_free(found, place, force=request.force)
+    require_writable(place, inputs=[request.result, task.inputs.path, task.inputs.loaded.mesh_path])
+    model = build_model(task.inputs, solver=request.solver)
+    known = what_is_known(task.fit, task.origin, model)
+    control.stop.check()
+    survey = model.survey(known.parameters.values, fields=True)
+    result = _result(task, known, survey, model.counts)
+    paths = write_result(result, place.path, overwrite=found is not Standing.NOTHING)
+    return Finished(result, paths)
+
+
+def _read_fit(path: str) -> Result:
+    result = read_result(path)
+    if result.kind == "fit" and result.sensitivity is not None:
+        return result
+    message = f"A {result.kind} cannot be predicted from; the result of a fit is expected."
+    raise InputError([Fault("not-a-fit", message, location=Location(path))])
+
+
+def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
+    if request.case is not None:
+        return load_inputs(request.case, overrides=request.overrides)
+    if origin.mesh_sha256 == fit.provenance.mesh_sha256:
+        return origin
+    fault = Fault(
+        "changed-mesh",
+        "The mesh is not the one that the fit was made with.",
+        "Run the fit again, or give the case to predict with --case.",
+        Location(origin.loaded.mesh_path),
+    )
+    raise InputError([fault])
+
+
+def _require_stages(stages: Sequence[str], case: Case) -> None:
+    names = [stage.name for stage in case.stages]
+    unknown = [stage for stage in stages if stage not in names]
+    if unknown:
+        raise UsageError(f"There is no stage {unknown[0]!r}; the stages are: {', '.join(names)}.")
+
+
+def require_identified(fit: Result, inputs: Inputs) -> None:
+    """Raise `InputError` where a case has parameters that a fit does not know."""
+    known = fit.parameters.names
+    faults = [
+        inputs.case.source.fault(
+            ("parameters", parameter.name),
+            code="not-identified",
+            message=f"the fit knows no parameter {parameter.name!r}",
+            hint=f"It identified {', '.join(known)}; give a number instead.",
+        )
+        for parameter in inputs.case.parameters
+        if parameter.name not in known
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def what_is_known(fit: Result, origin: Case, model: StagedModel) -> Known:
+    """What a fit knows, for the parameters of the case of a model, matched by name.
+
+    How well they are known is assessed again from the sensitivities that the fit holds.
+
+    Args:
+        fit: the result.
+        origin: the case of the fit.
+        model: of the case to predict.
+    """
+    gauges = fit.gauges
+    problem = Problem(
+        response=model.response(()),
+        measured=gauges.measured[gauges.used],
+        sd=gauges.sd[gauges.used],
+        parameters=origin.parameters,
+    )
+    jacobian = np.empty((0, 0)) if fit.sensitivity is None else fit.sensitivity[gauges.used]
+    assessment = assess(problem, fit.parameters.values, jacobian)
+    order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
+    used = tuple((gauges.channels[i], gauges.stages[j]) for i, j in np.argwhere(gauges.used))
+    return Known(pick_parameters(fit.parameters, order), pick_assessment(assessment, order), used)
+
+
+def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
+    """Some rows of a table of parameters."""
+    columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
+    flags = ("at_bound", "determined")
+    words = ("names", "priors", "units", "dimensions")
+    square = np.ix_(order, order)
+    picked: dict[str, Any] = {name: getattr(table, name)[order] for name in (*columns, *flags)}
+    picked |= {name: tuple(getattr(table, name)[i] for i in order) for name in words}
+    return replace(
+        table,
+        covariance=table.covariance[square],
+        correlation=table.correlation[square],
+        **picked,
+    )
+
+
+def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
+    """What is known of some of the parameters, whatever the others are."""
+    columns = ("sd", "lower95", "upper95", "beyond_bounds", "at_bound", "determined", "slope")
+    square = np.ix_(order, order)
+    return replace(
+        assessment,
+        covariance=assessment.covariance[square],
+        correlation=assessment.correlation[square],
+        covariance_x=assessment.covariance_x[square],
+        spread_x=assessment.spread_x[order],
+        **{name: getattr(assessment, name)[order] for name in columns},
+    )
+
+
+def _readings_used(case: Case, known: Known) -> Selection:
+    """The readings of a case, those that the fit used marked as used."""
+    used = set(known.used)
+    return Selection(
+        case,
+        tuple(
+            reading
+            for reading in case.readings
+            if reading.value is not None and (reading.channel, reading.stage) in used
+        ),
+        (),
+    )
+
+
+def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
+    case, fit = task.inputs.case, task.fit
+    gauges = gauge_table(_readings_used(case, known), survey.computed)
+    prediction = predict_stages(
+        survey.computed,
+        known.assessment,
+        sensitivity=survey.sensitivity,
+        accuracy=accuracies(case),
+        stages=chosen_stages(gauges, task.stages) if task.stages else predicted_stages(gauges),
+    )
+    return Result(
+        kind="predict",
+        status="done",
+        exit_code=ExitCode.DONE,
+        method=fit.method,
+        reason=f"Predicted from {task.request.result} ({fit.status}).",
+        objective=fit.objective,
+        findings=fit.findings,
+        case_text=task.inputs.loaded.text,
+        case_resolved=task.inputs.loaded.resolved,
+        provenance=task.provenance,
+        parameters=known.parameters,
+        gauges=gauges,
+        counts=counts,
+        sensitivity=survey.sensitivity,
+        prediction=prediction,
+        fields=survey.fields,
+        singular_values=fit.singular_values,
+        notes=score(gauges, prediction),
+    )

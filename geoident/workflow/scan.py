@@ -1,0 +1,65 @@
+"""``geoident scan``: the discrepancy on a grid."""
+
+from __future__ import annotations
+
+from geoident.errors import ExitCode
+from geoident.identify.problem import Outcome
+from geoident.model.arrays import Floats
+from geoident.model.methods import method_name
+from geoident.model.result import Counts, Result
+from geoident.workflow.control import Control
+from geoident.workflow.estimate import (
+    Setup,
+    evaluation_log,
+    prepare,
+    problem_of,
+    search,
+    total,
+)
+from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.jobs import Job
+from geoident.workflow.provenance import job_provenance
+from geoident.workflow.tables import bare_parameter_table, gauge_table
+
+
+def scan(job: Job, control: Control) -> Finished:
+    """Compute the discrepancy on a grid and write the result; keep one that is up to date.
+
+    Raises:
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if job.up_to_date:
+        return keep(job)
+    setup = prepare(job)
+    tell_readings(setup, control)
+    with evaluation_log(job, control) as log:
+        problem = problem_of(setup, log, control)
+        outcome = search(problem, job.methods, control)
+        before = setup.model.counts
+        survey = setup.model.survey(outcome.values, fields=False)
+        counts = total(problem.response.counts, before, setup.model.counts)
+        return write(job, _result(job, setup, outcome, counts, computed=survey.computed))
+
+
+def _result(
+    job: Job, setup: Setup, outcome: Outcome, counts: Counts, *, computed: Floats
+) -> Result:
+    cut_short = outcome.status == "out-of-budget"
+    return Result(
+        kind="scan",
+        status=outcome.status if cut_short else "done",
+        exit_code=ExitCode.NOT_CONVERGED if cut_short else ExitCode.DONE,
+        method=" + ".join(method_name(options) for options in job.methods),
+        reason=outcome.reason,
+        objective=outcome.objective,
+        findings=(),
+        case_text=job.inputs.loaded.text,
+        case_resolved=job.inputs.loaded.resolved,
+        provenance=job_provenance(job),
+        parameters=bare_parameter_table(job.inputs.case.parameters, outcome.values),
+        gauges=gauge_table(setup.selection, computed),
+        counts=counts,
+        history=outcome.iterations,
+        grid=outcome.grid,
+        notes=(*setup.model.notes, *unused_notes(setup.selection)),
+    )

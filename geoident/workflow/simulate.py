@@ -1,0 +1,70 @@
+"""``geoident simulate``: what the gauges would read at the start values of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+
+from geoident.errors import ModelError
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
+from geoident.model.gauges import Reading
+from geoident.workflow.inputs import build_model, load_inputs
+
+
+class Noise(Enum):
+    """What is added to the readings of the model."""
+
+    NONE = "nothing"
+    ACCURACY = "Gaussian noise with the accuracy of each gauge"
+
+
+def simulate(
+    path: str,
+    *,
+    overrides: Sequence[str] = (),
+    noise: Noise = Noise.NONE,
+    seed: int = 0,
+    solver: str = "auto",
+) -> tuple[Reading, ...]:
+    """Readings of all gauges at all stages where they can be read, by stage, in m.
+
+    A gauge is left out at the stage at which it is zeroed: it reads zero there, by definition.
+
+    Raises:
+        ModelError: the model has no solution at the start values.
+    """
+    inputs = load_inputs(path, overrides=overrides)
+    model = build_model(inputs, solver=solver)
+    p = np.array([parameter.start for parameter in inputs.case.parameters], dtype=np.float64)
+    reason = model.admissible(p)
+    if reason is not None:
+        raise ModelError(f"The start values are outside the domain of the model: {reason}")
+    computed = model.survey(p, fields=False).computed
+    readings = _readings(inputs.case, computed)
+    return with_noise(inputs.case, readings, seed=seed) if noise is Noise.ACCURACY else readings
+
+
+def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
+    return tuple(
+        Reading(channel.name, stage.name, float(computed[i, j]))
+        for j, stage in enumerate(case.stages)
+        for i, channel in enumerate(case.channels)
+        if np.isfinite(computed[i, j]) and stage.name != channel.zero
+    )
+
+
+def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[Reading, ...]:
+    """Readings with Gaussian noise of the accuracy of their gauges added."""
+    generator = np.random.default_rng(seed)
+    accuracy = {channel.name: channel.accuracy for channel in case.channels}
+    return tuple(
+        Reading(
+            reading.channel,
+            reading.stage,
+            (reading.value or 0.0) + accuracy[reading.channel] * generator.standard_normal(),
+        )
+        for reading in readings
+    )
