@@ -1,0 +1,77 @@
+"""The group of commands. A command's module is imported when it is asked for."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from importlib import import_module
+from typing import Any, NoReturn
+
+import click
+
+from geoident import __version__
+from geoident.cli.guard import PipeClosed, guarded
+
+COMMANDS = ("check", "simulate", "fit", "predict", "scan", "show", "schema", "doctor")
+
+EPILOG = """\b
+Examples:
+  geoident check case.yaml
+  geoident fit case.yaml
+  geoident show case.fit.h5
+  geoident COMMAND --help
+
+\b
+Exit codes: 0 done, 1 a bug, 2 wrong flags, 3 invalid input,
+4 finished but not converged, not determined or out of budget,
+5 the model has no solution, 6 output, 7 some of several cases failed,
+130/143 interrupted (the same command goes on).
+"""
+
+
+class Commands(click.Group):
+    """The commands, imported one by one, under one guard that turns errors into exit codes."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order in which people need them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        found = import_module(f"geoident.cli.commands.{cmd_name}").command
+        return found if isinstance(found, click.Command) else None
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; a closed pipe gets past click's own handling."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            raise PipeClosed from error
+
+    def main(self, *args: Any, **extra: Any) -> NoReturn:
+        """Run the program and end it with its exit code; never a traceback."""
+        extra["standalone_mode"] = False
+        sys.exit(guarded(lambda: super(Commands, self).main(*args, **extra)))
+
+
+@click.group(
+    cls=Commands,
+    epilog=EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, "-V", "--version", prog_name="geoident")
+def geoident() -> None:
+    """Identify rock parameters from gauge readings by finite elements.
+
+    A case file (YAML) says what the ground, its construction and its gauges are; `fit` finds the
+    parameters that meet the readings, and predicts the stages to come.
+    """
+
+
+def main() -> NoReturn:
+    """Entry point of the command ``geoident``."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # ours are said in words; those of libraries are noise
+    geoident.main(prog_name="geoident")

@@ -1,0 +1,42 @@
+"""``geoident check``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.options import Options, takes
+from geoident.cli.several import each, failures_as_json
+
+EPILOG = """\b
+Examples:
+  geoident check case.yaml
+  geoident check cases/*.yaml -q
+  geoident check case.yaml --set mesh.file=fine.msh --json
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
+@takes("overrides", "solver", "as_json")
+def command(cases: tuple[str, ...], options: Options) -> int:
+    """Tell everything that is wrong with a case, before computing.
+
+    Prints what the case amounts to: groups, stages, gauges, and which readings are used.
+    """
+    return each(cases, lambda case: _check(case, options))
+
+
+def _check(case: str, options: Options) -> int:
+    from geoident.report.check_text import summary_text
+    from geoident.report.json import dumps, summary_object
+    from geoident.workflow.check import check
+
+    with failures_as_json(case, options):
+        summary = check(case, overrides=options.overrides, solver=options.solver)
+    if options.as_json:
+        click.echo(dumps(summary_object(summary)))
+    elif not options.quiet:
+        click.echo(summary_text(summary))
+    return 0

@@ -1,0 +1,55 @@
+"""``geoident doctor``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from geoident.cli.options import Options, takes
+
+if TYPE_CHECKING:
+    from geoident.workflow.doctor import Diagnosis
+
+EPILOG = """\b
+Examples:
+  geoident doctor
+  geoident doctor --json | jq .versions
+"""
+
+
+@click.command(epilog=EPILOG)
+@takes("as_json")
+def command(options: Options) -> int:
+    """Tell versions, solvers and threads, and how to get faster ones."""
+    from geoident.report.json import dumps
+    from geoident.workflow.doctor import diagnose
+
+    found = diagnose()
+    click.echo(dumps(asdict(found)) if options.as_json else _text(found))
+    return 0
+
+
+def _text(found: Diagnosis) -> str:
+    from geoident.report.layout import bullets, section, sections, table
+
+    versions = [[name, version] for name, version in found.versions.items()]
+    solvers = [
+        [
+            solver.name,
+            solver.version or "not installed",
+            str(solver.threads) if solver.available else "-",
+            "used" if solver.name == found.picked else "",
+        ]
+        for solver in found.solvers
+    ]
+    limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
+    return sections(
+        table(["program", "version"], versions),
+        table(["solver", "from", "threads", ""], solvers, right="llrl"),
+        f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
+        section("To be faster", bullets(found.remedies)),
+    )

@@ -1,0 +1,41 @@
+"""``geoident fit``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.options import Options, takes
+
+EPILOG = """\b
+Examples:
+  geoident fit case.yaml
+  geoident fit case.yaml --set parameters.E_rock.start="20 GPa" -v
+  geoident fit case.yaml --max-time 10min --json > fit.json
+  geoident fit -j 4 cases/*.yaml -o results/
+  cat case.yaml | geoident fit - -o case.fit.h5
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
+@takes(
+    "output", "jobs", "overrides", "seed", "max_time", "solver",
+    "dry_run", "force", "fresh", "as_json",
+)  # fmt: skip
+def command(cases: tuple[str, ...], options: Options) -> int:
+    """Find the parameters that meet the readings.
+
+    Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
+    interrupted run leaves CASE.fit.checkpoint, and the same command goes on from there.
+    """
+    if len(cases) > 1:
+        from geoident.cli.batch import Batch
+
+        return Batch("fit", options).run(cases)
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.fit import fit
+    from geoident.workflow.jobs import plan_fit
+
+    return run_case(cases[0], options, plan=plan_fit, run=fit)

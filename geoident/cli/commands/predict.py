@@ -1,0 +1,47 @@
+"""``geoident predict``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.options import Options, takes
+from geoident.cli.several import failures_as_json
+
+EPILOG = """\b
+Examples:
+  geoident predict case.fit.h5
+  geoident predict case.fit.h5 --stages "bench 3,bench 4"
+  geoident predict case.fit.h5 --case other-layout.yaml -o other.predict.h5
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("result", metavar="RESULT")
+@click.option("--stages", metavar="A,B", help="Stages to predict; those not fitted if missing.")
+@click.option("--case", metavar="NEW", help="Another case, whose parameters are those of the fit.")
+@takes("output", "overrides", "solver", "force", "fresh", "as_json")
+def command(result: str, stages: str | None, case: str | None, options: Options) -> int:
+    """Predict readings, with 95 % bands, from a fit.
+
+    The case is that of the fit unless --case gives another one; --set applies to the latter. Writes
+    RESULT.predict.h5 and prints its path.
+    """
+    from geoident.cli.jobs import run_prediction
+    from geoident.workflow.predict import PredictRequest
+
+    if options.overrides and case is None:
+        raise click.UsageError("--set needs --case: the case of a fit is what it was.")
+    with failures_as_json(case or result, options):
+        request = PredictRequest(
+            result=result,
+            stages=tuple(name.strip() for name in stages.split(",")) if stages else (),
+            case=case,
+            overrides=options.overrides,
+            output=options.output,
+            solver=options.solver,
+            force=options.force,
+            fresh=options.fresh,
+        )
+        return run_prediction(request, options)

@@ -1,0 +1,32 @@
+"""``geoident scan``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.options import Options, takes
+
+EPILOG = """\b
+Examples:
+  geoident scan case.yaml
+  geoident scan case.yaml --set fit.method.scan.points=41
+  geoident scan case.yaml --json | jq .grid
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("case", metavar="CASE")
+@takes("output", "overrides", "seed", "max_time", "solver", "dry_run", "force", "fresh", "as_json")
+def command(case: str, options: Options) -> int:
+    """Compute the discrepancy on a grid of one or two parameters.
+
+    The grid is that of the case's scan method, else it spans the bounds of the first one or two
+    parameters. Writes CASE.scan.h5 and prints its path.
+    """
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.jobs import plan_scan
+    from geoident.workflow.scan import scan
+
+    return run_case(case, options, plan=plan_scan, run=scan)

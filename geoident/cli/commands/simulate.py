@@ -1,0 +1,62 @@
+"""``geoident simulate``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from geoident.cli.options import Options, takes
+from geoident.cli.several import failures_as_json
+
+if TYPE_CHECKING:
+    from geoident.model.gauges import Reading
+
+EPILOG = """\b
+Examples:
+  geoident simulate case.yaml
+  geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
+  geoident simulate case.yaml --noise --seed 1 -o readings.csv
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("case", metavar="CASE")
+@click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
+@takes("output", "overrides", "seed", "solver", "force", "as_json")
+def command(case: str, noise: bool, options: Options) -> int:
+    """Compute what the gauges would read at the start values of the parameters.
+
+    Prints lines gauge,stage,value,unit, which a case takes as its readings.
+    """
+    from geoident.workflow.simulate import Noise, simulate
+
+    with failures_as_json(case, options):
+        readings = simulate(
+            case,
+            overrides=options.overrides,
+            noise=Noise.ACCURACY if noise else Noise.NONE,
+            seed=options.seed,
+            solver=options.solver,
+        )
+        _say(readings, case, options)
+    return 0
+
+
+def _say(readings: tuple[Reading, ...], case: str, options: Options) -> None:
+    """The readings to stdout or to a file; with a file, its path to stdout."""
+    from geoident.report.json import dumps, simulation_object
+    from geoident.report.readings import readings_csv
+    from geoident.workflow.outputs import write_text
+
+    file = None if options.output in (None, "-") else options.output
+    if file is not None:
+        write_text(readings_csv(readings), file, force=options.force)
+    if options.as_json:
+        click.echo(dumps(simulation_object(readings, case=case, output=file)))
+    elif file is not None:
+        click.echo(file)
+    else:
+        click.echo(readings_csv(readings), nl=False)

@@ -1,0 +1,92 @@
+"""Running one case that leaves a result: fit and scan."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import click
+
+from geoident.cli.options import Options
+from geoident.cli.several import failures_as_json
+from geoident.cli.signals import stop_on_signals
+from geoident.cli.terminal import Terminal
+from geoident.errors import ExitCode
+from geoident.report.json import dumps, result_object, summary_object
+from geoident.report.text import summary_text
+from geoident.workflow.control import Control
+from geoident.workflow.finished import Finished
+from geoident.workflow.jobs import Job, Request
+from geoident.workflow.predict import PredictRequest, plan_prediction, predict
+
+Plan = Callable[[Request], Job]
+Run = Callable[[Job, Control], Finished]
+
+
+def run_case(case: str, options: Options, *, plan: Plan, run: Run) -> int:
+    """Plan a case, run it, and say what came out."""
+    with failures_as_json(case, options):
+        job = plan(_request(case, options))
+        if options.dry_run:
+            return _say_plan(job, options)
+        terminal = Terminal(options, job.inputs.case.parameters)
+        control = Control(terminal, max_time=options.max_time)
+        with terminal.live(case), stop_on_signals(control.stop):
+            finished = run(job, control)
+    say_finished(finished, terminal, options, case=case)
+    return int(finished.result.exit_code)
+
+
+def _request(case: str, options: Options) -> Request:
+    return Request(
+        case=case,
+        overrides=options.overrides,
+        output=options.output,
+        seed=options.seed,
+        solver=options.solver,
+        force=options.force,
+        fresh=options.fresh,
+    )
+
+
+def say_finished(finished: Finished, terminal: Terminal, options: Options, *, case: str) -> None:
+    """The path or the JSON object on stdout, the rest on stderr."""
+    result, path = finished.result, finished.paths[0]
+    if finished.up_to_date:
+        terminal.inform(f"{path} is up to date; --fresh computes it again")
+    terminal.inform(summary_text(result))
+    if result.exit_code != ExitCode.DONE and options.quiet:
+        terminal.warn(f"{case}: {result.status}: {result.reason}")
+    for other in finished.paths[1:]:
+        terminal.detail(f"also written: {other}")
+    click.echo(dumps(result_object(result, case=case, output=path)) if options.as_json else path)
+
+
+def run_prediction(request: PredictRequest, options: Options) -> int:
+    """Make a prediction, and say what came out."""
+    task = plan_prediction(request)
+    terminal = Terminal(options)
+    control = Control(terminal)
+    with terminal.live(request.result), stop_on_signals(control.stop):
+        finished = predict(task, control)
+    say_finished(finished, terminal, options, case=task.inputs.path)
+    return int(finished.result.exit_code)
+
+
+def _say_plan(job: Job, options: Options) -> int:
+    """What would be done, on stdout; the model is built, nothing is solved."""
+    from geoident.report import check_text
+    from geoident.workflow.check import summarize
+    from geoident.workflow.estimate import prepare
+
+    setup = prepare(job)
+    summary = summarize(job.inputs, setup.model, setup.selection)
+    path = str(job.place.path)
+    if options.as_json:
+        plan = {"output": path, "up_to_date": job.up_to_date}
+        click.echo(dumps({**summary_object(summary), **plan}))
+    else:
+        click.echo(check_text.summary_text(summary))
+        click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
+    return ExitCode.DONE

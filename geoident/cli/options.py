@@ -1,0 +1,116 @@
+"""Options that commands share, and the one object in which they travel."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from typing import Any
+
+import click
+
+_PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
+_SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+@dataclass(frozen=True)
+class Options:
+    """The shared options as given. Commands that do not have one see its default."""
+
+    output: str | None = None
+    jobs: int = 1
+    overrides: tuple[str, ...] = ()
+    seed: int = 0
+    max_time: float | None = None
+    solver: str = "auto"
+    dry_run: bool = False
+    force: bool = False
+    fresh: bool = False
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+
+class Duration(click.ParamType[float]):
+    """A time such as ``90s``, ``10min`` or ``1h30min``, in seconds."""
+
+    name = "TIME"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Seconds of a text."""
+        text = str(value).strip().lower()
+        parts = _PART.findall(text)
+        if not parts or _PART.sub("", text) or any(unit not in _SECONDS for _, unit in parts):
+            self.fail(f"{value!r} is not a time; write it like 90s, 10min or 1h30min", param, ctx)
+        return sum(float(number) * _SECONDS[unit] for number, unit in parts)
+
+
+_OPTIONS: dict[str, Callable[[Any], Any]] = {
+    "output": click.option(
+        "-o", "--output", metavar="PATH", help="File or existing folder for the output."
+    ),
+    "jobs": click.option(
+        "-j",
+        "--jobs",
+        type=click.IntRange(min=1),
+        default=1,
+        metavar="N",
+        help="Cases to compute at the same time, one process each.",
+    ),
+    "overrides": click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="PATH=VALUE",
+        help="Replace a value of the case; may be repeated.",
+    ),
+    "seed": click.option(
+        "--seed", type=int, default=0, show_default=True, help="Seed of random numbers."
+    ),
+    "max_time": click.option(
+        "--max-time", type=Duration(), help="Stop searching after this time, such as 10min."
+    ),
+    "solver": click.option(
+        "--solver",
+        type=click.Choice(["auto", "pardiso", "cholmod", "splu"]),
+        default="auto",
+        show_default=True,
+        help="Sparse direct solver.",
+    ),
+    "dry_run": click.option(
+        "--dry-run", is_flag=True, help="Say what would be done, and do not compute."
+    ),
+    "force": click.option("--force", is_flag=True, help="Overwrite a result of other input."),
+    "fresh": click.option(
+        "--fresh", is_flag=True, help="Compute again what is up to date; forget the checkpoint."
+    ),
+    "as_json": click.option(
+        "--json", "as_json", is_flag=True, help="One JSON object a case on stdout, SI units."
+    ),
+    "quiet": click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong."),
+    "verbose": click.option("-v", "--verbose", is_flag=True, help="Say more, on stderr."),
+}
+
+
+def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Give a command some of the shared options; it gets them as one `Options`, its last argument.
+
+    ``-q`` and ``-v`` belong to every command.
+    """
+    wanted = [*names, "quiet", "verbose"]
+
+    def decorate(function: Callable[..., int]) -> Callable[..., int]:
+        @wraps(function)
+        def command(**given: Any) -> int:
+            shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
+            return function(**given, options=Options(**shared))
+
+        decorated: Callable[..., int] = command
+        for name in reversed(wanted):
+            decorated = _OPTIONS[name](decorated)
+        return decorated
+
+    return decorate

@@ -1,0 +1,46 @@
+"""Ctrl-C and termination: the first finishes the running evaluation, the second stops at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Protocol
+
+from geoident.errors import ExitCode
+
+CODES = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
+
+_SAID = "Stopping after the running evaluation; once more stops at once.\n"
+
+
+class Stopper(Protocol):
+    """Something that can be asked to stop; `geoident.workflow.control.StopRequest` is one."""
+
+    def ask(self, exit_code: ExitCode) -> None:
+        """Wish the stop."""
+
+
+@contextmanager
+def stop_on_signals(stop: Stopper) -> Iterator[None]:
+    """Turn the first signal into a wish to stop, and leave the second to the system."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        stop.ask(CODES[signal.Signals(number)])
+        with suppress(OSError):  # the lock of a stream may be held: write past it
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _SAID.encode())
+
+    before = {number: signal.signal(number, ask) for number in CODES}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
