@@ -71,9 +71,9 @@ class StagedModel:
         _refuse_mechanisms(mesh, table, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
-        self._systems = StageSystems(mesh, self.timeline, fixed, solver)
-        actions = Actions(case, mesh, table, self.timeline, self._systems)
-        self.march = March(case, self.timeline, self._systems, actions)
+        self.systems = StageSystems(mesh, self.timeline, fixed, solver)
+        self.actions = Actions(case, mesh, table, self.timeline, self.systems)
+        self.march = March(case, self.timeline, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -85,7 +85,7 @@ class StagedModel:
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
         states = range(len(self.timeline.states))
-        return tuple(self._systems[n].pattern.lower.n for n in states)
+        return tuple(self.systems[n].pattern.lower.n for n in states)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -94,7 +94,7 @@ class StagedModel:
         if edges_held(self.case.in_situ):
             notes.append(
                 "the in-situ stress is held at the edges of the model by tractions "
-                "(in_situ: edges: held)"
+                "(in_situ: held: true)"
             )
         if self.observation.snapped:
             notes.append(
@@ -140,7 +140,7 @@ class StagedModel:
         """
         self.count_evaluation()
         observed = []
-        recorder = FieldRecorder(self.mesh, self.timeline, self._systems) if fields else None
+        recorder = FieldRecorder(self.mesh, self.timeline, self.systems) if fields else None
         for standing in self.march.run(self.values(p), names=self.names):
             observed.append(self.observation.operator @ standing.u)
             if recorder is not None:

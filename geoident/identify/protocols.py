@@ -9,8 +9,10 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from geoident.model.arrays import Floats
-from geoident.model.condensed import Condensed as Condensed
+from geoident.model.condensed import Condensed
 from geoident.model.result import Counts
+
+__all__ = ["AffineElastic", "Condensed", "Response"]
 
 
 @runtime_checkable

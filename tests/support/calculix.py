@@ -1,0 +1,99 @@
+"""One stage of a case as input of CalculiX, an independent finite element program.
+
+CalculiX is given the mesh that is present at the first stage, the in-situ stress as initial
+stress, the supports and the nodal forces that act; it finds the displacement that restores
+equilibrium, which is what the march finds for that stage.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from geoident.fem.elements import reference_element
+from geoident.forward.in_situ import in_situ_stress
+from geoident.forward.materials import constants
+from geoident.forward.model import StagedModel
+from geoident.forward.supports import fixed_dofs
+
+PROGRAM = shutil.which("ccx")
+REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
+_TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
+
+
+def write_first_stage(staged: StagedModel, path: Path) -> None:
+    """Write the first stage of a three-dimensional model, at the start values."""
+    state = staged.timeline.states[1]
+    values = {p.name: p.start for p in staged.case.parameters}
+    present = staged.timeline.present(1)
+    with path.open("w") as out:
+        out.write("*NODE, NSET=ALL\n")
+        used = np.unique(np.concatenate([b.nodes.ravel() for b in staged.mesh.blocks]))
+        for n in used:
+            out.write(f"{n + 1}," + ",".join(f"{x:.12e}" for x in staged.mesh.points[n]) + "\n")
+        _write_elements(staged, present, out)
+        for group, material in state.materials.items():
+            pair = constants(staged.case.materials[material].elastic)
+            E, nu = (scalar.value(values) for scalar in pair.values())
+            out.write(f"*MATERIAL, NAME=M{group}\n*ELASTIC\n{E!r},{nu!r}\n")
+            out.write(f"*SOLID SECTION, ELSET=G{group}, MATERIAL=M{group}\n")
+        out.write("*BOUNDARY\n")
+        touched = staged.systems[1].touched
+        for dof in np.flatnonzero(fixed_dofs(staged.case, staged.mesh) & touched):
+            out.write(f"{dof // 3 + 1},{dof % 3 + 1},{dof % 3 + 1}\n")
+        _write_initial_stress(staged, values, present, out)
+        out.write("*STEP\n*STATIC\n*CLOAD\n")
+        forces = staged.actions.forces(1, values, ())[:, 0]
+        for dof in np.flatnonzero((forces != 0) & touched):
+            out.write(f"{dof // 3 + 1},{dof % 3 + 1},{forces[dof]:.12e}\n")
+        out.write("*NODE PRINT, NSET=ALL\nU\n*END STEP\n")
+
+
+def solve(path: Path, *, threads: int) -> np.ndarray:
+    """Run CalculiX on an input file; displacements (n, 4) as node number, x, y, z."""
+    if PROGRAM is None:
+        raise FileNotFoundError(REMEDY)
+    environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
+    command = [PROGRAM, "-i", path.stem]
+    subprocess.run(command, cwd=path.parent, env=environment, check=True, capture_output=True)
+    lines = path.with_suffix(".dat").read_text().splitlines()
+    rows = [line.split() for line in lines if line and line.split()[0].isdigit()]
+    return np.array([[float(x) for x in row] for row in rows if len(row) == 4])
+
+
+def _write_elements(staged: StagedModel, present: np.ndarray, out) -> None:
+    first = 0
+    for block in staged.mesh.blocks:
+        for group in staged.timeline.states[1].materials:
+            mine = np.flatnonzero(
+                (staged.timeline.group_of[first : first + len(block)] == group)
+                & present[first : first + len(block)]
+            )
+            if len(mine):
+                out.write(f"*ELEMENT, TYPE={_TYPES[block.kind]}, ELSET=G{group}\n")
+            for e in mine:
+                words = [str(first + e + 1), *(str(n + 1) for n in block.nodes[e])]
+                out.write(",".join(words[:12]) + (",\n" if words[12:] else "\n"))
+                if words[12:]:
+                    out.write(",".join(words[12:]) + "\n")
+        first += len(block)
+
+
+def _write_initial_stress(staged: StagedModel, values, present: np.ndarray, out) -> None:
+    out.write("*INITIAL CONDITIONS, TYPE=STRESS\n")
+    first = 0
+    for block in staged.mesh.blocks:
+        n_points = len(reference_element(block.kind).weights)
+        centres = staged.mesh.points[block.nodes].mean(axis=1)
+        stress = in_situ_stress(staged.case.in_situ, values, (), centres)[..., 0]
+        xx, yy, zz, xy, yz, xz = stress
+        for e in np.flatnonzero(present[first : first + len(block)]):
+            row = [xx[e], yy[e], zz[e], xy[e], xz[e], yz[e]]
+            text = ",".join(f"{v:.12e}" for v in row)
+            for q in range(n_points):
+                out.write(f"{first + e + 1},{q + 1},{text}\n")
+        first += len(block)

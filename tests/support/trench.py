@@ -1,0 +1,65 @@
+"""A trench dug in two stages: the smallest case that has everything, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+CASE = """\
+format: geoident-case/1
+title: Trench
+analysis: plane-strain
+mesh: {file: trench.inp}
+parameters:
+  E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}
+  K0: {start: 1.0, bounds: [0.2, 4]}
+materials:
+  rock: {elastic: isotropic, E: $E, nu: 0.25}
+groups: {rock: rock, upper: rock, lower: rock}
+supports: {left: x, right: x, bottom: [x, y]}
+in_situ: {model: heim, vertical: 1 MPa, K0: $K0}
+loads:
+  cover: {on: top, pressure: 1 MPa}
+stages:
+  - {name: first, excavate: [upper]}
+  - {name: second, excavate: [lower]}
+gauges:
+  CV: {kind: convergence, between: [[2 m, 3.5 m], [4 m, 3.5 m]], accuracy: 0.01 mm}
+  S:  {kind: settlement, point: [1 m, 4 m], accuracy: 0.01 mm}
+  X:  {kind: extensometer, head: [2 m, 3 m], anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm}
+readings: readings.csv
+fit: {method: gauss-newton, stages: [first]}
+"""
+
+READINGS = """\
+gauge,stage,value,unit
+"""
+
+
+def write_mesh(path: Path, *, n: tuple[int, int] = (6, 4)) -> None:
+    """A grid of quads over 6 m by 4 m, as an Abaqus deck."""
+    nx, ny = n
+    number = {(i, j): 1 + i + (nx + 1) * j for j in range(ny + 1) for i in range(nx + 1)}
+    lines = ["*NODE"]
+    lines += [f"{k}, {6 * i / nx}, {4 * j / ny}, 0" for (i, j), k in number.items()]
+    groups: dict[str, list[int]] = {"rock": [], "upper": [], "lower": []}
+    lines += ["*ELEMENT, TYPE=CPE4"]
+    for j in range(ny):
+        for i in range(nx):
+            element = 1 + i + nx * j
+            corners = [number[c] for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
+            lines.append(", ".join(map(str, [element, *corners])))
+            x, y = 6 * (i + 0.5) / nx, 4 * (j + 0.5) / ny
+            trench = 2 < x < 4
+            groups["upper" if trench and y > 3 else "lower" if trench and y > 2 else "rock"].append(
+                element
+            )
+    for name, members in groups.items():
+        lines += [f"*ELSET, ELSET={name}", *map(str, members)]
+    sides = {
+        "left": [k for (i, _), k in number.items() if i == 0],
+        "right": [k for (i, _), k in number.items() if i == nx],
+        "bottom": [k for (_, j), k in number.items() if j == 0],
+    }
+    for name, members in sides.items():
+        lines += [f"*NSET, NSET={name}", *map(str, members)]
+    path.write_text("\n".join(lines) + "\n")
