@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-from cvxopt import cholmod, matrix, spmatrix
 
 from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.direct import DirectAnalysis, Solve, check_pivots
@@ -24,11 +24,15 @@ class CholmodSolver:
 
     Args:
         counts: where to count; its own if not given.
+
+    Raises:
+        ImportError: cvxopt is not installed.
     """
 
     name = "cholmod"
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
+        _load()
         self.counts = counts if counts is not None else SolverCounts()
 
     def analyse(self, pattern: LowerPattern) -> CholmodAnalysis:
@@ -44,35 +48,48 @@ class CholmodAnalysis(DirectAnalysis):
         n = pattern.n
         if n == 0:
             return
+        cvxopt = _load()
         columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
-        self._matrix = spmatrix(1.0, matrix(pattern.indices), matrix(columns), (n, n))
+        entries = cvxopt.matrix(pattern.indices), cvxopt.matrix(columns)
+        self._matrix = cvxopt.spmatrix(1.0, *entries, (n, n))
         with _options():
-            self._factor = cholmod.symbolic(self._matrix, matrix(np.arange(n)), uplo="L")
+            order = cvxopt.matrix(np.arange(n))
+            self._factor = cvxopt.cholmod.symbolic(self._matrix, order, uplo="L")
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        self._matrix.V = matrix(values)
+        cvxopt = _load()
+        self._matrix.V = cvxopt.matrix(values)
         try:
             with _options():
-                cholmod.numeric(self._matrix, self._factor)
+                cvxopt.cholmod.numeric(self._matrix, self._factor)
         except ArithmeticError as error:
             raise NotPositiveDefinite(int(error.args[0])) from error
-        check_pivots(np.asarray(cholmod.diag(self._factor)).ravel() ** 2, diagonal)
+        pivots = np.asarray(cvxopt.cholmod.diag(self._factor)).ravel() ** 2
+        check_pivots(pivots, diagonal)
         return lambda rhs: _solve(self._factor, rhs)
 
 
+def _load() -> Any:
+    """The package cvxopt, of which nothing is needed until a solver is made."""
+    import_module("cvxopt.cholmod")
+    return import_module("cvxopt")
+
+
 def _solve(factor: Any, rhs: Floats) -> Floats:
-    solution = matrix(rhs)
-    cholmod.solve(factor, solution)
+    cvxopt = _load()
+    solution = cvxopt.matrix(rhs)
+    cvxopt.cholmod.solve(factor, solution)
     return np.asarray(solution)
 
 
 @contextmanager
 def _options() -> Iterator[None]:
     """Our options, in a dictionary that all users of cvxopt share."""
-    before = dict(cholmod.options)
-    cholmod.options.update(_OPTIONS)
+    options = _load().cholmod.options
+    before = dict(options)
+    options.update(_OPTIONS)
     try:
         yield
     finally:
-        cholmod.options.clear()
-        cholmod.options.update(before)
+        options.clear()
+        options.update(before)
