@@ -20,6 +20,8 @@ from geoident.model.result import (
     ParameterTable,
     Prediction,
 )
+from geoident.units import DIMENSIONS
+
 
 _COUNTS = ("evaluations", "analyses", "factorizations", "solves")
 _PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
@@ -27,7 +29,15 @@ _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
 
 
 def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | None) -> None:
-    """Writes ``/parameters``; ``singular`` are the singular values of the information, or None."""
+    """Writes ``/parameters``.
+
+    ``unit`` is the SI unit in which the values stand, ``display_unit`` the one that the user wrote.
+
+    Args:
+        file: the result.
+        table: the parameters.
+        singular: singular values of the information matrix, or None.
+    """
     axes: dict[str, Sequence[str] | Floats] = {
         "parameter": table.names,
         "other": table.names,
@@ -44,6 +54,7 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("determined", table.determined, "parameter")
     out.add("name", table.names, "parameter")
     out.add("prior", table.priors, "parameter")
+    out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
     out.add("display_unit", table.units, "parameter")
     out.add("dimension", table.dimensions, "parameter")
     out.add("covariance", table.covariance, "parameter", "other")

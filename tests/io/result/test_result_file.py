@@ -189,6 +189,17 @@ def test_xarray_selects_by_name(tmp_path: Path, result_maker: Make) -> None:
         assert root.attrs["status"] == "converged"
 
 
+def test_parameters_stand_in_si_beside_the_unit_of_the_user(
+    tmp_path: Path, result_maker: Make
+) -> None:
+    write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5") as file:
+        table = file["parameters"]
+        assert table["value"][0] == 1.5e10
+        assert table["unit"].asstr()[0] == "Pa"
+        assert table["display_unit"].asstr()[0] == "GPa"
+
+
 def test_only_plain_types_in_contiguous_layout(tmp_path: Path, result_maker: Make) -> None:
     write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
     kinds = set()
@@ -254,6 +265,7 @@ def pieces(path: Path) -> list[str]:
 
 # what only others read, or what is derived from the rest
 UNUSED = ("bound", "end", "other", "iteration", "parameter", "gauge", "stage", "axis", "residual")
+UNUSED += ("parameters/unit",)
 UNUSED += ("Values", "Offsets", "Types", "vtkGhostType", "CellData/group", "NumberOfCells")
 UNUSED += ("NumberOfConnectivityIds", "singular_values")
 
