@@ -60,6 +60,20 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
         InputError: with all faults found.
     """
     text = decode(read_bytes(path, limit=MAX_BYTES, what="case"), _shown(path))
+    return parse_case(text, path, overrides=overrides)
+
+
+def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+    """Read the text of a case as if it stood in a file, which need not be there any more.
+
+    Args:
+        text: the case.
+        path: of that file, for the files that the case names; ``-`` for stdin.
+        overrides: see `read_case`.
+
+    Raises:
+        InputError: with all faults found.
+    """
     places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
     section = _validate(places)
     faults = Faults(places)
@@ -121,7 +135,7 @@ def _find(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
     path = folder / name
     try:
         missing = not path.exists() or path.is_dir()
-        beside = sorted(entry.name for entry in path.parent.iterdir()) if missing else []
+        beside = [p.name for p in path.parent.iterdir() if p.suffix == path.suffix and missing]
     except (OSError, ValueError):
         missing, beside = True, []
     if missing:

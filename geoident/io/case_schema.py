@@ -90,7 +90,7 @@ class MaterialSection(Section):
 
 _HELD = (
     "Whether the ground beyond the edges of the model holds the stress there in all stages; "
-    "if missing: true for a stress that is the same everywhere, false for one that grows with depth."
+    "if missing: true for a stress that is the same everywhere, false if it grows with depth."
 )
 
 

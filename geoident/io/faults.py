@@ -29,14 +29,17 @@ class Places:
 
     def locate(self, path: KeyPath, *, key: bool = False) -> Location:
         """The place of a value (of its key if ``key``), else of what encloses it."""
+        if self.is_overridden(path):
+            return Location(SET_FLAG)
         for end in range(len(path), -1, -1):
-            here = path[:end]
-            if here in self.overridden:
-                return Location(SET_FLAG)
-            position = self._position(here, value=end == len(path) and not key)
+            position = self._position(path[:end], value=end == len(path) and not key)
             if position is not None:
                 return Location(self.document.file, *position)
         return Location(self.document.file)
+
+    def is_overridden(self, path: KeyPath) -> bool:
+        """Whether a flag has set a key or what encloses it."""
+        return any(path[:end] in self.overridden for end in range(len(path) + 1))
 
     def _position(self, path: KeyPath, *, value: bool) -> tuple[int, int] | None:
         if value and path in self.document.values:
@@ -44,15 +47,11 @@ class Places:
             position = self.document.values[path]
             below = key is not None and position[0] > key[0]
             return key if below else position
-        return self.document.keys.get(path)
+        return self.document.keys.get(path) if path else self.document.values.get(())
 
     def source(self) -> Source:
         """Positions of the keys of the file, for later faults."""
-        keys = {
-            path: position
-            for path, position in self.document.keys.items()
-            if not any(path[:end] in self.overridden for end in range(len(path) + 1))
-        }
+        keys = {k: place for k, place in self.document.keys.items() if not self.is_overridden(k)}
         return Source(self.document.file, keys)
 
 

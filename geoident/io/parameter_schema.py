@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from geoident.io.case_values import AnyQuantity, Bounds, Given
 from geoident.io.section import Section, Wrongs
 from geoident.model.case import KeyPath
-from geoident.units import with_article
+from geoident.units import DIMENSIONLESS, with_article
 
 
 class PriorSection(Section):
@@ -53,10 +53,16 @@ class ParameterSection(Section):
         return numbers
 
     def _check_dimensions(self, wrongs: Wrongs) -> None:
+        start, wanted = self.start, {bound.dimension for bound in self.bounds}
+        if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
+            message = f"the start '{start.text}' has no unit, but its bounds have"
+            unit = self.bounds[0].unit
+            wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
+            return
         for path, given in self._numbers():
-            if given.dimension != self.start.dimension:
+            if given.dimension != start.dimension:
                 message = f"'{given.text}' is {with_article(given.dimension)}, but start "
-                message += f"'{self.start.text}' is {with_article(self.start.dimension)}"
+                message += f"'{start.text}' is {with_article(start.dimension)}"
                 wrongs.add(path, "unit", message, "Write both in units of one dimension.")
 
     def _check_bounds(self, wrongs: Wrongs) -> None:

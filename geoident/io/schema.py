@@ -1,8 +1,12 @@
-"""The JSON schema of case files, generated from the code that validates them."""
+"""The JSON schema of case files, generated from the code that validates them.
+
+``python -m geoident.io.schema`` prints it.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
@@ -34,3 +38,7 @@ class _Generator(GenerateJsonSchema):
 def case_schema_text() -> str:
     """The schema as it stands in ``schemas/case.schema.json``."""
     return json.dumps(case_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(case_schema_text())

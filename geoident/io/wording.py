@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-_SHOWN = 12
+_SHOWN = 20
 
 
 class Refusal(ValueError):
@@ -39,7 +39,7 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
 
 
 def listing(names: Iterable[str]) -> str:
-    """Names for a message, not more than a dozen."""
+    """Names for a message, not more than twenty."""
     names = list(names)
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN]) + more if names else "none"

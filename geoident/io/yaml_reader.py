@@ -29,7 +29,7 @@ _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _HINTS = {
-    "cannot start any token": "Indent with spaces, not tabs; quote texts that begin with @, ` or %.",
+    "cannot start any token": "Indent with spaces, not tabs; quote texts that begin with @ or %.",
     "mapping values are not allowed": "Quote texts that hold ': ', and check the indentation.",
     "did not find expected": "Check the indentation, and that every bracket and quote is closed.",
     "could not find expected ':'": "Every key of a mapping is followed by a colon and a space.",
@@ -70,6 +70,8 @@ def parse_yaml(text: str, file: str) -> Document:
     try:
         events = _events(text, builder)
         data = builder.node(next(events), events, ())
+        for _ in events:
+            pass
     except StopIteration as error:
         raise InputError([Fault("empty", "the file is empty", location=Location(file))]) from error
     except yaml.MarkedYAMLError as error:
@@ -117,7 +119,7 @@ class _Builder:
         self.values[path] = _position(event)
         self._check_limits(event, path)
         if isinstance(event, yaml.ScalarEvent):
-            return None if event.style is None and event.value in _NULLS else str(event.value)
+            return None if event.implicit[0] and event.value in _NULLS else str(event.value)
         if isinstance(event, yaml.SequenceStartEvent):
             return self._sequence(events, path)
         if isinstance(event, yaml.MappingStartEvent):

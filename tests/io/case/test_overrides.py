@@ -1,0 +1,68 @@
+"""Values given with --set."""
+
+import pytest
+
+from geoident.errors import Location
+from geoident.io.faults import SET_FLAG
+from geoident.model.methods import SimplexOptions
+
+
+def test_values_and_sections_are_replaced(project):
+    case = project.read(
+        project.read().text,
+        "parameters.K0={start: 2, bounds: [1, 3]}",
+        "stages[1].name=bench one",
+        "fit.stages[0]=bench one",
+        "fit.method=simplex",
+        "fit.simplex.restarts=0",
+        'gauges["CV1"].accuracy=1 mm',
+        "readings=[]",
+        "gravity=",
+    ).case
+    assert (case.parameters[1].start, case.parameters[1].lower) == (2.0, 1.0)
+    assert case.stages[1].name == "bench one"
+    assert case.fit.methods == (SimplexOptions(restarts=0),)
+    assert case.fit.stages == ("bench one",)
+    assert case.channels[1].accuracy == 1e-3
+    assert case.readings == ()
+    assert case.gravity is None
+
+
+def test_a_fit_section_is_made_where_the_case_has_none(project, changed):
+    text = changed("fit: {method: gauss-newton, stages: [bench 1]}", "")
+    assert project.read(text, "fit.method=simplex").case.fit.methods == (SimplexOptions(),)
+
+
+def test_the_last_of_two_overrides_holds(project):
+    case = project.read(project.read().text, "title=a", "title=b").case
+    assert case.title == "b"
+
+
+@pytest.mark.parametrize(
+    ("override", "path", "words"),
+    [
+        ("parameters.E_rock.start=20", "parameters.E_rock.start", "no unit"),
+        ("parameters.E_rock.start=200 GPa", "parameters.E_rock.start", "outside the bounds"),
+        ("parameters.E_rok.start=20 GPa", "parameters.E_rok", "Did you mean 'E_rock'?"),
+        ("fit={method: simplx}", "fit.method", "Did you mean 'simplex'?"),
+        ("fit.metod=simplex", "fit.metod", "Did you mean 'method'?"),
+        ("stages[7].name=x", "stages[7]", "has 2 entries"),
+        ("stages.name=x", "stages.name", "is a list"),
+        ("title.a=x", "title.a", "no mapping and no list"),
+        ("title", "", "no '='"),
+        ("=1", "", "not the path of a key"),
+        ("a..b=1", "", "not the path of a key"),
+        (".a=1", "", "not the path of a key"),
+        ("[0]=1", "", "not the path of a key"),
+        ("title=[", "", "not YAML"),
+        ("title=*a", "", "alias"),
+        ("title=\udcff", "", "UTF-8"),
+    ],
+)
+def test_a_faulty_override_is_located_at_the_flag(override, path, words, project):
+    text = project.read().text
+    (fault,) = project.faults(text, override)
+    assert fault.location == Location(SET_FLAG)
+    assert words in f"{fault.message} {fault.hint}"
+    if fault.path:
+        assert fault.path.startswith(path) or path.startswith(fault.path)

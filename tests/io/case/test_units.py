@@ -1,0 +1,115 @@
+"""Quantities as rock engineers write them."""
+
+import math
+import re
+import time
+
+import pytest
+
+from geoident.units import (
+    DIMENSIONS,
+    UNITS,
+    UnitError,
+    format_quantity,
+    parse_quantity,
+    read_quantity,
+    units_of,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("1e9 Pa", "pressure", 1e9),
+        ("12GPa", "pressure", 12e9),
+        ("12 GPa", "pressure", 12e9),
+        ("12\u00a0GPa", "pressure", 12e9),
+        ("-3.5e-3 m", "length", -3.5e-3),
+        (" .5 mm ", "length", 5e-4),
+        ("2. cm", "length", 0.02),
+        ("+7 µm", "length", 7e-6),
+        ("7 μm", "length", 7e-6),
+        ("30 N/mm²", "pressure", 30e6),
+        ("2 MN/m^2", "pressure", 2e6),
+        ("1 bar", "pressure", 1e5),
+        ("1000 psi", "pressure", 6894757.293168361),
+        ("1 ksi", "pressure", 6894757.293168361),
+        ("2.65 t/m3", "density", 2650.0),
+        ("2.65 g / cm3", "density", 2650.0),
+        ("27 kN/m³", "unit weight", 27e3),
+        ("0.027 MPa/m", "unit weight", 27e3),
+        ("180 deg", "angle", math.pi),
+        ("180°", "angle", math.pi),
+        ("9.81 m/s2", "acceleration", 9.81),
+        ("1e-5 1/K", "expansion", 1e-5),
+        ("-4 degC", "temperature", -4.0),
+        ("3 MN", "force", 3e6),
+        ("1 ft", "length", 0.3048),
+        ("1 in", "length", 0.0254),
+        ("0.3", "dimensionless", 0.3),
+        ("30 %", "dimensionless", 0.3),
+        ("30%", "dimensionless", 0.3),
+    ],
+)
+def test_quantities_become_si(text, dimension, value):
+    assert parse_quantity(text, dimension) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "message", "hint"),
+    [
+        ("12", "pressure", "'12' has no unit; a pressure is expected", "The SI unit is Pa"),
+        ("0", "length", "has no unit; a length", "write '0 m'"),
+        ("12 m", "pressure", "'12 m' is a length; a pressure is expected", "MPa"),
+        ("12 kN/m3", "density", "is a unit weight; a density is expected", "kg/m3"),
+        ("12 m", "dimensionless", "a number without unit is expected", "Remove the unit"),
+        ("12 mpa", "pressure", "there is no unit 'mpa'", "Did you mean 'MPa'?"),
+        ("12 furlong", "length", "there is no unit 'furlong'", ""),
+        ("1,5 mm", "length", "has a comma", "Write '1.5 mm'"),
+        ("1,000 m", "length", "has a comma", "'1000 m' without separators"),
+        ("1.000,5 m", "length", "has a comma", ""),
+        ("nan m", "length", "not a finite number", ""),
+        (".inf", "length", "not a finite number", ""),
+        ("-Infinity m", "length", "not a finite number", ""),
+        ("1e999 m", "length", "too large", ""),
+        ("", "length", "nothing is written", ""),
+        ("m", "length", "not a number with a unit", "12.5 MPa"),
+        ("9**9**9 m", "length", "there is no unit", ""),
+        ("1_000 m", "length", "not a number", ""),
+        ("0x10 m", "length", "there is no unit", ""),
+        ("1 2 m", "length", "there is no unit", ""),
+        ("--1 m", "length", "not a number", ""),
+    ],
+)
+def test_what_is_no_quantity_is_refused_with_a_remedy(text, dimension, message, hint):
+    with pytest.raises(UnitError) as caught:
+        parse_quantity(text, dimension)
+    assert message in caught.value.message
+    assert hint in caught.value.hint
+
+
+def test_every_unit_goes_to_si_and_back():
+    for unit, (dimension, factor) in UNITS.items():
+        quantity = read_quantity(f"2.5 {unit}")
+        assert (quantity.dimension, quantity.unit) == (dimension, unit)
+        assert quantity.value == 2.5 * factor
+        assert format_quantity(quantity.value, unit) == f"2.5 {unit}".strip()
+
+
+def test_every_dimension_has_its_si_unit():
+    for dimension, unit in DIMENSIONS.items():
+        assert unit in units_of(dimension)
+        assert UNITS[unit] == (dimension, 1.0)
+
+
+def test_no_unit_is_another_with_other_letters_in_one_dimension():
+    spellings = [re.sub(r"[^a-z0-9/%]", "", unit.lower()) for unit in units_of("pressure")]
+    assert len(spellings) == len(set(spellings)), "a hint could name the wrong unit"
+
+
+@pytest.mark.parametrize("text", ["1" * 10**6, "1" + " " * 10**6 + "m", "1e" * 10**5])
+def test_long_texts_take_no_time(text):
+    begin = time.perf_counter()
+    with pytest.raises(UnitError):
+        parse_quantity(text, "length")
+    assert time.perf_counter() - begin < 0.1
