@@ -12,7 +12,7 @@ import click
 from geoident import __version__
 from geoident.cli.guard import PipeClosed, guarded
 
-COMMANDS = ("check", "simulate", "fit", "predict", "scan", "show", "schema", "doctor")
+COMMANDS = ("check", "simulate", "fit", "predict", "scan", "show", "report", "schema", "doctor")
 
 EPILOG = """\b
 Examples:
