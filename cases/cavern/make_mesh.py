@@ -9,7 +9,7 @@ on the axis at the floor.
 
 import argparse
 import itertools
-from math import asin, cos, hypot, radians, sin, tan
+from math import asin, cos, hypot, log, radians, sin, tan
 from pathlib import Path
 
 import gmsh
@@ -22,7 +22,9 @@ FLOORS["bench-5"] = 0.0
 LEFT, RIGHT, BOTTOM, TOP = -150.0, 150.0, -110.0, 145.0
 FAULT_X, FAULT_Y, FAULT_DIP, FAULT_WIDTH = 21.5, 30.0, radians(78), 2.0
 FAULT_LOW, FAULT_HIGH = -20.0, 80.0
-GROWTH = 0.1  # of the element size per distance
+# element sizes at the wall, the floors, the fault and the corners, and how they grow with distance
+WALL, FLOOR, FAULT, CORNER = 0.5, 0.8, 1.0, 0.04
+GROWTH, CORNER_GROWTH = 0.1, 0.2
 
 RADIUS = (HALF_SPAN**2 + (CROWN - SPRINGING) ** 2) / (2 * (CROWN - SPRINGING))
 CENTRE_Y = CROWN - RADIUS
@@ -55,6 +57,8 @@ class Outline:
         self.groups = [lining_of(y) for y in middles for _ in range(2)]
         self.groups += ["lining-heading"] * 3
         self.levels = levels
+        drift = len(levels) + len(angles) - 1
+        self.corners = {*(levels.index(y) for y in floors), drift}
 
     def close(self, crown: tuple[int, int], rung: int) -> None:
         """Adds the crown with its rung, which both halves share, and draws the curves."""
@@ -81,15 +85,25 @@ class Outline:
             if self.side < 0:  # anticlockwise on both sides
                 loop = [-curve for curve in reversed(loop)]
             surface = geo.addPlaneSurface([geo.addCurveLoop(loop)])
-            a, b = (node_place(self.rock[i + k]) for k in (0, 1))
-            count = max(2, round(hypot(a[0] - b[0], a[1] - b[1]) / (0.45 * self.size)) + 1)
             for curve in (self.rock_curves[i], self.inner_curves[i]):
-                geo.mesh.setTransfiniteCurve(curve, count)
+                geo.mesh.setTransfiniteCurve(curve, *self.division(i))
             for rung in (self.rungs[i], self.rungs[i + 1]):
                 geo.mesh.setTransfiniteCurve(rung, 2)
             geo.mesh.setTransfiniteSurface(surface, "Alternate" if self.side > 0 else "Left")
             found.append((group, surface))
         return found
+
+    def division(self, i: int) -> tuple[int, str, float]:
+        """How a segment is divided: number of nodes, and how they crowd towards a corner."""
+        length = hypot(
+            *(b - a for a, b in zip(*map(PLACES.get, self.rock[i : i + 2]), strict=True))
+        )
+        finer = [k in self.corners for k in (i, i + 1)]
+        if not any(finer):
+            return max(2, round(length / (WALL * self.size)) + 1), "Progression", 1.0
+        ratio = 1 + CORNER_GROWTH * self.size
+        count = log(1 + length * CORNER_GROWTH / CORNER) / log(ratio)
+        return max(2, round(count) + 1), "Progression", ratio if finer[0] else 1 / ratio
 
     def level(self, y: float) -> int:
         """Index of the point at a level of the wall."""
@@ -104,11 +118,6 @@ def point(x: float, y: float) -> int:
     tag = geo.addPoint(x, y, 0.0)
     PLACES[tag] = (x, y)
     return int(tag)
-
-
-def node_place(tag: int) -> tuple[float, float]:
-    """Coordinates of a point."""
-    return PLACES[tag]
 
 
 def on_arch(side: int, radius: float, angle: float) -> int:
@@ -198,23 +207,25 @@ def build(size: float) -> None:
         gmsh.model.addPhysicalGroup(2, tags, name=name)
     for name, line in zip(["bottom", "right", "top", "left"], box, strict=True):
         gmsh.model.addPhysicalGroup(1, [line], name=name)
-    floors = [line for lines in floor_lines.values() for line in lines]
-    grade(right.rock_curves + left.rock_curves, floors + drift_sides, band, size)
+    floors = [line for lines in floor_lines.values() for line in lines] + drift_sides
+    corners = feet + [half.rock[i] for half in (right, left) for i in half.corners]
+    grade(size, {WALL: right.rock_curves + left.rock_curves, FLOOR: floors, FAULT: band}, corners)
 
 
-def grade(wall: list[int], floors: list[int], band: list[int], size: float) -> None:
-    """Element sizes: fine at the wall and the floors, growing away from them and the fault."""
+def grade(size: float, curves: dict[float, list[int]], corners: list[int]) -> None:
+    """Element sizes: as told at the curves and the corners, growing with the distance."""
     field = gmsh.model.mesh.field
-    fields = []
-    for curves, fine in ((wall, 0.45), (floors, 0.8), (band, 1.0)):
+    near = [(CORNER, CORNER_GROWTH, "PointsList", corners)]
+    near += [(fine, GROWTH, "CurvesList", tags) for fine, tags in curves.items()]
+    sizes = []
+    for fine, growth, kind, tags in near:
         distance = field.add("Distance")
-        field.setNumbers(distance, "CurvesList", curves)
+        field.setNumbers(distance, kind, tags)
         field.setNumber(distance, "Sampling", 200)
-        growth = field.add("MathEval")
-        field.setString(growth, "F", f"{size} * ({fine} + {GROWTH} * F{distance})")
-        fields.append(growth)
+        sizes.append(field.add("MathEval"))
+        field.setString(sizes[-1], "F", f"{size} * ({fine} + {growth} * F{distance})")
     smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", fields)
+    field.setNumbers(smallest, "FieldsList", sizes)
     field.setAsBackgroundMesh(smallest)
 
 

@@ -29,8 +29,8 @@ class Section:
     def __init__(self, size: float) -> None:
         self.arch = ceil(6 / size)  # elements over 45 degrees of the arch
         self.wall = ceil(5 / size)  # over the wall below the springline
-        self.out = ceil(16 / size)  # from the wall to the sides of the model
-        self.growth = 1.0 + 0.24 * size
+        self.out = ceil(18 / size)  # from the wall to the sides of the model
+        self.growth = 1.0 + 0.2 * size
         self.curves: dict[tuple[int, int], int] = {}
         self.blocks: list[tuple[str, int]] = []
 
