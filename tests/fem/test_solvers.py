@@ -166,6 +166,15 @@ def test_no_right_hand_side_and_no_unknown(solver):
     assert solver.analyse(empty).factorize(np.zeros(0)).solve(np.zeros((0, 3))).shape == (0, 3)
 
 
+def test_zero_and_sparse_right_hand_sides_are_solved(solver):
+    pattern, values = lower(laplacian(6))
+    rhs = np.zeros((36, 70))
+    rhs[5, 3] = rhs[7, 69] = 1.0
+    solution = solver.analyse(pattern).factorize(values).solve(rhs)
+    np.testing.assert_allclose(laplacian(6) @ solution, rhs, atol=1e-13)
+    assert not solution[:, 4:69].any()
+
+
 def test_shapes_that_do_not_fit_are_refused(solver):
     pattern, values = lower(laplacian(3))
     analysis = solver.analyse(pattern)

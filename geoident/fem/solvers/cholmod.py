@@ -18,6 +18,9 @@ from geoident.model.arrays import Floats
 # the factor is unknown k. (A nested dissection is a postorder already.)
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "print": 0}
 
+BLOCK = 32
+"""Right-hand sides solved together; bounds the memory."""
+
 
 class CholmodSolver:
     """CHOLMOD as a `Solver`.
@@ -76,10 +79,20 @@ def _load() -> Any:
 
 
 def _solve(factor: Any, rhs: Floats) -> Floats:
+    """Solutions for dense right-hand sides.
+
+    cvxopt takes dense ones one by one, sparse ones four at a time, which halves the time.
+    """
     cvxopt = _load()
-    solution = cvxopt.matrix(rhs)
-    cvxopt.cholmod.solve(factor, solution)
-    return np.asarray(solution)
+    if rhs.shape[1] == 1:
+        dense = cvxopt.matrix(rhs)
+        cvxopt.cholmod.solve(factor, dense)
+        return np.asarray(dense)
+    for start in range(0, rhs.shape[1], BLOCK):
+        sparse = cvxopt.sparse(cvxopt.matrix(rhs[:, start : start + BLOCK]))
+        solved = cvxopt.cholmod.spsolve(factor, sparse)
+        rhs[:, start : start + BLOCK] = np.asarray(cvxopt.matrix(solved))
+    return rhs
 
 
 @contextmanager
