@@ -82,15 +82,6 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}"
 
 
-def millimetres(value: float) -> str:
-    """A length in m as millimetres with two decimals; a dash for none.
-
-    >>> millimetres(0.01234)
-    '12.34'
-    """
-    return decimals(1e3 * value, 2)
-
-
 def decimals(value: float, places: int) -> str:
     """A number with so many decimals, never ``-0.00``; a dash for none.
 

@@ -16,7 +16,6 @@ from geoident.model.result import Counts, Grid, Iteration, ParameterTable, Resul
 from geoident.report.layout import (
     bullets,
     decimals,
-    millimetres,
     number,
     section,
     sections,
@@ -136,8 +135,15 @@ def _comparison(result: Result, i: int, j: int) -> list[str]:
     residual = float(gauges.measured[i, j] - gauges.computed[i, j])
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     in_sd = residual / float(gauges.sd[i, j])
-    lengths = [millimetres(length) for length in (measured, computed, residual)]
+    lengths = [in_mm(length, result) for length in (measured, computed, residual)]
     return [*lengths, decimals(in_sd, 1)]
+
+
+def in_mm(value: float, result: Result) -> str:
+    """A length in m as millimetres, with a decimal more than the best gauge can read."""
+    known = result.gauges.sd[result.gauges.sd > 0.0]
+    best = float(known.min()) if known.size else 1e-4
+    return decimals(1e3 * value, min(6, max(2, 1 - math.floor(math.log10(1e3 * best) + 1e-9))))
 
 
 def predictions_text(result: Result) -> str:
@@ -152,7 +158,7 @@ def predictions_text(result: Result) -> str:
         cells = (prediction.mean[i, j], low, high) if known else (math.nan,) * 3
         measured = float(gauges.measured[i, j])
         inside = _mark(measured, low, high) if known else NOT_DETERMINED
-        texts = [millimetres(float(cell)) for cell in (*cells, measured)]
+        texts = [in_mm(float(cell), result) for cell in (*cells, measured)]
         rows.append([gauges.channels[i], gauges.stages[j], *texts, inside])
     header = ["gauge", "stage", "predicted", "from", "to", "measured", ""]
     return table(header, rows, right="llrrrrl")

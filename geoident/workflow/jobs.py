@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from geoident.model.methods import MethodOptions, ScanOptions
+from geoident.model.methods import MethodOptions
 from geoident.workflow.inputs import STDIN, Inputs, load_inputs
 from geoident.workflow.outputs import (
     Standing,
@@ -89,10 +89,12 @@ def plan_fit(request: Request) -> Job:
 
 
 def plan_scan(request: Request) -> Job:
-    """The same for a scan: the scan of the case if it has one, else one with default options."""
-    inputs = load_inputs(request.case, overrides=request.overrides)
-    scans = [method for method in inputs.case.fit.methods if isinstance(method, ScanOptions)]
-    return _plan(request, inputs, "scan", scans[:1] or [ScanOptions()])
+    """The same for a case that is to be scanned: its method is replaced by a scan.
+
+    The grid is that of the case's ``fit.scan`` if it is written.
+    """
+    inputs = load_inputs(request.case, overrides=[*request.overrides, "fit.method=scan"])
+    return _plan(request, inputs, "scan", inputs.case.fit.methods)
 
 
 def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[MethodOptions]) -> Job:

@@ -17,8 +17,6 @@ materials:
 groups: {rock: rock, upper: rock, lower: rock}
 supports: {left: x, right: x, bottom: [x, y]}
 in_situ: {model: heim, vertical: 1 MPa, K0: $K0}
-loads:
-  cover: {on: top, pressure: 1 MPa}
 stages:
   - {name: first, excavate: [upper]}
   - {name: second, excavate: [lower]}
@@ -32,7 +30,22 @@ fit: {method: gauss-newton, stages: [first]}
 
 READINGS = """\
 gauge,stage,value,unit
+CV,first,-0.598,mm
+S,first,-0.1226,mm
+X.a,first,0.0627,mm
+CV,second,-1.077,mm
+S,second,0.0376,mm
+X.a,second,0.282,mm
 """
+"""Of the model at E = 5 GPa, K0 = 1.5, with noise."""
+
+
+def write_case(folder: Path, name: str = "case.yaml") -> Path:
+    """The case with its mesh and its readings in a folder."""
+    write_mesh(folder / "trench.inp")
+    (folder / "readings.csv").write_text(READINGS)
+    (folder / name).write_text(CASE)
+    return folder / name
 
 
 def write_mesh(path: Path, *, n: tuple[int, int] = (6, 4)) -> None:
@@ -50,9 +63,8 @@ def write_mesh(path: Path, *, n: tuple[int, int] = (6, 4)) -> None:
             lines.append(", ".join(map(str, [element, *corners])))
             x, y = 6 * (i + 0.5) / nx, 4 * (j + 0.5) / ny
             trench = 2 < x < 4
-            groups["upper" if trench and y > 3 else "lower" if trench and y > 2 else "rock"].append(
-                element
-            )
+            name = "upper" if trench and y > 3 else "lower" if trench and y > 2 else "rock"
+            groups[name].append(element)
     for name, members in groups.items():
         lines += [f"*ELSET, ELSET={name}", *map(str, members)]
     sides = {

@@ -17,7 +17,7 @@ class Spring:
     """v = p * length, analysed at the first evaluation."""
 
     names: tuple[str, ...] = ("k",)
-    counts: Counts = Counts()
+    counts: Counts = field(default_factory=Counts)
     asked: list[str] = field(default_factory=list)
 
     def admissible(self, p):

@@ -11,7 +11,8 @@ from geoident.cli.options import Options, takes
 EPILOG = """\b
 Examples:
   geoident scan case.yaml
-  geoident scan case.yaml --set fit.method.scan.points=41
+  geoident scan case.yaml --set fit.scan.points=41
+  geoident scan case.yaml --set "fit.scan.grid={E_rock: {from: 5 GPa, to: 30 GPa}}"
   geoident scan case.yaml --json | jq .grid
 """
 
@@ -22,7 +23,7 @@ Examples:
 def command(case: str, options: Options) -> int:
     """Compute the discrepancy on a grid of one or two parameters.
 
-    The grid is that of the case's scan method, else it spans the bounds of the first one or two
+    The grid is that of fit.scan in the case, else it spans the bounds of the first one or two
     parameters. Writes CASE.scan.h5 and prints its path.
     """
     from geoident.cli.jobs import run_case

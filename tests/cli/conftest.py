@@ -1,0 +1,38 @@
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from geoident.cli.app import geoident
+from tests.support.trench import write_case
+
+
+@pytest.fixture
+def trench(tmp_path, monkeypatch) -> Path:
+    """The folder of a case, which is the current one."""
+    write_case(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def run():
+    def run_command(*arguments, stdin=None):
+        return CliRunner().invoke(geoident, [str(a) for a in arguments], input=stdin)
+
+    return run_command
+
+
+@pytest.fixture
+def run_json(run):
+    """The JSON objects that a command prints, one a line, without NaN."""
+
+    def refuse(name):
+        raise AssertionError(f"{name} is no JSON")
+
+    def objects(*arguments):
+        found = run(*arguments, "--json")
+        return [json.loads(line, parse_constant=refuse) for line in found.stdout.splitlines()]
+
+    return objects

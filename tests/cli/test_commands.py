@@ -1,0 +1,215 @@
+"""Every command says what it was asked for on stdout, and has examples."""
+
+import csv
+import json
+
+import pytest
+
+from geoident.cli.app import COMMANDS, geoident
+from geoident.cli.options import Duration
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself_with_examples(run, name):
+    told = run(name, "--help")
+    assert told.exit_code == 0
+    assert f"geoident {name}" in told.stdout.split("Examples:")[1]
+
+
+def test_the_version_is_told(run):
+    assert run("--version").stdout.startswith("geoident, version")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["nonsense"], ["fit"], ["fit", "case.yaml", "--nonsense"], ["fit", "c", "--max-time", "10"]],
+)
+def test_wrong_flags(run, arguments):
+    wrong = run(*arguments)
+    assert wrong.exit_code == 2
+    assert wrong.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("90s", 90), ("10min", 600), ("1h30min", 5400), ("1.5 h", 5400)]
+)
+def test_times_carry_their_unit(text, seconds):
+    assert Duration().convert(text, None, None) == seconds
+
+
+def test_a_file_that_is_not_there(run, tmp_path):
+    for command in ("fit", "check", "simulate", "scan", "show", "predict"):
+        missing = run(command, tmp_path / "nothing")
+        assert missing.exit_code == 3, command
+        assert "nothing" in missing.stderr
+
+
+class TestCheck:
+    def test_it_tells_what_the_case_amounts_to(self, trench, run):
+        told = run("check", "case.yaml")
+        assert told.exit_code == 0
+        assert "plane-strain, 35 nodes, 24 elements" in told.stdout
+        assert "-lower" in told.stdout
+        assert "3 not used: the stage is not in fit.stages" in told.stdout
+
+    def test_it_tells_all_faults_at_once(self, trench, run):
+        told = run("check", "case.yaml", "--set", "groups.rock=granite", "--set", "fit.stages=[x]")
+        assert told.exit_code == 3
+        assert "granite" in told.stderr
+        assert "2 faults" in told.stderr
+        assert told.stdout == ""
+
+    def test_faults_that_need_the_mesh_name_their_line(self, trench, run):
+        case = trench / "case.yaml"
+        case.write_text(case.read_text().replace("left: x", "lift: x"))
+        told = run("check", "case.yaml")
+        assert told.exit_code == 3
+        assert "case.yaml:11:" in told.stderr
+
+    def test_a_mechanism_is_found(self, trench, run):
+        assert run("check", "case.yaml", "--set", "supports={}").exit_code == 5
+
+    def test_objects(self, trench, run_json):
+        good, bad = run_json("check", "case.yaml", "nothing.yaml")
+        assert good["status"] == "valid"
+        assert good["groups"][0] == {"name": "rock", "material": "rock", "elements": 20}
+        assert bad["status"] == "failed"
+
+    def test_some_of_several_cases(self, trench, run):
+        assert run("check", "case.yaml", "nothing.yaml").exit_code == 7
+        assert run("check", "case.yaml", "case.yaml").exit_code == 0
+
+    def test_a_method_that_the_model_cannot_serve_is_refused(self, trench, run):
+        told = run(
+            "check", "case.yaml", "--set", "fit.method=condensation",
+            "--set", "parameters.nu={start: 0.3, bounds: [0.1, 0.4]}",
+            "--set", "materials.rock.nu=$nu", "--set", "fit.stages=[first, second]",
+        )  # fmt: skip
+        assert told.exit_code == 3
+        assert "condensation is not possible" in told.stderr
+
+
+class TestSimulate:
+    def rows(self, text):
+        return list(csv.DictReader(text.splitlines()))
+
+    def test_readings_come_as_a_case_takes_them(self, trench, run):
+        truth = ["--set", "parameters.E.start=5 GPa", "--set", "parameters.K0.start=1.5"]
+        done = run("simulate", "case.yaml", *truth, "-o", "exact.csv")
+        assert done.stdout == "exact.csv\n"
+        assert run("fit", "case.yaml", "--set", "readings=exact.csv", "-q").exit_code == 0
+        found = json.loads(run("show", "case.fit.h5", "--json").stdout)
+        assert found["parameters"]["E"]["value"] == pytest.approx(5e9, rel=1e-6)
+        assert found["objective"] < 1e-10
+
+    def test_noise_is_that_of_the_gauge_and_repeats_with_its_seed(self, trench, run):
+        exact = self.rows(run("simulate", "case.yaml").stdout)
+        noisy = [run("simulate", "case.yaml", "--noise", "--seed", s).stdout for s in (1, 1, 2)]
+        assert noisy[0] == noisy[1] != noisy[2]
+        for one, other in zip(exact, self.rows(noisy[0]), strict=True):
+            difference = float(one["value"]) - float(other["value"])
+            assert 0 < abs(difference) < 0.05
+            assert (one["gauge"], one["stage"]) == (other["gauge"], other["stage"])
+
+    def test_a_file_is_not_overwritten(self, trench, run):
+        before = (trench / "readings.csv").read_text()
+        assert run("simulate", "case.yaml", "-o", "readings.csv").exit_code == 6
+        assert (trench / "readings.csv").read_text() == before
+
+    def test_an_object(self, trench, run_json):
+        (found,) = run_json("simulate", "case.yaml")
+        assert found["readings"][0].keys() == {"gauge", "stage", "value", "unit"}
+
+
+class TestScan:
+    def test_the_best_point_and_the_grid(self, trench, run, run_json):
+        done = run("scan", "case.yaml", "--set", "fit.scan.points=5")
+        assert done.exit_code == 0
+        assert done.stdout == "case.scan.h5\n"
+        (found,) = run_json("show", "case.scan.h5")
+        objective = [phi for row in found["grid"]["objective"] for phi in row]
+        assert len(objective) == 25
+        assert found["objective"] == min(objective)
+        assert "25 points" in run("show", "case.scan.h5").stdout
+
+
+class TestPredict:
+    @pytest.fixture
+    def fitted(self, trench, run):
+        run("fit", "case.yaml")
+        return trench
+
+    def test_it_agrees_with_the_fit(self, fitted, run, run_json):
+        assert run("predict", "case.fit.h5").stdout == "case.predict.h5\n"
+        (fit,), (prediction,) = run_json("show", "case.fit.h5"), run_json("show", "case.predict.h5")
+        for one, other in zip(fit["predictions"], prediction["predictions"], strict=True):
+            assert one["gauge"] == other["gauge"]
+            for key in ("mean", "sd"):
+                assert one[key] == pytest.approx(other[key], rel=1e-9)
+        assert "up to date" in run("predict", "case.fit.h5").stderr
+
+    def test_stages_may_be_chosen(self, fitted, run, run_json):
+        (found,) = run_json("predict", "case.fit.h5", "--stages", "first,second")
+        assert {p["stage"] for p in found["predictions"]} == {"first", "second"}
+        assert run("predict", "case.fit.h5", "--stages", "third").exit_code == 2
+
+    def test_it_needs_neither_the_case_nor_the_place_but_the_same_mesh(self, fitted, run):
+        case = fitted / "case.yaml"
+        case.write_text("gone")
+        assert run("predict", "case.fit.h5").exit_code == 0
+        mesh = fitted / "trench.inp"
+        mesh.write_text(mesh.read_text() + "** changed\n")
+        changed = run("predict", "case.fit.h5", "--fresh")
+        assert changed.exit_code == 3
+        assert "--case" in changed.stderr
+
+    def test_another_case_takes_the_parameters_by_name(self, fitted, run, run_json):
+        new = (fitted / "case.yaml").read_text()
+        new = new.replace("gauges:", "gauges:\n  N: {kind: settlement, point: [5 m, 4 m], "
+                          "accuracy: 0.1 mm}")  # fmt: skip
+        new = new.replace("K0: $K0", "K0: 1.4").replace("  K0: {start", "  # {start")
+        (fitted / "new.yaml").write_text(new)
+        (found,) = run_json("predict", "case.fit.h5", "--case", "new.yaml", "-o", "new.h5")
+        assert found["case"] == "new.yaml"
+        assert list(found["parameters"]) == ["E"]
+        assert ("N", "second") in {(p["gauge"], p["stage"]) for p in found["predictions"]}
+
+    def test_a_parameter_that_was_not_identified_is_a_fault(self, fitted, run):
+        new = (fitted / "case.yaml").read_text()
+        (fitted / "new.yaml").write_text(new.replace("E:  {", "D:  {").replace("$E", "$D"))
+        refused = run("predict", "case.fit.h5", "--case", "new.yaml", "-o", "new.h5")
+        assert refused.exit_code == 3
+        assert "the fit knows no parameter 'D'" in refused.stderr
+
+    def test_a_scan_is_no_fit(self, fitted, run):
+        run("scan", "case.yaml", "--set", "fit.scan.points=3")
+        assert run("predict", "case.scan.h5").exit_code == 3
+
+
+class TestShow:
+    def test_it_speaks_the_units_of_the_case_and_fits_a_terminal(self, trench, run):
+        run("fit", "case.yaml")
+        told = run("show", "case.fit.h5").stdout
+        assert "GPa" in told
+        assert max(len(line) for line in told.splitlines()) <= 80
+
+    def test_several_results_and_one_that_is_none(self, trench, run, run_json):
+        run("fit", "case.yaml")
+        assert run("show", "case.fit.h5", "case.yaml").exit_code == 7
+        assert run("show", "case.yaml").exit_code == 3
+        first, second = run_json("show", "case.fit.h5", "case.fit.h5")
+        assert first == second
+        assert first["case"] == "case.yaml"
+
+
+def test_the_schema_is_json(run):
+    assert json.loads(run("schema").stdout)["title"] == "geoident case"
+
+
+def test_the_doctor_tells_versions_and_the_solver_in_use(run):
+    assert "used" in run("doctor").stdout
+    assert json.loads(run("doctor", "--json").stdout)["picked"] in ("pardiso", "cholmod", "splu")
+
+
+def test_commands_are_all_there():
+    assert set(COMMANDS) == set(geoident.list_commands(None))

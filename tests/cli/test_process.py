@@ -1,0 +1,133 @@
+"""What only a process of its own can show: imports, signals, pipes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from geoident.cli.several import combined
+from geoident.io.result_file import read_result
+from geoident.workflow.control import Control
+from geoident.workflow.jobs import Request, plan_scan
+from geoident.workflow.scan import scan
+
+GEOIDENT = [sys.executable, "-m", "geoident"]
+HEAVY = ("numpy", "scipy", "pydantic", "h5py", "rich", "yaml", "meshio", "importlib.metadata")
+GRID = ["--set", "fit.scan.points=15"]
+posix_only = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+
+
+def start(*arguments, **streams):
+    return subprocess.Popen(
+        [*GEOIDENT, *arguments],
+        text=True,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        **streams,
+    )
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["fit", "--help"]])
+def test_help_imports_nothing_heavy(arguments):
+    code = (
+        "import sys, geoident.cli.app as app\n"
+        "try: app.geoident.main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "print('|', *sys.modules)\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
+    modules = told.stdout.rpartition("|")[2].split()
+    assert not [name for name in modules if name in HEAVY]
+    assert len(modules) < 200
+
+
+def wait_for(condition, process):
+    for _ in range(600):
+        if condition():
+            return
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+    raise AssertionError("waited too long")
+
+
+def stop_amid(trench, number):
+    """Start a scan and stop it when some evaluations are kept; its exit code and stderr."""
+    log = trench / "case.scan.checkpoint"
+    process = start("scan", "case.yaml", *GRID)
+    wait_for(lambda: log.exists() and log.stat().st_size > 20_000, process)
+    process.send_signal(number)
+    stdout, stderr = process.communicate(timeout=30)
+    assert stdout == ""
+    return process.returncode, stderr
+
+
+@posix_only
+def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench):
+    code, stderr = stop_amid(trench, signal.SIGINT)
+    assert code == 130
+    assert "The same command goes on from there" in stderr
+    assert "Traceback" not in stderr
+    assert not (trench / "case.scan.h5").exists()
+    rest = start("scan", "case.yaml", *GRID)
+    stdout, stderr = rest.communicate(timeout=60)
+    assert (rest.returncode, stdout) == (0, "case.scan.h5\n")
+    assert "Going on from case.scan.checkpoint" in stderr
+    assert not (trench / "case.scan.checkpoint").exists()
+    request = Request("case.yaml", overrides=("fit.scan.points=15",), output="whole.h5")
+    whole = scan(plan_scan(request), Control()).result
+    resumed = read_result("case.scan.h5")
+    assert resumed.counts == whole.counts
+    assert resumed.objective == whole.objective
+    assert (resumed.grid.objective == whole.grid.objective).all()
+    assert [i.counts for i in resumed.history] == [i.counts for i in whole.history]
+
+
+@posix_only
+def test_termination_leaves_a_checkpoint(trench):
+    assert stop_amid(trench, signal.SIGTERM)[0] == 143
+    assert (trench / "case.scan.checkpoint").exists()
+
+
+@posix_only
+def test_a_reader_that_goes_away_is_no_error(trench):
+    subprocess.run([*GEOIDENT, "fit", "-q", "case.yaml"], check=True, capture_output=True)
+    with start("show", *["case.fit.h5"] * 100) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 141
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")  # noqa: PTH110
+def test_stdout_on_a_full_disk(trench):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        told = subprocess.run(
+            [*GEOIDENT, "simulate", "case.yaml"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert told.returncode == 6
+    assert "No space left" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_stdin_is_read(trench):
+    process = start("check", "-", "--json", stdin=subprocess.PIPE)
+    stdout, _ = process.communicate((trench / "case.yaml").read_text(), timeout=30)
+    assert process.returncode == 0
+    assert '"case": "-"' in stdout
+
+
+@pytest.mark.parametrize(
+    ("codes", "together"),
+    [([0, 0], 0), ([0, 4], 4), ([0, 3], 7), ([5], 5), ([3, 3], 7), ([0, 130, 3], 130)],
+)
+def test_the_exit_code_of_several_cases(codes, together):
+    assert combined(codes) == together
