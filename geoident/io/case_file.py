@@ -14,7 +14,8 @@ from pydantic import ValidationError
 
 from geoident.errors import InputError
 from geoident.io.case_build import build_case
-from geoident.io.case_references import check_readings, check_references, inline_readings
+from geoident.io.case_readings import check_readings, inline_readings
+from geoident.io.case_references import check_references
 from geoident.io.case_resolve import resolved_text
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_values import kind_of
@@ -23,7 +24,7 @@ from geoident.io.overrides import apply_overrides
 from geoident.io.readings_file import PlacedReading, read_readings
 from geoident.io.schema_faults import add_schema_faults
 from geoident.io.text_file import STDIN, decode, read_bytes
-from geoident.io.wording import did_you_mean, shorten
+from geoident.io.wording import shorten
 from geoident.io.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import Case, KeyPath
 
@@ -139,6 +140,6 @@ def _find(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
     except (OSError, ValueError):
         missing, beside = True, []
     if missing:
-        hint = did_you_mean(path.name, beside, what=f"Files in {path.parent}")
+        hint = faults.did_you_mean(path.name, beside, what=f"Files in {path.parent}")
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return str(path)

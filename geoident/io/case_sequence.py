@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from geoident.io.case_schema import CaseSection, StageSection
 from geoident.io.faults import Faults
-from geoident.io.wording import did_you_mean
 from geoident.model.case import KeyPath
 
 ABSENT = "absent"
@@ -76,7 +75,9 @@ class _Site:
         for n, name in enumerate(stage.remove):
             place = (*path, "remove", n)
             if name not in self.loads:
-                hint = did_you_mean(name, sorted(self.loads), what="Loads that act then")
+                hint = self.faults.did_you_mean(
+                    name, sorted(self.loads), what="Loads that act then"
+                )
                 self.faults.add(place, "no-such-load", f"no load '{name}' acts then", hint)
             elif name in stage.loads:
                 message = f"the load '{name}' begins and ends in one stage"
@@ -88,7 +89,7 @@ class _Site:
     def _refuse_absent(self, place: KeyPath, group: str, what: str, *, key: bool) -> None:
         if group not in self.known:
             message = f"no group '{group}' is in 'groups' or installed by a stage"
-            hint = did_you_mean(group, sorted(self.known), what="Groups")
+            hint = self.faults.did_you_mean(group, sorted(self.known), what="Groups")
             self.faults.add(place, "unknown-group", message, hint, key=key)
             return
         since = f": it was excavated in '{self.left[group]}'" if group in self.left else ""

@@ -9,7 +9,6 @@ from pydantic import BaseModel
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
-from geoident.io.wording import did_you_mean
 from geoident.model.case import KeyPath
 from geoident.units import with_article
 
@@ -50,7 +49,7 @@ def _check_tie(section: CaseSection, path: KeyPath, given: Given, faults: Faults
     parameter = section.parameters.get(given.parameter or "")
     if parameter is None:
         message = f"there is no parameter '{given.parameter}'"
-        hint = did_you_mean(given.parameter or "", section.parameters, what="Parameters")
+        hint = faults.did_you_mean(given.parameter or "", section.parameters, what="Parameters")
         faults.add(path, "unknown-parameter", message, hint)
     elif parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.wording import did_you_mean
 from geoident.io.yaml_reader import Document, Node
 from geoident.model.case import KeyPath, Source, format_path
 
@@ -39,7 +40,9 @@ class Places:
 
     def is_overridden(self, path: KeyPath) -> bool:
         """Whether a flag has set a key or what encloses it."""
-        return any(path[:end] in self.overridden for end in range(len(path) + 1))
+        return bool(self.overridden) and any(
+            path[:end] in self.overridden for end in range(len(path) + 1)
+        )
 
     def _position(self, path: KeyPath, *, value: bool) -> tuple[int, int] | None:
         if value and path in self.document.values:
@@ -73,6 +76,10 @@ class Faults:
         """Note a fault at the value of a key, or at the key itself."""
         location = self.places.locate(path, key=key)
         self.found.append(Fault(code, message, hint, location, format_path(path)))
+
+    def did_you_mean(self, word: str, known: Iterable[str], *, what: str = "Known") -> str:
+        """A hint as `wording.did_you_mean` gives it, as long as faults are shown at all."""
+        return "" if len(self.found) > _MOST else did_you_mean(word, known, what=what)
 
     def extend(self, faults: Iterable[Fault]) -> None:
         """Note faults found elsewhere."""

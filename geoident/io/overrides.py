@@ -15,6 +15,7 @@ from geoident.model.case import KeyPath, format_path
 
 _STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)""")
 _MAY_BE_NEW = {"fit"}
+_MOST_KEYS = 16
 
 
 def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
@@ -70,7 +71,7 @@ def parse_path(text: str) -> KeyPath:
             break
         keys.append(int(step[2]) if step[2] else step[1] or step[3])
         at = step.end()
-    if not keys or at < len(text):
+    if not keys or at < len(text) or len(keys) > _MOST_KEYS:
         hint = "Write it like parameters.E.start or stages[1].name."
         raise Refusal("bad-override", f"'{shorten(text)}' is not the path of a key", hint)
     return tuple(keys)

@@ -22,7 +22,8 @@ REQUIRED = ("gauge", "stage", "value", "unit")
 COLUMNS = (*REQUIRED, "accuracy")
 MAX_ROWS = 1_000_000
 MAX_BYTES = 200_000_000
-_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"\s*|([^",]*))(,|$)')
+_MOST_FAULTS = 1000
+_CELL = re.compile(r'\s*+(?:"((?:[^"]|"")*+)"\s*+|([^",]*+))(,|$)')
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,11 @@ def read_readings(path: str) -> tuple[PlacedReading, ...]:
 
 
 def parse_readings(content: bytes, file: str) -> tuple[PlacedReading, ...]:
-    """Readings from the bytes of a CSV file; see `read_readings`."""
+    """Readings from the bytes of a CSV file; see `read_readings`.
+
+    Raises:
+        InputError: with all faults; it stops at a thousand of them.
+    """
     table = _Table(file)
     if content.count(b"\n") > MAX_ROWS:
         table.refuse((0, 0), "too-large", f"the file has more than {MAX_ROWS:,} rows")
@@ -81,7 +86,13 @@ def parse_readings(content: bytes, file: str) -> tuple[PlacedReading, ...]:
         table.refuse((0, 0), "empty", "the file is empty", hint)
     else:
         _read_header(table, *header)
-    rows = [] if table.faults else [_read_row(table, *line) for line in lines]
+    if table.faults:
+        raise InputError(shortened(table.faults))
+    rows = []
+    for line in lines:
+        if len(table.faults) > _MOST_FAULTS:
+            break
+        rows.append(_read_row(table, *line))
     if table.faults:
         raise InputError(shortened(table.faults))
     return tuple(row for row in rows if row is not None)

@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 from geoident.io.case_values import kind_of
 from geoident.io.faults import Faults
 from geoident.io.section import WRONGS, Wrong
-from geoident.io.wording import Refusal, did_you_mean, listing, shorten
+from geoident.io.wording import Refusal, listing, shorten
 from geoident.io.yaml_reader import Node
 from geoident.model.case import KeyPath
 from geoident.units import UnitError
@@ -103,7 +103,7 @@ def _add_refused(faults: Faults, path: KeyPath, error: Exception, *, is_key: boo
 def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     key = str(path[-1])
     holder = _node_at(faults.places.data, path[:-1])
-    hint = did_you_mean(key, known.get(id(holder), ()), what="Keys here")
+    hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
     if key[:1].isdigit():
         hint = "If a comma stands in a number before it, write a decimal point."
     faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
@@ -123,7 +123,7 @@ def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str,
 def _add_not_listed(faults: Faults, path: KeyPath, found: str, expected: str) -> None:
     choices = _QUOTED.findall(expected)
     message = f"found '{shorten(found)}'; expected {listing(choices)}"
-    hint = did_you_mean(found, choices)
+    hint = faults.did_you_mean(found, choices)
     faults.add(path, "not-listed", message, hint if hint.startswith("Did") else "")
 
 

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 _SHOWN = 20
+_COMPARED = 1000
 
 
 class Refusal(ValueError):
@@ -34,7 +35,8 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
     """
     known = list(known)
     folded = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower()[:100], folded, n=1, cutoff=0.6)
+    compared = folded if len(folded) <= _COMPARED else ()
+    near = difflib.get_close_matches(word.lower()[:100], compared, n=1, cutoff=0.6)
     return f"Did you mean '{folded[near[0]]}'?" if near else f"{what}: {listing(known)}."
 
 

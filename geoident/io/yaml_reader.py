@@ -22,9 +22,9 @@ from geoident.model.case import KeyPath, format_path
 Position = tuple[int, int]
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | None"
 
-MAX_BYTES = 20_000_000
+MAX_BYTES = 5_000_000
 _MAX_DEPTH = 32
-_MAX_NODES = 1_000_000
+_MAX_NODES = 200_000
 _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -1,13 +1,17 @@
 """A small sound case, and a way to spoil it and see exactly what is said."""
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hypothesis.configuration import set_hypothesis_home_dir
 
 from geoident.errors import Fault, InputError
 from geoident.io.case_file import LoadedCase, read_case
+
+set_hypothesis_home_dir(str(Path(tempfile.gettempdir()) / "geoident-hypothesis"))
 
 MARK = "«"
 """Stands before the place at which a fault is expected."""
