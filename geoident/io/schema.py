@@ -29,6 +29,11 @@ def case_schema() -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
+    """Writes defaults as users do, and no titles that only repeat the keys."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
     def encode_default(self, dft: Any) -> Any:
         if isinstance(dft, Given):
             return dft.text if dft.unit else dft.factor
