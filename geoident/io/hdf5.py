@@ -117,9 +117,9 @@ def _signals_held() -> Iterator[None]:
     arrived: list[int] = []
     handlers: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) is not None:
-                handlers[number] = signal.signal(number, lambda got, _: arrived.append(got))
+        for held in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(held) is not None:
+                handlers[held] = signal.signal(held, lambda got, _: arrived.append(got))
     try:
         yield
     finally:

@@ -22,7 +22,6 @@ from geoident.model.result import (
 )
 from geoident.units import DIMENSIONS
 
-
 _COUNTS = ("evaluations", "analyses", "factorizations", "solves")
 _PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")

@@ -402,18 +402,20 @@ def test_interrupt_waits_until_the_library_is_done(
     tmp_path: Path, result_maker: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = hdf5._Sink._store
-    calls = []
+    calls, through = [], []
 
     def interrupted(sink: hdf5._Sink, view: memoryview) -> None:
         calls.append(1)
         if len(calls) == 20:
             signal.raise_signal(signal.SIGINT)
+            through.append("no exception in the library")
         store(sink, view)
 
     monkeypatch.setattr(hdf5._Sink, "_store", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
     assert len(calls) > 40
+    assert through
     assert names_in(tmp_path) == []
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
