@@ -6,9 +6,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    _Seconds = click.ParamType[float]
+else:  # older versions of click know no type of the value
+    _Seconds = click.ParamType
 
 _PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
 _SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -32,7 +37,7 @@ class Options:
     verbose: bool = False
 
 
-class Duration(click.ParamType[float]):
+class Duration(_Seconds):
     """A time such as ``90s``, ``10min`` or ``1h30min``, in seconds."""
 
     name = "TIME"

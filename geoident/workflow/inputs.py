@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location
@@ -15,10 +17,15 @@ from geoident.forward.model import StagedModel
 from geoident.io.case_file import LoadedCase, parse_case, read_case
 from geoident.io.mesh_file import read_mesh
 from geoident.model.case import Case
+from geoident.model.gauges import Reading
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
+from geoident.model.result import GaugeTable, Result
 
 STDIN = "-"
+
+NO_READINGS = "readings=[]"
+"""Override for a case whose readings are not asked for; their file need not be there."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +76,39 @@ def load_inputs(path: str, *, overrides: Sequence[str] = ()) -> Inputs:
     return _hashed(path, read_case(path, overrides=tuple(overrides)))
 
 
-def parse_inputs(text: str, path: str) -> Inputs:
-    """A case from its text, as if it stood at ``path``."""
-    return _hashed(path, parse_case(text, path))
+def inputs_of_result(result: Result, path: str) -> Inputs:
+    """The case of a result, from what the result holds; only the mesh is looked for where it was.
+
+    Args:
+        result: holds the case and its readings.
+        path: where the case stood.
+    """
+    loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+    loaded = replace(
+        loaded,
+        case=replace(loaded.case, readings=readings_of(result.gauges)),
+        text=result.case_text,
+        resolved=result.case_resolved,
+    )
+    hashes = result.provenance
+    return replace(
+        _hashed(path, loaded),
+        case_sha256=hashes.case_sha256,
+        readings_sha256=hashes.readings_sha256,
+    )
+
+
+def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:
+    """The readings that a table holds, stage by stage."""
+    return tuple(
+        Reading(
+            gauges.channels[i],
+            gauges.stages[j],
+            float(gauges.measured[i, j]),
+            float(gauges.sd[i, j]),
+        )
+        for j, i in np.argwhere(np.isfinite(gauges.measured).T)
+    )
 
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:

@@ -17,7 +17,7 @@ from geoident.model.case import Case
 from geoident.model.result import Counts, ParameterTable, Provenance, Result
 from geoident.workflow.control import Control
 from geoident.workflow.finished import Finished
-from geoident.workflow.inputs import Inputs, build_model, load_inputs, parse_inputs
+from geoident.workflow.inputs import Inputs, build_model, inputs_of_result, load_inputs
 from geoident.workflow.outputs import (
     Standing,
     Target,
@@ -120,7 +120,7 @@ def plan_prediction(request: PredictRequest) -> Task:
         UsageError: there is no such stage.
     """
     fit = _read_fit(request.result)
-    origin = parse_inputs(fit.case_resolved, case_path(request.result, fit.provenance.case_file))
+    origin = inputs_of_result(fit, case_path(request.result, fit.provenance.case_file))
     inputs = _inputs(request, origin, fit)
     _require_stages(request.stages, inputs.case)
     require_identified(fit, inputs)

@@ -11,7 +11,7 @@ from geoident.errors import ModelError
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.workflow.inputs import build_model, load_inputs
+from geoident.workflow.inputs import NO_READINGS, build_model, load_inputs
 
 
 class Noise(Enum):
@@ -36,7 +36,7 @@ def simulate(
     Raises:
         ModelError: the model has no solution at the start values.
     """
-    inputs = load_inputs(path, overrides=overrides)
+    inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
     model = build_model(inputs, solver=solver)
     p = np.array([parameter.start for parameter in inputs.case.parameters], dtype=np.float64)
     reason = model.admissible(p)

@@ -116,6 +116,10 @@ class TestSimulate:
         assert run("simulate", "case.yaml", "-o", "readings.csv").exit_code == 6
         assert (trench / "readings.csv").read_text() == before
 
+    def test_it_does_not_ask_for_readings(self, trench, run):
+        (trench / "readings.csv").unlink()
+        assert run("simulate", "case.yaml").exit_code == 0
+
     def test_an_object(self, trench, run_json):
         (found,) = run_json("simulate", "case.yaml")
         assert found["readings"][0].keys() == {"gauge", "stage", "value", "unit"}
@@ -153,10 +157,11 @@ class TestPredict:
         assert {p["stage"] for p in found["predictions"]} == {"first", "second"}
         assert run("predict", "case.fit.h5", "--stages", "third").exit_code == 2
 
-    def test_it_needs_neither_the_case_nor_the_place_but_the_same_mesh(self, fitted, run):
-        case = fitted / "case.yaml"
-        case.write_text("gone")
+    def test_it_needs_neither_the_case_nor_its_readings_but_the_same_mesh(self, fitted, run):
+        (fitted / "case.yaml").unlink()
+        (fitted / "readings.csv").unlink()
         assert run("predict", "case.fit.h5").exit_code == 0
+        assert "3 of 3 readings inside" in " ".join(run("show", "case.predict.h5").stdout.split())
         mesh = fitted / "trench.inp"
         mesh.write_text(mesh.read_text() + "** changed\n")
         changed = run("predict", "case.fit.h5", "--fresh")
