@@ -61,7 +61,7 @@ def summary_text(result: Result) -> str:
 
 def head(result: Result) -> str:
     """How it ended, by which method and why."""
-    method = f" by {result.method}" if result.method else ""
+    method = f" by {result.method}" if result.method and result.kind != "predict" else ""
     reason = f": {result.reason}" if result.reason else ""
     return sentence(f"{result.status}{method}{reason}")
 
