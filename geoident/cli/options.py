@@ -80,7 +80,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=click.Choice(["auto", "pardiso", "cholmod", "splu"]),
+        type=click.Choice(["auto", "cholmod", "pardiso", "splu"]),
         default="auto",
         show_default=True,
         help="Sparse direct solver.",

@@ -70,12 +70,13 @@ class StagedResponse:
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
 
-        Let K be the operator of all stages together, block lower triangular, and G the one that adds
-        displacement increments up to readings. One march with the columns G^T gives S = G K^-1 G^T;
-        forces c with S c = measured - v, in least squares where readings depend on each
-        other, bring the displacements to the readings. The equation error of parameters q
-        there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the Jacobian of
-        a march under those forces: exact, since e is affine in q. Two factorizations a stage.
+        Let K be the operator of all stages together, block lower triangular, and G the one that
+        adds displacement increments up to readings. One march with the columns G^T gives
+        S = G K^-1 G^T; forces c with S c = measured - v, in least squares where readings depend on
+        each other, bring the displacements to the readings. The equation error of parameters q
+        there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the
+        Jacobian of a march under those forces: exact, since e is affine in q. Two factorizations a
+        stage.
 
         Args:
             p: (n,) parameters.
@@ -108,8 +109,8 @@ class StagedResponse:
     def _push(self) -> Push:
         """Unit forces along every reading: G^T.
 
-        A reading adds up increments from the stage after its zero to its own, so its unit force is a
-        dead load that acts in just these.
+        A reading adds up increments from the stage after its zero to its own, so its unit force
+        is a dead load that acts in just these.
         """
         observation = self._model.observation
         state = np.arange(self._last + 1)[:, None]

@@ -18,6 +18,9 @@ from geoident.identify.spectrum import NORMAL_95, Spectrum, sparse_basis, withou
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 
+LEANING = 0.5
+"""Share of a parameter's variance that comes from the prior of another from which it is said."""
+
 PAIR_HALF_WIDTH = 0.5
 """A ratio or product is worth saying if its logarithm is known to this half width."""
 
@@ -31,6 +34,7 @@ class Knowledge:
         values: (n,) the estimate, SI.
         at_bound: (n,) the value lies on a bound.
         from_prior: (n,) hardly better known than by its prior.
+        prior_rows: (k, n) rows of the priors in z.
         width: (n,) admissible range, SI, by the slope at the estimate.
         whole: directions of readings and priors.
         readings: directions of the readings alone.
@@ -40,6 +44,7 @@ class Knowledge:
     values: Floats
     at_bound: Bools
     from_prior: Bools
+    prior_rows: Floats
     width: Floats
     whole: Spectrum
     readings: Spectrum
@@ -129,7 +134,31 @@ def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
     """Parameters that hardly gained from the readings."""
     for i, parameter in enumerate(known.parameters):
         if known.from_prior[i] and i not in said:
-            yield f"{parameter.name} is known only from its prior: the readings hardly add to it."
+            leaning = _leaning_on(known, i)
+            also = (
+                f" What is said of {join(leaning)} rests mainly on that prior." if leaning else ""
+            )
+            yield (
+                f"{parameter.name} is known only from its prior: the readings hardly add to it."
+                + also
+            )
+
+
+def _leaning_on(known: Knowledge, prior_of: int) -> list[str]:
+    """Parameters whose variance comes mainly from the prior of another one.
+
+    With the posterior covariance C, an error of one standard deviation in the prior row P_k
+    moves the estimate by C P_k^T, so (C P_k^T)_i^2 / C_ii is its share of the variance of i.
+    """
+    covariance = known.whole.seen_covariance
+    rows = known.prior_rows[known.prior_rows[:, prior_of] != 0.0]
+    part = ((covariance @ rows.T) ** 2).sum(axis=1)
+    shares = part / np.maximum(np.diag(covariance), 1e-300)
+    return [
+        q.name
+        for j, q in enumerate(known.parameters)
+        if j != prior_of and not known.from_prior[j] and shares[j] > LEANING
+    ]
 
 
 def _bounds(known: Knowledge) -> Iterator[str]:

@@ -68,7 +68,7 @@ def refusal(response: Response, name: str) -> str | None:
     if why is None:
         return None
     able = [other for other, method in METHODS.items() if _obstacle(response, method) is None]
-    return f"The method {name} is not possible here: {why} Possible are {', '.join(able)}."
+    return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
 
 
 def _obstacle(response: Response, method: Method) -> str | None:

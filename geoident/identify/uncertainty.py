@@ -62,6 +62,7 @@ class Assessment:
         correlation: (n, n) likewise.
         at_bound: (n,) the value lies on a bound; treated as fixed there.
         determined: (n,) readings, or readings and priors together, determine it.
+        from_prior: (n,) not determined by readings, but known from its prior: nothing is missing.
         singular_values: (min(g, n),) of B, the readings alone, largest first.
         findings: sentences on what is not determined and what only a prior fixes.
         slope: (n,) dp/dx, SI.
@@ -77,6 +78,7 @@ class Assessment:
     correlation: Floats
     at_bound: Bools
     determined: Bools
+    from_prior: Bools
     singular_values: Floats
     findings: tuple[str, ...]
     slope: Floats
@@ -104,9 +106,10 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     unseen = np.linalg.norm(whole.spread, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.seen_covariance)), unseen)
     from_prior = _only_from_prior(P, total)
-    determined = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * unseen <= 0.25) & ~from_prior
+    known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * unseen <= 0.25)
+    determined = known_enough & ~from_prior
     known = Knowledge(
-        problem.parameters, values, at_bound, from_prior, slope * width, whole, readings
+        problem.parameters, values, at_bound, from_prior, P, slope * width, whole, readings
     )
     covariance = covariance_x + spread_x @ spread_x.T
     sd_x = np.where(determined & ~at_bound, np.sqrt(np.diag(covariance)), np.nan)
@@ -120,6 +123,7 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
         correlation=_only(np.isfinite(sd_x), covariance / np.outer(sd_x, sd_x)),
         at_bound=at_bound,
         determined=determined,
+        from_prior=known_enough & from_prior,
         singular_values=readings.S[: min(B.shape)],
         findings=describe_gaps(known, np.outer(slope, slope) * covariance),
         slope=slope,

@@ -25,6 +25,7 @@ from geoident.report.layout import (
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 
 NOT_DETERMINED = "not determined"
+AS_PRIOR = "as its prior"
 
 
 def result_text(result: Result, *, title: str = "") -> str:
@@ -82,7 +83,7 @@ def _parameter_row(parameters: ParameterTable, i: int) -> list[str]:
     )
     interval = "" if low == "-" else f"{low} .. {high}"
     if not parameters.determined[i]:
-        value, interval = NOT_DETERMINED, ""
+        value, interval = (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
     shown = shown_unit(unit, dimension)
     return [parameters.names[i], value, interval, shown, _remarks(parameters, i)]
 

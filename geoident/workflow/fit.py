@@ -10,6 +10,7 @@ from geoident.errors import ExitCode
 from geoident.forward.model import Survey
 from geoident.identify.problem import Outcome, Problem
 from geoident.identify.uncertainty import Assessment, assess
+from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, Result
 from geoident.workflow.control import Control
@@ -110,11 +111,15 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
 def _status(found: Found) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
-    return "converged" if found.assessment.determined.all() else "not-determined"
+    return "not-determined" if _undetermined(found).any() else "converged"
+
+
+def _undetermined(found: Found) -> Bools:
+    """Parameters (n,) that neither readings nor priors determine."""
+    return ~(found.assessment.determined | found.assessment.from_prior)
 
 
 def _reason(found: Found, names: tuple[str, ...]) -> str:
-    pairs = zip(names, found.assessment.determined, strict=True)
-    loose = [name for name, determined in pairs if not determined]
+    loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
     return found.outcome.reason + also

@@ -234,7 +234,8 @@ def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some of the parameters, whatever the others are."""
-    columns = ("sd", "lower95", "upper95", "beyond_bounds", "at_bound", "determined", "slope")
+    intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
+    columns = (*intervals, "at_bound", "determined", "from_prior")
     square = np.ix_(order, order)
     return replace(
         assessment,

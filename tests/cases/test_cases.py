@@ -1,0 +1,122 @@
+"""The shipped cases: complete, made by other meshes, and their fits find the truth behind them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from geoident.cli.app import geoident
+from geoident.io.case_file import read_case
+from geoident.io.mesh_file import read_mesh
+from geoident.units import read_quantity
+
+CASES = Path(__file__).parents[2] / "cases"
+NAMES = ("cavern", "dam", "tunnel-3d")
+FITS = ("cavern", "dam", pytest.param("tunnel-3d", marks=pytest.mark.slow))
+LEAST_DOFS = {"tunnel-3d": 60_000}
+LEAST_ELEMENTS = {"cavern": 5_000}
+LARGEST_MESH = 6_000_000  # bytes
+
+
+@pytest.fixture(params=NAMES)
+def folder(request: pytest.FixtureRequest) -> Path:
+    return CASES / request.param
+
+
+def test_a_case_has_its_files(folder):
+    case = read_case(str(folder / "case.yaml"))
+    names = {"case.yaml", "make_mesh.py", "make_readings.py", "readings.csv", "truth.yaml"}
+    assert names <= {file.name for file in folder.iterdir()}
+    assert (folder / case.mesh_path).stat().st_size < LARGEST_MESH
+    assert set(truth(folder)) == {parameter.name for parameter in case.case.parameters}
+
+
+def test_a_case_is_as_large_as_it_says(folder):
+    mesh = mesh_of(folder)
+    assert mesh.points.size >= LEAST_DOFS.get(folder.name, 0)
+    assert sum(map(len, mesh.blocks)) >= LEAST_ELEMENTS.get(folder.name, 0)
+
+
+def test_gauges_are_read_at_every_stage_after_their_zero(folder):
+    case = read_case(str(folder / "case.yaml")).case
+    order = {name: number for number, name in enumerate(case.stage_names)}
+    expected = {
+        (channel.name, stage)
+        for channel in case.channels
+        for stage in order
+        if order[stage] > order[channel.zero]
+    }
+    assert {(reading.channel, reading.stage) for reading in case.readings} == expected
+    assert all(reading.value is not None for reading in case.readings)
+
+
+def test_some_stages_are_left_to_predict(folder):
+    case = read_case(str(folder / "case.yaml")).case
+    assert case.fit.stages is not None
+    assert case.stages[-1].name not in case.fit.stages
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_script_makes_the_groups_of_the_mesh_at_any_size_and_order(folder, order, tmp_path):
+    if subprocess.run([sys.executable, "-c", "import gmsh"], check=False).returncode:
+        pytest.skip("gmsh is not installed")
+    output = tmp_path / "other.msh"
+    script = [folder / "make_mesh.py", "--size", 2.5, "--order", order, "--output", output]
+    subprocess.run([sys.executable, *map(str, script)], check=True)
+    shipped = mesh_of(folder)
+    made = read_mesh(str(output), dim=shipped.points.shape[1])
+    assert set(made.groups) == set(shipped.groups)
+    assert set(made.facet_groups) == set(shipped.facet_groups)
+    linear = {"tri3", "quad4", "hex8"}
+    assert ({block.kind for block in made.blocks} <= linear) is (order == 1)
+    np.testing.assert_allclose(made.points.min(axis=0), shipped.points.min(axis=0))
+    np.testing.assert_allclose(made.points.max(axis=0), shipped.points.max(axis=0))
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_the_fit_finds_the_truth_and_predicts_the_later_stages(name, tmp_path):
+    result = fit(CASES / name, tmp_path)
+    assert result["status"] == "converged"
+
+    used = sum(gauge["used"] for gauge in result["gauges"])
+    assert result["objective"] < used + 4 * sqrt(2 * used)  # chi-squared
+
+    for parameter, value in truth(CASES / name).items():
+        found = result["parameters"][parameter]
+        assert found["lower95"] <= value <= found["upper95"], parameter
+
+    scored = [p for p in result["predictions"] if p["measured"] is not None]
+    inside = [p["lower95"] <= p["measured"] <= p["upper95"] for p in scored]
+    assert len(scored) >= 20
+    assert np.mean(inside) >= 0.9
+    assert any(note.startswith("Predicted stage") for note in result["notes"])
+
+
+def truth(folder: Path) -> dict[str, float]:
+    """The parameters behind the readings, SI."""
+    text = yaml.safe_load((folder / "truth.yaml").read_text(encoding="utf-8"))
+    return {name: read_quantity(str(value)).value for name, value in text.items()}
+
+
+def mesh_of(folder: Path) -> Any:
+    """The shipped mesh."""
+    case = read_case(str(folder / "case.yaml"))
+    return read_mesh(str(case.mesh_path), dim=case.case.analysis.dim)
+
+
+def fit(folder: Path, scratch: Path) -> dict[str, Any]:
+    """What ``geoident fit --json`` says of a case."""
+    output = scratch / "case.fit.h5"
+    command = ["fit", str(folder / "case.yaml"), "-o", str(output), "--json", "-q"]
+    found = CliRunner().invoke(geoident, command)
+    assert found.exit_code == 0, found.output
+    return json.loads(found.stdout)
