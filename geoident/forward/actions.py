@@ -13,8 +13,9 @@ from geoident.forward.materials import Values
 from geoident.forward.stage_systems import StageSystems
 from geoident.forward.supports import load_patches
 from geoident.forward.timeline import Timeline
+from geoident.model.actions import Load, Pressure
 from geoident.model.arrays import Floats
-from geoident.model.case import Case, Load, Pressure
+from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 

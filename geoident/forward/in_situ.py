@@ -8,7 +8,7 @@ import numpy as np
 
 from geoident.forward.materials import Values
 from geoident.model.arrays import Floats
-from geoident.model.case import ConstantStress, HeimStress, InSitu
+from geoident.model.in_situ import ConstantStress, HeimStress, InSitu
 from geoident.model.parameter import Scalar
 
 _ROWS = {2: (0, 1, 2, 3), 3: (0, 1, 2, 3, 4, 5)}  # xx yy zz xy (yz xz) of the strain points
@@ -92,5 +92,5 @@ def _overburden(
     if model.unit_weight is None or model.surface is None:
         msg = "Heim's stress needs a vertical stress, or a unit weight and the surface's level"
         raise ValueError(msg)
-    depth = np.maximum(model.surface - positions[:, -1], 0.0)
+    depth = np.maximum(model.surface.factor - positions[:, -1], 0.0)
     return np.outer(depth, _columns(model.unit_weight, values, names))

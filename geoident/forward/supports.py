@@ -7,8 +7,9 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.fem.faces import FaceTable, FacetPatch, patches
 from geoident.forward.timeline import Timeline, listed
+from geoident.model.actions import Load
 from geoident.model.arrays import Bools, Ints
-from geoident.model.case import Case, KeyPath, Load
+from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import ElementBlock, Mesh
 
 

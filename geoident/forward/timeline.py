@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.model.actions import Load
 from geoident.model.arrays import Bools, Ints
-from geoident.model.case import VIRGIN, Case, KeyPath, Load
+from geoident.model.case import VIRGIN, Case, KeyPath
 from geoident.model.mesh import Mesh
 
 _SHOWN = 5

@@ -12,23 +12,19 @@ from geoident.io.case_sequence import ABSENT
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
 from geoident.io.parameter_schema import ParameterSection
+from geoident.model.actions import Load, Pressure, Traction
 from geoident.model.case import (
     Analysis,
     Case,
-    ConstantStress,
     FitSettings,
-    HeimStress,
-    InSitu,
     Isotropic,
     KeyPath,
-    Load,
     Material,
-    Pressure,
     Stage,
     Support,
-    Traction,
 )
 from geoident.model.gauges import Reading
+from geoident.model.in_situ import ConstantStress, HeimStress, InSitu
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
 
@@ -107,7 +103,7 @@ def _in_situ(section: CaseSection, faults: Faults) -> InSitu | None:
             K0=given.K0.scalar,
             vertical=_scalar(given.vertical),
             unit_weight=_scalar(given.unit_weight),
-            surface=given.surface.factor if given.surface else None,
+            surface=_scalar(given.surface),
             held=given.held,
         )
     for name in ("yz", "xz"):

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from geoident.errors import Fault, Location
+from geoident.model.actions import Load, Temperature, Water
 from geoident.model.gauges import Channel, Reading
+from geoident.model.in_situ import InSitu
 from geoident.model.methods import MethodOptions
 from geoident.model.parameter import Parameter, Scalar
 
@@ -76,11 +78,12 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class Material:
-    """A material: its elasticity and its density in kg/m3 (0 if not given)."""
+    """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given)."""
 
     name: str
     elastic: Isotropic
     density: Scalar = Scalar(0.0)
+    expansion: Scalar = Scalar(0.0)
 
 
 @dataclass(frozen=True)
@@ -97,62 +100,6 @@ class Support:
 
 
 @dataclass(frozen=True)
-class ConstantStress:
-    """In-situ stress the same everywhere, tension positive, Pa.
-
-    ``components`` in the order xx, yy, zz, xy, yz, xz (in 2-D the z axis is out of plane and
-    yz, xz are zero). ``held`` as in `HeimStress`.
-    """
-
-    components: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
-    held: bool | None = None
-
-
-@dataclass(frozen=True)
-class HeimStress:
-    """Heim's in-situ stress: a vertical pressure and K0 times it on every horizontal plane.
-
-    The vertical is the last coordinate axis (y in 2-D, z in 3-D). Either ``vertical`` (Pa,
-    compression positive, the same everywhere) or ``unit_weight`` (N/m3) with the level
-    ``surface`` (m) of the ground: sigma_v = -unit_weight * depth.
-
-    Args:
-        K0: ratio of horizontal to vertical stress, along x and out of plane (y in 3-D).
-        held: whether the ground beyond the edges of the model holds the stress there, by tractions
-            that stay in all stages; None: yes for a stress that is the same everywhere (it can't
-            be in equilibrium otherwise), no for one that grows with depth.
-    """
-
-    K0: Scalar
-    vertical: Scalar | None = None
-    unit_weight: Scalar | None = None
-    surface: float | None = None
-    held: bool | None = None
-
-
-InSitu = ConstantStress | HeimStress
-
-
-@dataclass(frozen=True)
-class Pressure:
-    """A pressure (Pa, positive pushes onto the ground) on the free face of a facet group."""
-
-    group: str
-    value: Scalar
-
-
-@dataclass(frozen=True)
-class Traction:
-    """A force per area (Pa) in the coordinate directions on a facet group."""
-
-    group: str
-    value: tuple[Scalar, ...]
-
-
-Load = Pressure | Traction
-
-
-@dataclass(frozen=True)
 class Stage:
     """One step of construction. Things happen together, in one state of equilibrium.
 
@@ -165,6 +112,12 @@ class Stage:
             shotcrete, softening of rock).
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
+        water: water in the pores from this stage on; None: as before.
+        temperature: group to change of temperature, counted from the virgin state or from its
+            placing, from this stage on.
+        independent: a load case on its own: nothing builds on it but stages that name it.
+        base: name of the earlier stage on which this one builds; None: the last one before it
+            that is not independent.
     """
 
     name: str
@@ -173,6 +126,10 @@ class Stage:
     change: Mapping[str, str] = field(default_factory=dict)
     loads: Mapping[str, Load] = field(default_factory=dict)
     remove: tuple[str, ...] = ()
+    water: Water | None = None
+    temperature: Mapping[str, Temperature] = field(default_factory=dict)
+    independent: bool = False
+    base: str | None = None
 
 
 @dataclass(frozen=True)
@@ -208,6 +165,8 @@ class Case:
         readings: what was read, in the order of the file.
         fit: how to identify.
         source: where the keys stand in the file.
+        in_situ_of: element group to its own in-situ stress, where it differs.
+        water: water in the pores of the virgin ground, or None for none.
     """
 
     title: str
@@ -225,6 +184,8 @@ class Case:
     readings: tuple[Reading, ...]
     fit: FitSettings
     source: Source = Source()
+    in_situ_of: Mapping[str, InSitu] = field(default_factory=dict)
+    water: Water | None = None
 
     @property
     def stage_names(self) -> tuple[str, ...]:

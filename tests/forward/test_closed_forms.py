@@ -8,7 +8,8 @@ from support.cases import material, model, rollers
 from support.closed_forms import kirsch, lift_settlement, spherical_cavity
 from support.meshes import KINDS, KINDS_3D, box, opening, regroup
 
-from geoident.model.case import ConstantStress, Stage, Support
+from geoident.model.case import Stage, Support
+from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
 
 RADIUS, E, NU = 2.0, 10e9, 0.22

@@ -7,16 +7,9 @@ import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
-from geoident.model.case import (
-    ConstantStress,
-    HeimStress,
-    Isotropic,
-    Material,
-    Pressure,
-    Stage,
-    Support,
-    Traction,
-)
+from geoident.model.actions import Pressure, Traction
+from geoident.model.case import Isotropic, Material, Stage, Support
+from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar
 
 ROCK = material("rock", 8e9, 0.3, 2600.0)
@@ -111,7 +104,7 @@ def test_heim_stress_growing_with_depth_balances_gravity():
         materials={"rock": ROCK},
         groups=dict.fromkeys(("rock", *BLOCKS), "rock"),
         supports=(*rollers(2), Support("x1", (0,))),
-        in_situ=HeimStress(K0=Scalar(K0), unit_weight=Scalar(weight), surface=8.0),
+        in_situ=HeimStress(K0=Scalar(K0), unit_weight=Scalar(weight), surface=Scalar(8.0)),
         gravity=(0.0, -9.81),
         stages=(Stage("nothing"),),
     )
@@ -246,9 +239,9 @@ IN_SITU = {
         )
     ),
     "heim": HeimStress(K0=Scalar(1.0, "K0"), vertical=Scalar(1.0, "sv")),
-    "heim-depth": HeimStress(K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=50.0),
+    "heim-depth": HeimStress(K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(50.0)),
     "heim-free": HeimStress(
-        K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=9.0, held=False
+        K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(9.0), held=False
     ),
 }
 PAIRS = (

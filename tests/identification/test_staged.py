@@ -10,15 +10,9 @@ from support.meshes import box, regroup
 from geoident.identify import identify
 from geoident.identify.problem import Problem
 from geoident.identify.uncertainty import assess
-from geoident.model.case import (
-    ConstantStress,
-    HeimStress,
-    Isotropic,
-    Material,
-    Pressure,
-    Stage,
-    Support,
-)
+from geoident.model.actions import Pressure
+from geoident.model.case import Isotropic, Material, Stage, Support
+from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar
 

@@ -8,7 +8,8 @@ from support import calculix
 from support.cases import material, model, rollers
 from support.meshes import KINDS_3D, box, regroup
 
-from geoident.model.case import HeimStress, Stage, Support
+from geoident.model.case import Stage, Support
+from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
 

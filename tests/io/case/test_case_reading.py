@@ -8,18 +8,10 @@ import pytest
 
 from geoident.errors import InputError, Location
 from geoident.io.case_file import read_case
-from geoident.model.case import (
-    Analysis,
-    ConstantStress,
-    HeimStress,
-    Isotropic,
-    Material,
-    Pressure,
-    Stage,
-    Support,
-    Traction,
-)
+from geoident.model.actions import Pressure, Traction
+from geoident.model.case import Analysis, Isotropic, Material, Stage, Support
 from geoident.model.gauges import Channel, Reading
+from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.methods import (
     CondensationOptions,
     GaussNewtonOptions,
@@ -144,7 +136,7 @@ def test_in_situ_models(project, changed):
     assert case.materials["rock"].elastic.nu == Scalar(0.2, "K0")
     heim = "{model: heim, unit_weight: 27 kN/m³, surface: 300 m, K0: $K0, held: true}"
     assert project.read(changed(HEIM, heim)).case.in_situ == HeimStress(
-        Scalar(1.0, "K0"), unit_weight=Scalar(27e3), surface=300.0, held=True
+        Scalar(1.0, "K0"), unit_weight=Scalar(27e3), surface=Scalar(300.0), held=True
     )
 
 
