@@ -6,9 +6,7 @@
 Strain points are numbered element by element in the mesh's order. Vectors of strain or stress are
 stored *component by component*, (n_strain, n_points), so that the elastic law of one material is
 one small matrix times one long one; row c m + i of C is component c at point i.
-
-Components: plane strain (xx, yy, zz, xy) with eps_zz = 0, so that the out-of-plane stress needs no
-special case; 3-D (xx, yy, zz, xy, yz, xz). Shear strains are gamma = 2 eps.
+The components of each kind of analysis are in `kinematics`.
 """
 
 from __future__ import annotations
@@ -19,43 +17,43 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.elements import reference_element
+from geoident.fem.kinematics import Kinematics, Terms
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh
-
-N_STRAIN = {2: 4, 3: 6}
-# Rows of C: component c is the sum over (derivative by axis j of displacement i).
-COMPONENTS = {
-    2: (((0, 0),), ((1, 1),), (), ((0, 1), (1, 0))),
-    3: (((0, 0),), ((1, 1),), ((2, 2),), ((0, 1), (1, 0)), ((1, 2), (2, 1)), ((0, 2), (2, 0))),
-}
 
 
 @dataclass(frozen=True)
 class BlockGeometry:
-    """Derivatives of the shape functions at the strain points of one block.
+    """Shape functions and what derives from them at the strain points of one block.
 
     Args:
-        gradients: (n_el, n_q, n_a, dim) dN_a/dx_j in 1/m.
-        volumes: (n_el, n_q) integration weights, m3 (m2 times unit thickness in plane strain).
+        gradients: (n_el, n_q, n_a, n_entries) gradient vectors of the nodes, 1/m.
+        volumes: (n_el, n_q) integration weights, m3 (of a unit thickness in plane strain, of the
+            whole turn in a body of revolution).
         shapes: (n_q, n_a) shape functions.
+        positions: (n_el, n_q, dim) strain points, m.
     """
 
     gradients: Floats
     volumes: Floats
     shapes: Floats
+    positions: Floats
 
 
-def block_geometry(points: Floats, block: ElementBlock) -> BlockGeometry:
+def block_geometry(points: Floats, block: ElementBlock, kinematics: Kinematics) -> BlockGeometry:
     """Geometry of a block of elements whose orientation is right."""
     reference = reference_element(block.kind)
-    local = reference.gradients(reference.points)
+    xi, weights = kinematics.quadrature(block.kind)
+    shapes, local = reference.shapes(xi), reference.gradients(xi)
     corners = points[block.nodes]
     jacobian = np.einsum("eai,qaj->eqij", corners, local, optimize=True)
     determinant = np.linalg.det(jacobian)
     inverse = np.linalg.inv(jacobian)
     gradients = np.einsum("qaj,eqji->eqai", local, inverse, optimize=True)
-    shapes = reference.shapes(reference.points)
-    return BlockGeometry(gradients, determinant * reference.weights, shapes)
+    positions = np.einsum("qa,eai->eqi", shapes, corners, optimize=True)
+    volumes = determinant * weights * kinematics.depth(positions)
+    vectors = kinematics.gradient_vectors(gradients, shapes, positions)
+    return BlockGeometry(vectors, volumes, shapes, positions)
 
 
 @dataclass(frozen=True)
@@ -102,33 +100,34 @@ class StrainPoints:
         return np.asarray(self.transpose @ flat)
 
 
-def strain_points(mesh: Mesh, geometries: tuple[BlockGeometry, ...]) -> StrainPoints:
+def strain_points(
+    mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
+) -> StrainPoints:
     """C, V and where the points are, for all elements of a mesh."""
     volume = np.concatenate([g.volumes.ravel() for g in geometries])
-    compatibility = _compatibility(mesh, geometries)
+    compatibility = _compatibility(mesh, geometries, kinematics.strains)
     element, first = [], 0
     for block, geometry in zip(mesh.blocks, geometries, strict=True):
         element.append(np.repeat(np.arange(first, first + len(block)), geometry.volumes.shape[1]))
         first += len(block)
-    position = [
-        np.einsum("qa,eai->eqi", g.shapes, mesh.points[b.nodes]).reshape(-1, mesh.dim)
-        for b, g in zip(mesh.blocks, geometries, strict=True)
-    ]
+    position = [g.positions.reshape(-1, mesh.dim) for g in geometries]
     return StrainPoints(
         compatibility, compatibility.T.tocsr(), volume, np.concatenate(element), np.vstack(position)
     )
 
 
-def _compatibility(mesh: Mesh, geometries: tuple[BlockGeometry, ...]) -> sp.csr_array:
+def _compatibility(
+    mesh: Mesh, geometries: tuple[BlockGeometry, ...], strains: tuple[Terms, ...]
+) -> sp.csr_array:
     """Built row by row in its final place: no sorting, no triplets."""
     n_columns = mesh.n_nodes * mesh.dim
     data, indices, counts = [], [], []
-    for terms in COMPONENTS[mesh.dim]:
+    for terms in strains:
         for block, geometry in zip(mesh.blocks, geometries, strict=True):
             n_el, n_q, n_a, _ = geometry.gradients.shape
             counts.append(np.full(n_el * n_q, n_a * len(terms)))
             if terms:
-                values = [geometry.gradients[..., axis] for _, axis in terms]
+                values = [geometry.gradients[..., entry] for _, entry in terms]
                 columns = [block.nodes * mesh.dim + i for i, _ in terms]
                 data.append(np.stack(values, axis=-1).ravel())
                 nodes = np.stack(columns, axis=-1)[:, None]

@@ -137,10 +137,12 @@ def reference_element(kind: str) -> ReferenceElement:
     )  # fmt: skip
 
 
-def facet_rule(kind: str) -> tuple[Floats, Floats]:
-    """Quadrature (points (n_q, dim), weights (n_q,)) for loads on a facet.
+def raised_rule(kind: str) -> tuple[Floats, Floats]:
+    """Quadrature (points (n_q, dim), weights (n_q,)) with room for a further linear factor.
 
-    Exact for shape functions times a linear pressure on straight-sided facets.
+    For loads on facets: exact for shape functions times a linear pressure, also when turned about
+    an axis. For the stiffness of bodies of revolution: see `kinematics`. Lines to quadrilaterals,
+    straight-sided.
     """
     family, dim, order = _FAMILY[kind]
     if _is_cube(family):

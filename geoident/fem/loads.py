@@ -9,8 +9,9 @@ import numpy as np
 
 from geoident.fem.compatibility import BlockGeometry
 from geoident.fem.elasticity import VOIGT
-from geoident.fem.elements import facet_rule, reference_element
+from geoident.fem.elements import raised_rule, reference_element
 from geoident.fem.faces import FacetPatch
+from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import Mesh
 
@@ -21,7 +22,8 @@ class FacetGeometry:
 
     Args:
         shapes: (n_q, n_a) shape functions.
-        normals: (n, n_q, dim) outward normals times integration weights, m2 (m per m in 2-D).
+        normals: (n, n_q, dim) outward normals times integration weights, m2 (of a unit thickness
+            in plane strain, of the whole turn in a body of revolution).
         positions: (n, n_q, dim) quadrature points, m.
     """
 
@@ -30,10 +32,10 @@ class FacetGeometry:
     positions: Floats
 
 
-def facet_geometry(points: Floats, patch: FacetPatch) -> FacetGeometry:
+def facet_geometry(points: Floats, patch: FacetPatch, kinematics: Kinematics) -> FacetGeometry:
     """Quadrature points, weights and outward normals of a patch."""
     reference = reference_element(patch.kind)
-    xi, weights = facet_rule(patch.kind)
+    xi, weights = raised_rule(patch.kind)
     shapes, local = reference.shapes(xi), reference.gradients(xi)
     corners = points[patch.nodes]
     tangents = np.einsum("fai,qaj->fqij", corners, local)
@@ -43,33 +45,37 @@ def facet_geometry(points: Floats, patch: FacetPatch) -> FacetGeometry:
     else:
         normals = np.cross(tangents[..., 0], tangents[..., 1])
     positions = np.einsum("qa,fai->fqi", shapes, corners)
-    return FacetGeometry(shapes, normals * weights[None, :, None], positions)
+    areas = np.expand_dims(weights * kinematics.depth(positions), -1)
+    return FacetGeometry(shapes, normals * areas, positions)
 
 
-def pressure_forces(mesh: Mesh, patch: FacetPatch) -> Floats:
+def pressure_forces(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Floats:
     """Nodal forces (n_dofs,) of a unit pressure that pushes onto the body."""
-    geometry = facet_geometry(mesh.points, patch)
+    geometry = facet_geometry(mesh.points, patch, kinematics)
     return _scatter(mesh, patch, np.einsum("qa,fqi->fai", geometry.shapes, -geometry.normals))
 
 
-def traction_weights(mesh: Mesh, patch: FacetPatch) -> Floats:
+def traction_weights(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Floats:
     """Area (n_nodes,) that belongs to each node: integral of its shape function, m2."""
-    geometry = facet_geometry(mesh.points, patch)
+    geometry = facet_geometry(mesh.points, patch, kinematics)
     area = np.linalg.norm(geometry.normals, axis=2)
     weights = np.zeros(mesh.n_nodes)
     np.add.at(weights, patch.nodes, np.einsum("qa,fq->fa", geometry.shapes, area))
     return weights
 
 
-def stress_forces(mesh: Mesh, patch: FacetPatch, stress: Callable[[Floats], Floats]) -> Floats:
+def stress_forces(
+    mesh: Mesh, patch: FacetPatch, kinematics: Kinematics, stress: Callable[[Floats], Floats]
+) -> Floats:
     """Nodal forces (n_dofs, ...) of the tractions sigma n of a stress field.
 
     Args:
         mesh: the mesh.
         patch: the faces on which the tractions act.
+        kinematics: of the analysis.
         stress: gives stresses (n_strain, n, ...) at positions (n, dim).
     """
-    geometry = facet_geometry(mesh.points, patch)
+    geometry = facet_geometry(mesh.points, patch, kinematics)
     sigma = stress(geometry.positions.reshape(-1, mesh.dim))
     tensor = sigma[VOIGT[mesh.dim]].reshape(
         (mesh.dim, mesh.dim, *geometry.normals.shape[:2], *sigma.shape[2:])

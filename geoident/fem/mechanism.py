@@ -1,8 +1,9 @@
 """Bodies that can move without strain: found before any factorization, by group and place.
 
 The present elements fall into pieces, joined through faces. Each piece has its rigid motions
-(3 in 2-D, 6 in 3-D). Supports forbid some; pieces that touch only at nodes (a hinge) must agree
-there. What motion is left is a mechanism: the null space of a small Gram matrix.
+(3 in the plane, 6 in space, 1 about an axis). Supports forbid some; pieces that touch only at
+nodes (a hinge) must agree there. What motion is left is a mechanism: the null space of a small
+Gram matrix.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from geoident.fem.faces import FaceTable
+from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
@@ -35,27 +37,31 @@ class LooseBody:
     motion: Floats
 
 
-def loose_body(mesh: Mesh, table: FaceTable, present: Bools, fixed: Bools) -> LooseBody | None:
+def loose_body(
+    mesh: Mesh, table: FaceTable, kinematics: Kinematics, present: Bools, fixed: Bools
+) -> LooseBody | None:
     """The first piece of the present elements that supports do not hold, or None.
 
     Args:
         mesh: the mesh.
         table: its faces.
+        kinematics: says which rigid motions there are.
         present: (n_elements,).
         fixed: (n_dofs,) degrees of freedom held by supports.
     """
     piece = _pieces(table, present)
     pairs = _piece_nodes(mesh, present, piece)
-    modes = _rigid_modes(mesh, pairs)
+    modes = _rigid_modes(mesh, pairs)[..., list(kinematics.rigid)]
     eigenvalues, vectors = np.linalg.eigh(_gram(mesh, pairs, modes, fixed))
     if eigenvalues[0] > _NULL * max(eigenvalues[-1], 1.0):
         return None
-    n_modes = modes.shape[2]
-    amplitude = np.linalg.norm(vectors[:, 0].reshape(-1, n_modes), axis=1)
-    worst = int(amplitude.argmax())
+    amplitudes = vectors[:, 0].reshape(-1, modes.shape[2])
+    worst = int(np.linalg.norm(amplitudes, axis=1).argmax())
     elements = np.flatnonzero(piece == worst)
     centre = mesh.points[pairs[pairs[:, 0] == worst, 1]].mean(axis=0)
-    motion = vectors[:, 0].reshape(-1, n_modes)[worst, : mesh.dim]
+    motion = np.zeros(2 * mesh.dim)
+    motion[list(kinematics.rigid)] = amplitudes[worst]
+    motion = motion[: mesh.dim]
     return LooseBody(elements, centre, np.where(np.abs(motion) > 1e-6, motion, 0.0))
 
 

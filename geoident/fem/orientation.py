@@ -8,6 +8,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, Location
 from geoident.fem.elements import ReferenceElement, reference_element
+from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh
 
@@ -15,22 +16,24 @@ _FLAT = 1e-12  # of the volume of a regular element: below this an element has n
 _SHOWN = 10
 
 
-def oriented(mesh: Mesh) -> Mesh:
+def oriented(mesh: Mesh, kinematics: Kinematics) -> Mesh:
     """The mesh with every element right-handed.
 
     Raises:
         InputError: elements that are folded, or flat, with their numbers.
     """
     faults: list[Fault] = []
-    blocks = tuple(_oriented_block(mesh, block, faults) for block in mesh.blocks)
+    blocks = tuple(_oriented_block(mesh, block, kinematics, faults) for block in mesh.blocks)
     if faults:
         raise InputError(faults)
     return replace(mesh, blocks=blocks)
 
 
-def _oriented_block(mesh: Mesh, block: ElementBlock, faults: list[Fault]) -> ElementBlock:
+def _oriented_block(
+    mesh: Mesh, block: ElementBlock, kinematics: Kinematics, faults: list[Fault]
+) -> ElementBlock:
     reference = reference_element(block.kind)
-    determinant = _determinants(mesh.points, block, reference)
+    determinant = _determinants(mesh.points, block, kinematics.quadrature(block.kind)[0])
     size = np.ptp(mesh.points[block.nodes], axis=1).max(axis=1) ** mesh.dim
     sign = np.where(np.abs(determinant) > _FLAT * size[:, None], np.sign(determinant), 0.0)
     turned = np.all(sign < 0, axis=1)
@@ -44,10 +47,11 @@ def _oriented_block(mesh: Mesh, block: ElementBlock, faults: list[Fault]) -> Ele
     return replace(block, nodes=nodes)
 
 
-def _determinants(points: Floats, block: ElementBlock, reference: ReferenceElement) -> Floats:
-    """Jacobian determinants (n_el, n) at the strain points and the corners."""
+def _determinants(points: Floats, block: ElementBlock, xi: Floats) -> Floats:
+    """Jacobian determinants (n_el, n) at the strain points (n_q, dim) and the corners."""
+    reference = reference_element(block.kind)
     corners = reference.nodes[: reference.n_corners]
-    local = reference.gradients(np.vstack([reference.points, corners]))
+    local = reference.gradients(np.vstack([xi, corners]))
     return np.asarray(
         np.linalg.det(np.einsum("eai,qaj->eqij", points[block.nodes], local, optimize=True))
     )

@@ -4,9 +4,10 @@ The elastic moduli are constant over a material, so the integrals over elements 
 once per mesh. For every *group* (the smallest set of elements that a stage can move) and every
 pair of neighbouring nodes a, b of it, this module stores
 
-    G_ab[j, l] = sum over the elements of the group of  integral dN_a/dx_j dN_b/dx_l,
+    G_ab[j, l] = sum over the elements of the group of  integral g_a[j] g_b[l]
 
-and the block of any material is a dim^2 x dim^2 map of it (`elasticity.stiffness_map`). So K for
+with g_a the gradient vector of node a (dN_a/dx_j, and N_a/r about an axis: see `kinematics`), and
+the block of any material is a linear map of it (`Kinematics.stiffness_map`). So K for
 new moduli costs one pass over node pairs, not over elements (for tet4 a fifth of the data), and a
 general anisotropic material costs what an isotropic one costs.
 
@@ -39,7 +40,7 @@ class GroupBlocks:
     Args:
         row: (n_b,) rank of node a in the elimination order, the larger of the two.
         column: (n_b,) rank of node b.
-        products: (n_b, dim^2) G_ab, m (or 1 in plane strain).
+        products: (n_b, n_entries^2) G_ab, m (or 1 in plane strain).
     """
 
     row: Ints
@@ -90,7 +91,7 @@ def group_blocks(
         parts += [_products(rank[block.nodes[e]], geometry, e) for e in _chunks(mine, geometry)]
     keys = np.concatenate([k for k, _ in parts]) if parts else np.empty(0, np.int64)
     unique, place = np.unique(keys, return_inverse=True)
-    total = np.zeros((len(unique), mesh.dim**2))
+    total = np.zeros((len(unique), geometries[0].gradients.shape[3] ** 2))
     at = 0
     for key, products in parts:
         _add_at(total, place[at : at + len(key)], products)
@@ -123,8 +124,8 @@ def stiffness_pattern(
 def _chunks(elements: Ints, geometry: BlockGeometry) -> Iterable[Ints]:
     if len(elements) == 0:
         return []
-    _, _, n_a, dim = geometry.gradients.shape
-    pairs = n_a * (n_a + 1) // 2 * dim**2
+    _, _, n_a, n_entries = geometry.gradients.shape
+    pairs = n_a * (n_a + 1) // 2 * n_entries**2
     return np.array_split(elements, -(-len(elements) * pairs // _CHUNK))
 
 
@@ -132,17 +133,17 @@ def _products(ranks: Ints, geometry: BlockGeometry, elements: Ints) -> tuple[Int
     """Keys and gradient products of all node pairs of some elements, larger rank first."""
     n_el, n_a = ranks.shape
     gradients = geometry.gradients[elements]
-    dim = gradients.shape[3]
+    n = gradients.shape[3]
     a, b = np.tril_indices(n_a)
     weighted = gradients * geometry.volumes[elements][:, :, None, None]
-    flat = weighted.reshape(n_el, -1, n_a * dim)
-    full = np.matmul(flat.transpose(0, 2, 1), gradients.reshape(n_el, -1, n_a * dim))
-    pairs = full.reshape(n_el, n_a, dim, n_a, dim).transpose(0, 1, 3, 2, 4)[:, a, b]
+    flat = weighted.reshape(n_el, -1, n_a * n)
+    full = np.matmul(flat.transpose(0, 2, 1), gradients.reshape(n_el, -1, n_a * n))
+    pairs = full.reshape(n_el, n_a, n, n_a, n).transpose(0, 1, 3, 2, 4)[:, a, b]
     row, column = ranks[:, a], ranks[:, b]
     swapped = row < column
     pairs[swapped] = pairs[swapped].swapaxes(1, 2)
     keys = (np.minimum(row, column) << 32) | np.maximum(row, column)
-    return keys.ravel(), pairs.reshape(-1, dim * dim)
+    return keys.ravel(), pairs.reshape(-1, n * n)
 
 
 def _add_at(total: Floats, place: Ints, values: Floats) -> None:

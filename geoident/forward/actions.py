@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.fem.faces import FaceTable, FacetPatch, patches
+from geoident.fem.kinematics import Kinematics
 from geoident.fem.loads import pressure_forces, stress_forces, traction_weights, weight_shares
 from geoident.forward.in_situ import edges_held, in_situ_stress
 from geoident.forward.materials import Values
@@ -32,8 +33,9 @@ class Actions:
         self._weights = (
             {} if case.gravity is None else _group_weights(case, mesh, timeline, systems)
         )
+        self._kinematics = systems.kinematics
         self._edges = _held_edges(case, mesh, table, timeline)
-        self._load_forces = _load_forces(mesh, table, timeline)
+        self._load_forces = _load_forces(mesh, table, timeline, systems.kinematics)
 
     def forces(self, state: int, values: Values, names: Sequence[str]) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
@@ -57,7 +59,10 @@ class Actions:
             return in_situ_stress(self._case.in_situ, values, names, positions)
 
         return np.asarray(
-            sum(stress_forces(self._mesh, patch, stress) for patch in self._edges[group])
+            sum(
+                stress_forces(self._mesh, patch, self._kinematics, stress)
+                for patch in self._edges[group]
+            )
         )
 
 
@@ -91,7 +96,7 @@ def _held_edges(
 
 
 def _load_forces(
-    mesh: Mesh, table: FaceTable, timeline: Timeline
+    mesh: Mesh, table: FaceTable, timeline: Timeline, kinematics: Kinematics
 ) -> dict[tuple[int, str], list[tuple[Floats, Scalar]]]:
     """Per state and load its unit forces with the numbers that scale them."""
     made: dict[tuple[int, bytes], list[tuple[Floats, Scalar]]] = {}
@@ -101,20 +106,23 @@ def _load_forces(
         for name, load in state.loads.items():
             key = (id(load), present.tobytes())
             if key not in made:
-                made[key] = _unit_forces(mesh, load, load_patches(mesh, table, load.group, present))
+                faces = load_patches(mesh, table, load.group, present)
+                made[key] = _unit_forces(mesh, load, faces, kinematics)
             result[n, name] = made[key]
     return result
 
 
 def _unit_forces(
-    mesh: Mesh, load: Load, faces: tuple[FacetPatch, ...] | None
+    mesh: Mesh, load: Load, faces: tuple[FacetPatch, ...] | None, kinematics: Kinematics
 ) -> list[tuple[Floats, Scalar]]:
     if faces is None:
         msg = f"load on '{load.group}' has no free face (see burden_faults)"
         raise ValueError(msg)
     if isinstance(load, Pressure):
-        return [(sum((pressure_forces(mesh, p) for p in faces), np.zeros(1)), load.value)]
-    area = sum((traction_weights(mesh, p) for p in faces), np.zeros(1))
+        return [
+            (sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1)), load.value)
+        ]
+    area = sum((traction_weights(mesh, p, kinematics) for p in faces), np.zeros(1))
     return [
         (np.outer(area, np.eye(mesh.dim)[axis]).ravel(), scalar)
         for axis, scalar in enumerate(load.value)

@@ -9,6 +9,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.faces import FaceTable, face_table
+from geoident.fem.kinematics import Kinematics, kinematics_of
 from geoident.fem.location import Locator
 from geoident.fem.mechanism import loose_body
 from geoident.fem.orientation import oriented
@@ -59,7 +60,8 @@ class StagedModel:
 
     def __init__(self, mesh: Mesh, case: Case, *, solver: Solver) -> None:
         self.case = case
-        self.mesh = mesh = oriented(mesh)
+        kinematics = kinematics_of(case.analysis)
+        self.mesh = mesh = oriented(mesh, kinematics)
         self.names = tuple(parameter.name for parameter in case.parameters)
         table = face_table(mesh)
         _raise_any(_group_faults(case, mesh, table))
@@ -68,10 +70,10 @@ class StagedModel:
         self.observation, faults = observe(case, mesh, Locator(mesh), self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
         fixed = fixed_dofs(case, mesh)
-        _refuse_mechanisms(mesh, table, self.timeline, fixed)
+        _refuse_mechanisms(mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
-        self.systems = StageSystems(mesh, self.timeline, fixed, solver)
+        self.systems = StageSystems(case, mesh, self.timeline, fixed, solver)
         self.actions = Actions(case, mesh, table, self.timeline, self.systems)
         self.march = March(case, self.timeline, self.systems, self.actions)
 
@@ -193,7 +195,9 @@ def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fau
     return faults
 
 
-def _refuse_mechanisms(mesh: Mesh, table: FaceTable, timeline: Timeline, fixed: Bools) -> None:
+def _refuse_mechanisms(
+    mesh: Mesh, table: FaceTable, kinematics: Kinematics, timeline: Timeline, fixed: Bools
+) -> None:
     checked = set()
     for n, state in enumerate(timeline.states):
         present = timeline.present(n)
@@ -203,7 +207,7 @@ def _refuse_mechanisms(mesh: Mesh, table: FaceTable, timeline: Timeline, fixed: 
         if not present.any():
             msg = f"at stage '{state.name}' no ground is present"
             raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
-        loose = loose_body(mesh, table, present, fixed)
+        loose = loose_body(mesh, table, kinematics, present, fixed)
         if loose is None:
             continue
         names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})

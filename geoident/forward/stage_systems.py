@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
-from geoident.fem.elasticity import stiffness_map
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
 from geoident.fem.stiffness import (
@@ -22,6 +22,7 @@ from geoident.fem.stiffness import (
 from geoident.forward.observation import format_point
 from geoident.forward.timeline import State, Timeline
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 
 Index = Ints | slice
@@ -54,10 +55,13 @@ class StageSystems:
     Equal patterns are analysed once, and only if something is solved on them.
     """
 
-    def __init__(self, mesh: Mesh, timeline: Timeline, fixed: Bools, solver: Solver) -> None:
-        geometries = tuple(block_geometry(mesh.points, block) for block in mesh.blocks)
+    def __init__(
+        self, case: Case, mesh: Mesh, timeline: Timeline, fixed: Bools, solver: Solver
+    ) -> None:
+        self.kinematics = kinematics_of(case.analysis)
+        geometries = tuple(block_geometry(mesh.points, b, self.kinematics) for b in mesh.blocks)
         self.geometries = geometries
-        self.points: StrainPoints = strain_points(mesh, geometries)
+        self.points: StrainPoints = strain_points(mesh, geometries, self.kinematics)
         self._mesh = mesh
         self._solver = solver
         self._node_of_rank = nested_dissection(mesh.points, *node_graph(mesh))
@@ -89,7 +93,7 @@ class StageSystems:
 
     def values(self, system: StageSystem, state: State, laws: Mapping[str, Floats]) -> Floats:
         """Values of K for the moduli (n_strain, n_strain) of every material."""
-        maps = {name: stiffness_map(law, self._mesh.dim) for name, law in laws.items()}
+        maps = {name: self.kinematics.stiffness_map(law) for name, law in laws.items()}
         return system.pattern.values(
             self._blocks, {group: maps[material] for group, material in state.materials.items()}
         )

@@ -8,10 +8,11 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from support.meshes import KINDS, KINDS_2D, box
 
-from geoident.fem.compatibility import N_STRAIN, block_geometry, strain_points
-from geoident.fem.elasticity import isotropic_matrices, lame_from_young, stiffness_map
+from geoident.fem.compatibility import block_geometry, strain_points
+from geoident.fem.elasticity import isotropic_matrices, lame_from_young
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
+from geoident.fem.kinematics import PLANE_STRAIN, SOLID
 from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
@@ -23,17 +24,22 @@ def dim_of(kind):
     return 2 if kind in KINDS_2D else 3
 
 
+def kinematics_of(mesh):
+    return PLANE_STRAIN if mesh.dim == 2 else SOLID
+
+
 def distorted(kind, n=3):
     return box(kind, (n,) * dim_of(kind), distortion=0.2)
 
 
 def points_of(mesh):
-    geometries = tuple(block_geometry(mesh.points, b) for b in mesh.blocks)
-    return strain_points(mesh, geometries), geometries
+    kinematics = kinematics_of(mesh)
+    geometries = tuple(block_geometry(mesh.points, b, kinematics) for b in mesh.blocks)
+    return strain_points(mesh, geometries, kinematics), geometries
 
 
 def elasticity_of(mesh):
-    return np.tensordot(LAME, isotropic_matrices(N_STRAIN[mesh.dim]), axes=1)
+    return np.tensordot(LAME, isotropic_matrices(kinematics_of(mesh).n_strain), axes=1)
 
 
 def direct_stiffness(mesh):
@@ -104,7 +110,10 @@ def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(
     stress = E @ points.strain(exact)[:, 0]
     table = face_table(mesh)
     outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
-    forces = sum(stress_forces(mesh, p, lambda x: np.outer(stress, np.ones(len(x)))) for p in outer)
+    forces = sum(
+        stress_forces(mesh, p, kinematics_of(mesh), lambda x: np.outer(stress, np.ones(len(x))))
+        for p in outer
+    )
     held = [*range(mesh.dim), *[mesh.dim * n + a for n, a in _three_more(mesh)]]
     free = np.setdiff1d(np.arange(len(exact)), held)
     K = direct_stiffness(mesh).tocsc()
@@ -148,7 +157,7 @@ def test_assembled_stiffness_equals_its_definition(kind):
     fixed = np.zeros(mesh.points.size, bool)
     fixed[[0, 5, 7]] = True
     pattern = stiffness_pattern(groups, node_of_rank=order, fixed=fixed, dim=mesh.dim)
-    T = stiffness_map(elasticity_of(mesh), mesh.dim)
+    T = kinematics_of(mesh).stiffness_map(elasticity_of(mesh))
     values = pattern.values(groups, {0: T, 1: T})
     n = pattern.lower.n
     lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
@@ -166,7 +175,7 @@ def test_stiffness_map_serves_a_general_anisotropic_material():
     blocks = {0: group_blocks(mesh, geometries, np.arange(mesh.n_elements), rank)}
     fixed = np.zeros(mesh.points.size, bool)
     pattern = stiffness_pattern(blocks, node_of_rank=rank, fixed=fixed, dim=3)
-    values = pattern.values(blocks, {0: stiffness_map(E, 3)})
+    values = pattern.values(blocks, {0: SOLID.stiffness_map(E)})
     n = pattern.lower.n
     lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
     weights = sp.kron(E, sp.diags_array(points.volume))
@@ -183,10 +192,11 @@ def test_weight_and_pressure_resultants(kind):
     np.testing.assert_allclose(shares @ mesh.points, 0.5, atol=0.05)
     table = face_table(mesh)
     outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
-    total = sum(pressure_forces(mesh, p) for p in outer).reshape(-1, mesh.dim)
+    total = sum(pressure_forces(mesh, p, kinematics_of(mesh)) for p in outer).reshape(-1, mesh.dim)
     np.testing.assert_allclose(total.sum(axis=0), 0.0, atol=1e-13)
     # Divergence theorem: the integral of x . n over the surface is dim times the volume.
-    flux = sum(np.sum((g := facet_geometry(mesh.points, p)).positions * g.normals) for p in outer)
+    facets = [facet_geometry(mesh.points, p, kinematics_of(mesh)) for p in outer]
+    flux = sum(np.sum(g.positions * g.normals) for g in facets)
     assert flux == pytest.approx(mesh.dim, abs=1e-12)
 
 
