@@ -12,7 +12,19 @@ import click
 from geoident import __version__
 from geoident.cli.guard import PipeClosed, guarded
 
-COMMANDS = ("check", "simulate", "fit", "predict", "scan", "show", "report", "schema", "doctor")
+COMMANDS = (
+    "check",
+    "simulate",
+    "fit",
+    "predict",
+    "scan",
+    "show",
+    "report",
+    "export",
+    "diff",
+    "schema",
+    "doctor",
+)
 
 EPILOG = """\b
 Examples:

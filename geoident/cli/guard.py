@@ -31,13 +31,13 @@ def guarded(work: Callable[[], Any]) -> int:
         code = work()
         sys.stdout.flush()
     except Exception as error:
-        return _code_of(error)
+        return code_of(error)
     except KeyboardInterrupt:
         return say_error("Interrupted.", ExitCode.INTERRUPTED)
     return int(code or ExitCode.DONE)
 
 
-def _code_of(error: Exception) -> int:
+def code_of(error: Exception) -> int:
     """Say what happened; the exit code for it."""
     if isinstance(error, (PipeClosed, BrokenPipeError)):
         return _hush()

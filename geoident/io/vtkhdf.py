@@ -19,7 +19,14 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.hdf5 import TableReader, hdf5_output, plain_text, texts
+from geoident.io.hdf5 import (
+    TableReader,
+    hdf5_input,
+    hdf5_output,
+    plain_text,
+    refusal,
+    texts,
+)
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import FieldSeries
@@ -38,6 +45,7 @@ VTK_TYPES = {
 }
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"
+REFIT = "results of fit and predict hold them, those of scan do not"
 _SUFFIXES = (".h5", ".hdf5", ".hdf")
 
 
@@ -58,6 +66,18 @@ def write_sidecar(path: str, result_name: str) -> None:
     """Writes a file whose ``/VTKHDF`` is that of the file ``result_name`` in the same folder."""
     with hdf5_output(path) as file:
         file[GROUP] = h5py.ExternalLink(result_name, f"/{GROUP}")
+
+
+def copy_fields(result_path: str | Path, path: str) -> None:
+    """Writes a file with a copy of the fields of a result, which ParaView opens without the result.
+
+    Raises:
+        InputError: the result has no fields, or is none.
+    """
+    with hdf5_output(path) as file, hdf5_input(result_path) as source:
+        if GROUP not in source:
+            raise refusal(result_path, "no-fields", "holds no displacements and stresses", REFIT)
+        source.copy(GROUP, file)
 
 
 def sidecar_target(path: str | Path) -> str | None:
@@ -83,7 +103,7 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
         "yielded": fields.yielded.astype(np.int8),
         "vtkGhostType": np.where(fields.present, 0, HIDDEN_CELL).astype(np.uint8),
     }
-    static = {"group": _first_group(fields.mesh), "number": _numbers(fields.mesh)}
+    static = {"group": element_groups(fields.mesh), "number": element_numbers(fields.mesh)}
     _write_data(group, "PointData", point_data, {})
     _write_data(group, "CellData", cell_data, static)
     group["PointData/displacement"].attrs["unit"] = "m"
@@ -229,11 +249,12 @@ def _joined(arrays: list[Ints]) -> Ints:
     return np.concatenate([np.empty(0, dtype=np.int64), *arrays]).astype(np.int64)
 
 
-def _numbers(mesh: Mesh) -> Ints:
+def element_numbers(mesh: Mesh) -> Ints:
+    """(n_elements,) numbers under which the user knows the elements."""
     return _joined([block.numbers for block in mesh.blocks])
 
 
-def _first_group(mesh: Mesh) -> Ints:
+def element_groups(mesh: Mesh) -> Ints:
     """(n_elements,) position in ``mesh.groups`` of the first group of each element, else -1."""
     first = np.full(mesh.n_elements, -1, dtype=np.int64)
     for position, index in reversed(list(enumerate(mesh.groups.values()))):

@@ -14,21 +14,27 @@ Examples:
   geoident show case.fit.h5
   geoident show results/*.fit.h5 | less
   geoident show case.fit.h5 --json | jq .parameters
+  geoident show case.fit.h5 --csv > case.csv
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...")
+@click.option("--csv", "as_csv", is_flag=True, help="All tables as CSV, one below the other.")
 @takes("as_json")
-def command(results: tuple[str, ...], options: Options) -> int:
+def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
     """Print results: parameters, findings, readings and predictions.
 
-    The text has the units of the case and readings in mm; --json has SI units.
+    The text and --csv have the units of the case and readings in mm; --json has SI units. `geoident
+    export` writes the tables into files.
     """
-    return each(results, lambda path: _show(path, options))
+    if as_csv and options.as_json:
+        raise click.UsageError("--csv and --json exclude each other.")
+    return each(results, lambda path: _show(path, options, as_csv=as_csv))
 
 
-def _show(path: str, options: Options) -> int:
+def _show(path: str, options: Options, *, as_csv: bool) -> int:
+    from geoident.report.csv_tables import all_csv
     from geoident.report.json import dumps, result_object
     from geoident.report.text import result_text
     from geoident.workflow.provenance import case_path
@@ -39,6 +45,8 @@ def _show(path: str, options: Options) -> int:
     case = case_path(path, result.provenance.case_file)
     if options.as_json:
         click.echo(dumps(result_object(result, case=case, output=path)))
+    elif as_csv:
+        click.echo(all_csv(result), nl=False)
     else:
         click.echo(result_text(result, title=f"{path}: {result.kind} of {case}") + "\n")
     return 0

@@ -1,0 +1,107 @@
+"""``geoident export``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from geoident.cli.options import Options, takes
+from geoident.cli.several import each
+from geoident.errors import UsageError
+
+if TYPE_CHECKING:
+    from geoident.model.result import Result
+
+FORMATS = ("csv", "vtu", "vtkhdf")
+TABLES = (
+    "parameters", "gauges", "prediction", "history", "correlation", "sensitivity", "grid",
+)  # fmt: skip
+
+EPILOG = """\b
+Examples:
+  geoident export case.fit.h5
+  geoident export case.fit.h5 --table gauges > gauges.csv
+  geoident export case.fit.h5 --format vtu -o for-paraview
+  geoident export results/*.fit.h5 --format csv --format vtkhdf -o export
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("results", nargs=-1, required=True, metavar="RESULT...")
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(FORMATS),
+    multiple=True,
+    default=["csv"],
+    show_default=True,
+    help="csv: tables; vtu: a file a stage and their .pvd; vtkhdf: one file. May be repeated.",
+)
+@click.option(
+    "--table",
+    type=click.Choice(TABLES),
+    help="One table as CSV, to stdout or to the file -o.",
+)
+@takes("output", "force")
+def command(
+    results: tuple[str, ...], formats: tuple[str, ...], table: str | None, options: Options
+) -> int:
+    """Write results for spreadsheets (CSV) and for ParaView (VTU with PVD, VTKHDF).
+
+    Files go to the folder RESULT.export beside each result, or to the folder -o; their paths are
+    printed. CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
+    is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result itself.
+    """
+    from geoident.workflow.export import refuse_clashes
+
+    if table is not None:
+        if len(results) > 1:
+            msg = "--table takes one result; without it all tables of several results are written"
+            raise UsageError(msg)
+        return _one_table(results[0], table, options)
+    refuse_clashes(results, options.output)
+    return each(results, lambda path: _export(path, formats, options))
+
+
+def _one_table(path: str, name: str, options: Options) -> int:
+    from geoident.report.csv_tables import csv_tables, csv_text
+    from geoident.workflow.outputs import write_text
+    from geoident.workflow.show import show
+
+    found = csv_tables(show(path))
+    if name not in found:
+        msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
+        raise UsageError(msg)
+    text = csv_text(found[name])
+    if options.output in (None, "-"):
+        click.echo(text, nl=False)
+    else:
+        write_text(text, str(options.output), force=options.force)
+        click.echo(options.output)
+    return 0
+
+
+def _export(path: str, formats: tuple[str, ...], options: Options) -> int:
+    from geoident.workflow.show import show
+
+    result = show(path)
+    for kind in dict.fromkeys(formats):
+        for file in _write(kind, path, result, options):
+            click.echo(file)
+    return 0
+
+
+def _write(kind: str, path: str, result: Result, options: Options) -> tuple[str, ...]:
+    from geoident.report.csv_tables import csv_tables, csv_text
+    from geoident.workflow import export
+
+    folder = export.export_folder(path, options.output)
+    if kind == "csv":
+        texts = {name: csv_text(table) for name, table in csv_tables(result).items()}
+        return export.export_texts(path, texts, folder=folder, overwrite=options.force)
+    if kind == "vtu":
+        return export.export_vtu(path, result, folder=folder, overwrite=options.force)
+    return export.export_vtkhdf(path, folder=folder, overwrite=options.force)

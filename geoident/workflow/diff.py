@@ -1,0 +1,113 @@
+"""``geoident diff``: which numbers of two results are not the same.
+
+Both results become a list of named numbers; numbers of one name are compared. A number that only
+one of them has (a gauge that is new, a parameter that is not determined) is a difference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from geoident.io.result_file import read_result
+from geoident.model.arrays import Floats
+from geoident.model.comparison import Amount, Comparison, Difference, Place, Tolerance
+from geoident.model.result import GaugeTable, ParameterTable, Prediction, Result
+from geoident.units import DIMENSIONLESS
+
+Numbers = Iterator[tuple[Place, Amount]]
+
+
+def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
+    """Compare two result files.
+
+    Raises:
+        InputError: one of them is no result.
+    """
+    one, other = read_result(first), read_result(second)
+    pairs = dict(numbers(one)), dict(numbers(other))
+    places = list(dict.fromkeys([*pairs[0], *pairs[1]]))
+    found = [Difference(place, pairs[0].get(place), pairs[1].get(place)) for place in places]
+    return Comparison(
+        first,
+        second,
+        (one.status, other.status),
+        len(places),
+        tuple(d for d in found if not same(d.first, d.second, tolerance)),
+    )
+
+
+def same(first: Amount | None, second: Amount | None, tolerance: Tolerance) -> bool:
+    """Whether two numbers are the same within a tolerance.
+
+    >>> E = [Amount(value, "pressure", "GPa") for value in (2.0e9, 2.1e9)]
+    >>> same(*E, Tolerance()), same(*E, Tolerance(absolute={"pressure": 1e8}))
+    (False, True)
+    """
+    if first is None or second is None or first.dimension != second.dimension:
+        return False
+    if first.value == second.value:  # also two infinities
+        return True
+    size = max(abs(first.value), abs(second.value))
+    allowed = max(tolerance.relative * size, tolerance.absolute.get(first.dimension, 0.0))
+    return math.isfinite(size) and abs(first.value - second.value) <= allowed
+
+
+def numbers(result: Result) -> Numbers:
+    """All numbers of a result that people act on, those that are not known left out."""
+    if math.isfinite(result.objective):
+        yield Place("objective", "", "objective"), _pure(result.objective)
+    yield from _parameters(result.parameters)
+    yield from _readings(result.gauges)
+    if result.prediction is not None:
+        yield from _predictions(result.gauges, result.prediction)
+    if result.grid is not None:
+        yield from _grid(result)
+
+
+def _parameters(table: ParameterTable) -> Numbers:
+    value = np.where(table.determined, table.values, np.nan)
+    columns = {"value": value, "sd": table.sd, "lower95": table.lower95, "upper95": table.upper95}
+    for i, name in enumerate(table.names):
+        for quantity, column in columns.items():
+            if math.isfinite(column[i]):
+                amount = Amount(float(column[i]), table.dimensions[i], table.units[i])
+                yield Place("parameters", name, quantity), amount
+
+
+def _readings(table: GaugeTable) -> Numbers:
+    columns = {"measured": table.measured, "sd": table.sd, "computed": table.computed}
+    for quantity, column in columns.items():
+        yield from _lengths("readings", quantity, table, column)
+
+
+def _predictions(gauges: GaugeTable, table: Prediction) -> Numbers:
+    mean = np.where(np.isfinite(table.sd), table.mean, np.nan)  # else it is not determined
+    columns = {"mean": mean, "lower95": table.lower95, "upper95": table.upper95}
+    for quantity, column in columns.items():
+        yield from _lengths("predictions", quantity, gauges, column)
+
+
+def _lengths(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> Numbers:
+    """What a column (n_channels, n_stages), m, holds, stage by stage."""
+    for j, i in np.argwhere(np.isfinite(column).T):
+        item = f"{gauges.channels[i]}, {gauges.stages[j]}"
+        yield Place(table, item, quantity), Amount(float(column[i, j]), "length", "mm")
+
+
+def _grid(result: Result) -> Numbers:
+    grid = result.grid
+    if grid is None:
+        return
+    for point in np.ndindex(grid.objective.shape):
+        at = (
+            f"{name} {axis[k]:.9g}"
+            for name, axis, k in zip(grid.names, grid.axes, point, strict=True)
+        )
+        yield Place("grid", ", ".join(at), "objective"), _pure(float(grid.objective[point]))
+
+
+def _pure(value: float) -> Amount:
+    return Amount(value, DIMENSIONLESS, "")

@@ -1,0 +1,189 @@
+"""A result as files for spreadsheets and for ParaView."""
+
+import csv
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from geoident.cli.commands.export import TABLES
+from geoident.io.result_file import read_result
+from geoident.report.csv_tables import CSV_TABLES
+
+
+@pytest.fixture
+def fitted(trench, run):
+    assert run("fit", "case.yaml", "-q").exit_code == 0
+    return trench
+
+
+def rows(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+def files(folder):
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+def exported(run, name):
+    """The rows of one table."""
+    return rows(run("export", "case.fit.h5", "--table", name).stdout)
+
+
+def test_the_flag_knows_all_tables():
+    assert TABLES == CSV_TABLES
+
+
+def test_every_table_is_written_and_its_path_printed(fitted, run):
+    done = run("export", "case.fit.h5")
+    names = ["parameters", "gauges", "prediction", "history", "correlation", "sensitivity"]
+    paths = [f"case.fit.export/case.fit.{name}.csv" for name in names]
+    assert (done.exit_code, done.stdout.splitlines()) == (0, paths)
+    assert files("case.fit.export") == sorted(path.split("/")[1] for path in paths)
+
+
+def test_csv_has_the_units_of_the_case_and_agrees_with_json(fitted, run, run_json):
+    (found,) = run_json("show", "case.fit.h5")
+    table = {name: exported(run, name) for name in CSV_TABLES[:6]}
+    E, K0 = table["parameters"]
+    assert (E["parameter"], E["unit"], K0["unit"]) == ("E", "GPa", "")
+    for name in ("value", "sd", "lower95", "upper95"):
+        assert 1e9 * float(E[name]) == pytest.approx(found["parameters"]["E"][name], rel=1e-11)
+    for row, reading in zip(table["gauges"], found["gauges"], strict=True):
+        assert (row["gauge"], row["stage"]) == (reading["gauge"], reading["stage"])
+        assert float(row["measured"]) == pytest.approx(1e3 * reading["measured"], rel=1e-11)
+        assert row["used"] == ("yes" if reading["used"] else "no")
+        residual = (reading["measured"] - reading["computed"]) / reading["sd"]
+        assert float(row["residual_in_sd"]) == pytest.approx(residual, rel=1e-9)
+    for row, predicted in zip(table["prediction"], found["predictions"], strict=True):
+        assert float(row["upper95"]) == pytest.approx(1e3 * predicted["upper95"], rel=1e-11)
+    result = read_result("case.fit.h5")
+    assert len(table["history"]) == len(result.history)
+    last = table["history"][-1]
+    assert float(last["E [GPa]"]) == pytest.approx(float(E["value"]), rel=1e-9)
+    assert float(table["correlation"][0]["K0"]) == pytest.approx(
+        result.parameters.correlation[0, 1]
+    )
+
+
+def test_sensitivities_are_those_of_the_model(fitted, run):
+    """Against a difference of two simulations, in the units that the table states."""
+    table = exported(run, "sensitivity")
+    assert {row["unit"] for row in table} == {"mm/GPa", "mm"}
+    E, K0 = (float(row["value"]) for row in exported(run, "parameters"))
+    h = 1e-4 * E
+
+    def simulated(value):
+        told = run("simulate", "case.yaml", "--set", f"parameters.E.start={value:.15g} GPa",
+                   "--set", f"parameters.K0.start={K0:.15g}")  # fmt: skip
+        return {(r["gauge"], r["stage"]): float(r["value"]) for r in rows(told.stdout)}
+
+    above, below = simulated(E + h), simulated(E - h)
+    slopes = {(r["gauge"], r["stage"]): float(r["value"]) for r in table if r["parameter"] == "E"}
+    for place, slope in slopes.items():
+        assert (above[place] - below[place]) / (2 * h) == pytest.approx(slope, rel=1e-3, abs=1e-7)
+
+
+def test_a_table_goes_to_a_file_and_a_missing_one_is_named(fitted, run):
+    done = run("export", "case.fit.h5", "--table", "gauges", "-o", "g.csv")
+    assert done.stdout == "g.csv\n"
+    assert (fitted / "g.csv").read_text().startswith("gauge,stage,measured")
+    assert run("export", "case.fit.h5", "--table", "gauges", "-o", "g.csv").exit_code == 6
+    missing = run("export", "case.fit.h5", "--table", "grid")
+    assert missing.exit_code == 2
+    assert "it has parameters, gauges" in missing.stderr
+
+
+def test_a_scan_has_its_grid(trench, run):
+    run("scan", "case.yaml", "--set", "fit.scan.points=3", "-q")
+    grid = rows(run("export", "case.scan.h5", "--table", "grid").stdout)
+    assert list(grid[0]) == ["E [GPa]", "K0", "objective"]
+    assert len(grid) == 9
+    without = run("export", "case.scan.h5", "--format", "vtu")
+    assert without.exit_code == 3
+    assert "holds no displacements" in without.stderr
+    assert not (trench / "case.scan.export").exists()
+
+
+def test_show_prints_all_tables_as_csv(fitted, run):
+    told = run("show", "case.fit.h5", "--csv").stdout
+    blocks = dict(block.split("\n", 1) for block in told.split("# ")[1:])
+    assert list(blocks) == list(CSV_TABLES[:6])
+    alone = run("export", "case.fit.h5", "--table", "gauges").stdout
+    assert blocks["gauges"].rstrip() == alone.rstrip()
+    assert run("show", "case.fit.h5", "--csv", "--json").exit_code == 2
+
+
+def test_nothing_is_overwritten_without_force(fitted, run):
+    run("export", "case.fit.h5", "-o", "out")
+    mine = fitted / "out" / "case.fit.history.csv"
+    for name in ("parameters", "gauges"):
+        (fitted / "out" / f"case.fit.{name}.csv").unlink()
+    mine.write_text("my notes")
+    refused = run("export", "case.fit.h5", "-o", "out")
+    assert refused.exit_code == 6
+    assert "--force replaces it" in refused.stderr
+    assert mine.read_text() == "my notes"
+    assert not (fitted / "out" / "case.fit.parameters.csv").exists()
+    assert run("export", "case.fit.h5", "-o", "out", "--force").exit_code == 0
+    assert mine.read_text() != "my notes"
+
+
+def test_a_folder_that_cannot_be_made(fitted, run):
+    (fitted / "file").write_text("")
+    refused = run("export", "case.fit.h5", "-o", "file/out")
+    assert refused.exit_code == 6
+    assert "a part of the path is a file" in refused.stderr
+
+
+def test_states_for_paraview(fitted, run):
+    done = run("export", "case.fit.h5", "--format", "vtu", "--format", "vtkhdf", "-o", "out")
+    assert done.exit_code == 0
+    assert files("out") == [
+        "case.fit.0.vtu", "case.fit.1.vtu", "case.fit.2.vtu", "case.fit.pvd", "case.fit.vtkhdf",
+    ]  # fmt: skip
+    pvd = (fitted / "out" / "case.fit.pvd").read_text()
+    assert 'timestep="2" part="0" name="second" file="case.fit.2.vtu"' in pvd
+    with h5py.File("out/case.fit.vtkhdf") as copy, h5py.File("case.fit.h5") as result:
+        one, other = copy["VTKHDF"], result["VTKHDF"]
+        assert dict(one.attrs).keys() == dict(other.attrs).keys()
+        np.testing.assert_array_equal(one["CellData/stress"], other["CellData/stress"])
+
+
+def test_the_sidecar_is_not_replaced_by_a_copy(fitted, run):
+    before = (fitted / "case.fit.vtkhdf").read_bytes()
+    assert run("export", "case.fit.h5", "--format", "vtkhdf", "-o", ".", "--force").exit_code == 2
+    assert (fitted / "case.fit.vtkhdf").read_bytes() == before
+
+
+def test_several_results(fitted, run):
+    (fitted / "b").mkdir()
+    (fitted / "b" / "case.fit.h5").write_bytes((fitted / "case.fit.h5").read_bytes())
+    assert run("export", "case.fit.h5", "b/case.fit.h5").exit_code == 0
+    assert (fitted / "b" / "case.fit.export" / "case.fit.gauges.csv").exists()
+    clash = run("export", "case.fit.h5", "b/case.fit.h5", "-o", "all")
+    assert clash.exit_code == 2
+    assert "would write the same files" in clash.stderr
+    assert run("export", "case.fit.h5", "nothing.h5", "-o", "all").exit_code == 7
+    assert run("export", "case.fit.h5", "b/case.fit.h5", "--table", "gauges").exit_code == 2
+
+
+def test_what_is_not_determined_is_an_empty_cell(trench, run):
+    free = ["--set", "parameters.sv={start: 1 MPa, bounds: [0.1 MPa, 10 MPa], scale: log}",
+            "--set", "in_situ.vertical=$sv"]  # fmt: skip
+    assert run("fit", "case.yaml", *free, "-q").exit_code == 4
+    E, *_ = exported(run, "parameters")
+    assert (E["parameter"], E["value"], E["sd"], E["determined"]) == ("E", "", "", "no")
+    shown = json.loads(run("show", "case.fit.h5", "--json").stdout)
+    assert shown["parameters"]["E"]["value"] is None
+
+
+def test_xarray_opens_the_groups_of_a_result(fitted):
+    xarray = pytest.importorskip("xarray", reason="needs xarray")
+    pytest.importorskip("h5netcdf", reason="needs h5netcdf")
+    with xarray.open_dataset("case.fit.h5", group="gauges", engine="h5netcdf") as gauges:
+        assert float(gauges.measured.sel(gauge="CV", stage="first")) == pytest.approx(-0.598e-3)
+    with xarray.open_dataset("case.fit.h5", group="sensitivity", engine="h5netcdf") as table:
+        assert table.sensitivity.dims == ("gauge", "stage", "parameter")

@@ -1,0 +1,98 @@
+"""VTK reads back from VTU files what was present at each state, and nothing else."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from geoident.io.vtu import write_pvd, write_vtu
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.result import FieldSeries
+
+xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
+from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
+from vtkmodules.vtkFiltersGeneral import vtkCellValidator  # noqa: E402
+
+CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25]}
+BIG = 300_000  # numbers, more than two blocks of a compressed array
+
+
+def read(path):
+    reader = xml.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetOutput()
+
+
+def nodes_of(grid, cell):
+    ids = grid.GetCell(cell).GetPointIds()
+    return [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_each_state_has_its_elements_with_their_values(tmp_path, result_maker, dim):
+    fields = result_maker(dim).fields
+    elements = [row for block in fields.mesh.blocks for row in block.nodes.tolist()]
+    for state, present in enumerate(fields.present):
+        write_vtu(fields, state, tmp_path / "a.vtu")
+        grid = read(tmp_path / "a.vtu")
+        there = np.flatnonzero(present)
+        kinds = [grid.GetCellType(cell) for cell in range(grid.GetNumberOfCells())]
+        assert kinds == [CELL_TYPES[dim][element] for element in there]
+        points = vtk_to_numpy(grid.GetPoints().GetData())
+        moved = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
+        for cell, element in enumerate(there):
+            here, origin = nodes_of(grid, cell), elements[element]
+            np.testing.assert_array_equal(points[here, :dim], fields.mesh.points[origin])
+            np.testing.assert_array_equal(moved[here, :dim], fields.displacement[state, origin])
+        assert not points[:, dim:].any()
+        stress = vtk_to_numpy(grid.GetCellData().GetArray("stress"))
+        np.testing.assert_array_equal(stress, fields.stress[state, there])
+        yielded = vtk_to_numpy(grid.GetCellData().GetArray("yielded"))
+        np.testing.assert_array_equal(yielded, fields.yielded[state, there])
+
+
+def test_nodes_that_belong_to_nothing_are_left_out(tmp_path, result_maker):
+    fields = result_maker(3).fields
+    used = {node for block in fields.mesh.blocks for node in block.nodes.ravel().tolist()}
+    assert len(used) < fields.mesh.n_nodes
+    write_vtu(fields, 0, tmp_path / "a.vtu")
+    assert read(tmp_path / "a.vtu").GetNumberOfPoints() == len(used)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_vtk_finds_the_cells_valid(tmp_path, result_maker, dim):
+    """Quadratic nodes stand where VTK has them."""
+    write_vtu(result_maker(dim).fields, 0, tmp_path / "a.vtu")
+    validator = vtkCellValidator()
+    validator.SetInputData(read(tmp_path / "a.vtu"))
+    validator.Update()
+    wrong_points = 1
+    state = vtk_to_numpy(validator.GetOutput().GetCellData().GetArray("ValidityState"))
+    assert not (state & wrong_points).any()
+
+
+def test_a_state_without_any_element(tmp_path, result_maker):
+    fields = result_maker(2).fields
+    fields.present[1] = False
+    write_vtu(fields, 1, tmp_path / "a.vtu")
+    assert read(tmp_path / "a.vtu").GetNumberOfCells() == 0
+
+
+def test_arrays_of_several_blocks(tmp_path):
+    points = np.random.default_rng(1).normal(size=(BIG, 2))
+    triangles = np.arange(BIG).reshape(-1, 3)
+    mesh = Mesh(points, (ElementBlock("tri3", triangles, np.arange(len(triangles))),))
+    present = np.ones((1, len(triangles)), dtype=bool)
+    stress = np.zeros((1, len(triangles), 6))
+    write_vtu(FieldSeries(mesh, points[None], stress, present, present), 0, tmp_path / "a.vtu")
+    found = vtk_to_numpy(read(tmp_path / "a.vtu").GetPoints().GetData())
+    np.testing.assert_array_equal(found[:, :2], points)
+
+
+def test_the_list_names_files_and_stages(tmp_path):
+    write_pvd(["a.0.vtu", 'b".vtu'], ["virgin", "bench <1> & ü"], tmp_path / "a.pvd")
+    sets = list(ElementTree.parse(tmp_path / "a.pvd").getroot()[0])
+    assert [s.attrib["timestep"] for s in sets] == ["0", "1"]
+    assert [s.attrib["file"] for s in sets] == ["a.0.vtu", 'b".vtu']
+    assert [s.attrib["name"] for s in sets] == ["virgin", "bench <1> & ü"]
