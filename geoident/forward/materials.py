@@ -2,67 +2,108 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from geoident.fem.elasticity import isotropic_matrices, lame_from_bulk, lame_from_young
+from geoident.fem.elasticity import (
+    Law,
+    anisotropic_law,
+    isotropic_law,
+    love_law,
+    orthotropic_law,
+    strata_law,
+    turned,
+)
+from geoident.fem.rotation import Turn, turn_of_attitude, turn_of_axes
+from geoident.model.admissible import breach
 from geoident.model.arrays import Floats
-from geoident.model.case import Isotropic, Material
+from geoident.model.case import Material
+from geoident.model.elastic import (
+    Anisotropic,
+    Attitude,
+    Elastic,
+    Frame,
+    Isotropic,
+    LoveModuli,
+    Orthotropic,
+    TransverselyIsotropic,
+    angles,
+    constants,
+)
 from geoident.model.parameter import Scalar
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
 
+_LAWS: Mapping[type, Callable[[Values], Law]] = {
+    Isotropic: isotropic_law,
+    TransverselyIsotropic: strata_law,
+    LoveModuli: love_law,
+    Orthotropic: orthotropic_law,
+    Anisotropic: anisotropic_law,
+}
+
 
 def elasticity(material: Material, values: Values, n_strain: int) -> Floats:
     """E (n_strain, n_strain), Pa."""
-    lame, _ = _lame(material.elastic, values)
-    return np.asarray(np.tensordot(lame, isotropic_matrices(n_strain), axes=1))
+    return law_of(material.elastic, values, section=n_strain < 6).matrix[:n_strain, :n_strain]
 
 
 def elasticity_slopes(material: Material, values: Values, n_strain: int) -> dict[str, Floats]:
     """dE/dp (n_strain, n_strain) for every parameter on which the material's moduli depend."""
-    _, by_constant = _lame(material.elastic, values)
-    matrices = isotropic_matrices(n_strain)
+    if not any(scalar.parameter for scalar in numbers(material.elastic).values()):
+        return {}
+    law = law_of(material.elastic, values, section=n_strain < 6)
     slopes: dict[str, Floats] = {}
-    for constant, column in zip(constants(material.elastic).values(), by_constant.T, strict=True):
-        if constant.parameter is not None:
-            change = np.tensordot(column * constant.factor, matrices, axes=1)
-            slopes[constant.parameter] = slopes.get(constant.parameter, 0.0) + change
+    for name, scalar in numbers(material.elastic).items():
+        if scalar.parameter is not None:
+            change = scalar.factor * law.slopes[name][:n_strain, :n_strain]
+            slopes[scalar.parameter] = slopes.get(scalar.parameter, 0.0) + change
     return slopes
 
 
-def constants(elastic: Isotropic) -> dict[str, Scalar]:
-    """The pair of constants by which the elasticity is given, E and nu or K and G."""
-    if elastic.E is not None and elastic.nu is not None:
-        return {"E": elastic.E, "nu": elastic.nu}
-    if elastic.K is not None and elastic.G is not None:
-        return {"K": elastic.K, "G": elastic.G}
-    msg = "isotropic elasticity is given by E and nu or by K and G"
-    raise ValueError(msg)
+def numbers(elastic: Elastic) -> dict[str, Scalar]:
+    """All numbers on which the elasticity matrix depends, angles included, by name."""
+    return {**constants(elastic), **angles(elastic)}
 
 
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why the moduli are not positive definite, a sentence, or None if they are."""
-    for name, constant in constants(material.elastic).items():
-        value = constant.value(values)
-        if name == "nu" and not -1 < value < 0.5:
-            return f"nu of {material.name} is {value:.6g}, it must be between -1 and 0.5"
-        if name != "nu" and not value > 0:
-            return f"{name} of {material.name} is {value:.6g} Pa, it must be positive"
-    return None
+    found = breach(material.elastic, values)
+    if found is None:
+        return None
+    return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
 
 
 def affine_obstacle(material: Material, free: frozenset[str]) -> str | None:
     """Why the moduli are not affine in the free parameters, or None if they are."""
-    nu = material.elastic.nu
-    if nu is not None and nu.parameter in free:
-        return f"nu of {material.name} enters the stiffness nonlinearly (K and G enter linearly)"
-    return None
+    elastic = material.elastic
+    tied = {name: s.parameter for name, s in numbers(elastic).items() if s.parameter in free}
+    for name in tied:
+        if name.startswith("nu") or name in angles(elastic):
+            remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""
+            return f"{name} of {material.name} enters the stiffness nonlinearly{remedy}"
+    young = [name for name in constants(elastic) if name.startswith("E")]
+    # At fixed ratios between them the matrix grows in proportion to all Young's moduli.
+    if tied.keys().isdisjoint(young) or len({tied.get(name) for name in young}) == 1:
+        return None
+    remedy = f"unless {', '.join(young)} are all tied to one parameter"
+    if isinstance(elastic, TransverselyIsotropic):
+        remedy += " (Love's A, C, F, L and N enter linearly)"
+    first = next(name for name in young if name in tied)
+    return f"{first} of {material.name} enters the stiffness nonlinearly {remedy}"
 
 
-def _lame(elastic: Isotropic, values: Values) -> tuple[Floats, Floats]:
-    pair = constants(elastic)
-    first, second = (constant.value(values) for constant in pair.values())
-    return lame_from_young(first, second) if "E" in pair else lame_from_bulk(first, second)
+def law_of(elastic: Elastic, values: Values, *, section: bool) -> Law:
+    """The law in the axes of the model, or of a plane section, with all six components."""
+    law = _LAWS[type(elastic)]({n: s.value(values) for n, s in constants(elastic).items()})
+    frame: Frame | None = getattr(elastic, "frame", None)
+    return law if frame is None else turned(law, _turn(frame, values, section=section))
+
+
+def _turn(frame: Frame, values: Values, *, section: bool) -> Turn:
+    if isinstance(frame, Attitude):
+        dip, direction = frame.dip.value(values), frame.dip_direction.value(values)
+        return turn_of_attitude(dip, direction, frame.rotation.value(values), section=section)
+    return turn_of_axes(np.array(frame.first), np.array(frame.second))

@@ -21,6 +21,7 @@ from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
 from geoident.forward.observation import Observation, format_point, observe
 from geoident.forward.response import StagedResponse
+from geoident.forward.section_plane import section_faults
 from geoident.forward.stage_systems import StageSystems
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
 from geoident.forward.timeline import Timeline, build_timeline, group_faults
@@ -171,7 +172,12 @@ class StagedModel:
 
 
 def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
-    return [*group_faults(case, mesh), *support_faults(case, mesh), *load_faults(case, mesh, table)]
+    return [
+        *section_faults(case),
+        *group_faults(case, mesh),
+        *support_faults(case, mesh),
+        *load_faults(case, mesh, table),
+    ]
 
 
 def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fault]) -> list[Fault]:

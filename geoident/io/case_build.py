@@ -7,7 +7,8 @@ from dataclasses import fields
 from typing import Any
 
 from geoident.io.case_gauges import build_channels, vector
-from geoident.io.case_schema import CaseSection, ConstantSection, LoadSection, MaterialSection
+from geoident.io.case_materials import build_materials
+from geoident.io.case_schema import CaseSection, ConstantSection, LoadSection
 from geoident.io.case_sequence import ABSENT
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
@@ -17,9 +18,7 @@ from geoident.model.case import (
     Analysis,
     Case,
     FitSettings,
-    Isotropic,
     KeyPath,
-    Material,
     Stage,
     Support,
 )
@@ -40,7 +39,7 @@ def build_case(
         analysis=Analysis(section.analysis),
         mesh_file=mesh_file,
         parameters=tuple(_parameter(name, p) for name, p in section.parameters.items()),
-        materials={name: _material(name, m) for name, m in section.materials.items()},
+        materials=build_materials(section, faults),
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=_supports(section, faults),
         in_situ=_in_situ(section, faults),
@@ -74,11 +73,6 @@ def _parameter(name: str, section: ParameterSection) -> Parameter:
         dimension=section.start.dimension,
         unit=section.start.unit,
     )
-
-
-def _material(name: str, section: MaterialSection) -> Material:
-    E, nu, K, G = (_scalar(given) for given in (section.E, section.nu, section.K, section.G))
-    return Material(name, Isotropic(E, nu, K, G), _scalar(section.density) or Scalar(0.0))
 
 
 def _supports(section: CaseSection, faults: Faults) -> tuple[Support, ...]:

@@ -15,24 +15,22 @@ from geoident.io.case_values import (
     Acceleration,
     Accelerations,
     Accuracy,
-    Density,
     Factor,
     Flag,
     Length,
     Line,
-    Modulus,
     Name,
     Numbers,
     ParameterName,
     Point,
     Pressure,
     Pressures,
-    Ratio,
     Text,
     UnitWeight,
     shape_of,
 )
 from geoident.io.fit_schema import FitSection
+from geoident.io.material_schema import MaterialSection
 from geoident.io.parameter_schema import ParameterSection
 from geoident.io.section import Section, Wrongs
 from geoident.io.wording import Refusal
@@ -59,33 +57,6 @@ class MeshSection(Section):
     file: Text = Field(
         description="Path of the mesh, relative to the case. Groups go by their physical names."
     )
-
-
-class MaterialSection(Section):
-    """A material: isotropic elasticity by E and nu, or by K and G."""
-
-    elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
-    E: Modulus | None = Field(None, description="Young's modulus.", examples=["15 GPa", "$E_rock"])
-    nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
-    K: Modulus | None = Field(None, description="Bulk modulus.")
-    G: Modulus | None = Field(None, description="Shear modulus.")
-    density: Density | None = Field(
-        None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
-    )
-
-    @model_validator(mode="after")
-    def _one_pair(self) -> MaterialSection:
-        given = [name for name in ("E", "nu", "K", "G") if getattr(self, name) is not None]
-        if given not in (["E", "nu"], ["K", "G"]):
-            wrongs = Wrongs()
-            message = f"found {' and '.join(given) or 'no constants'}; E with nu, or K with G, is"
-            wrongs.add((), "wrong-pair", f"{message} expected", "Give exactly one of the pairs.")
-            wrongs.raise_any()
-        if self.density and self.density.parameter is None and self.density.factor < 0:
-            wrongs = Wrongs()
-            wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
-            wrongs.raise_any()
-        return self
 
 
 _HELD = (

@@ -12,8 +12,6 @@ from geoident.io.faults import Faults
 from geoident.model.case import KeyPath
 from geoident.units import with_article
 
-_MODULI = ("E", "K", "G")
-
 
 def check_ties(section: CaseSection, faults: Faults) -> None:
     """Note ties to unknown parameters or of another dimension, and parameters without any use."""
@@ -27,7 +25,6 @@ def check_ties(section: CaseSection, faults: Faults) -> None:
             message = f"the parameter '{name}' is declared, but nothing depends on it"
             hint = f"Write ${name} where it stands, or remove it."
             faults.add(("parameters", name), "unused-parameter", message, hint, key=True)
-    _check_starts(section, faults)
 
 
 def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
@@ -56,23 +53,3 @@ def _check_tie(section: CaseSection, path: KeyPath, given: Given, faults: Faults
         message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
-
-
-def _check_starts(section: CaseSection, faults: Faults) -> None:
-    """Note tied elastic constants that are inadmissible at the start."""
-    values = {name: parameter.start.factor for name, parameter in section.parameters.items()}
-    for name, material in section.materials.items():
-        for constant in (*_MODULI, "nu"):
-            given: Given | None = getattr(material, constant)
-            if given is None or given.parameter not in values:
-                continue
-            value = given.scalar.value(values)
-            if constant == "nu" and not -1 < value < 0.5:
-                limits = "between -1 and 0.5"
-            elif constant != "nu" and value <= 0:
-                limits = "positive"
-            else:
-                continue
-            message = f"'{given.text}' is {value:g} at the start; it must be {limits}"
-            hint = f"Change the start of {given.parameter}."
-            faults.add(("materials", name, constant), "out-of-range", message, hint)

@@ -110,7 +110,8 @@ def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
 
 
 def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str, Any]) -> None:
-    name = str(context.get("discriminator", "")).strip("'")
+    # The key that tells the ways apart, or a function that is named after it.
+    name = str(context.get("discriminator", "")).strip("'").removesuffix("()")
     if not isinstance(node, dict):
         message = f"found {kind_of(node)}; a mapping with the key '{name}' is expected"
         faults.add(path, "wrong-kind", message)

@@ -8,6 +8,7 @@ from enum import Enum
 
 from geoident.errors import Fault, Location
 from geoident.model.actions import Load, Temperature, Water
+from geoident.model.elastic import Elastic
 from geoident.model.gauges import Channel, Reading
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import MethodOptions
@@ -64,24 +65,11 @@ def format_path(path: KeyPath) -> str:
 
 
 @dataclass(frozen=True)
-class Isotropic:
-    """Isotropic elasticity by Young's modulus and Poisson's ratio, or by bulk and shear modulus.
-
-    Exactly one pair is given. Moduli in Pa.
-    """
-
-    E: Scalar | None = None
-    nu: Scalar | None = None
-    K: Scalar | None = None
-    G: Scalar | None = None
-
-
-@dataclass(frozen=True)
 class Material:
     """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given)."""
 
     name: str
-    elastic: Isotropic
+    elastic: Elastic
     density: Scalar = Scalar(0.0)
     expansion: Scalar = Scalar(0.0)
 

@@ -8,7 +8,8 @@ from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
 from geoident.model.actions import Pressure, Traction
-from geoident.model.case import Isotropic, Material, Stage, Support
+from geoident.model.case import Material, Stage, Support
+from geoident.model.elastic import Isotropic
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar
 
@@ -239,7 +240,9 @@ IN_SITU = {
         )
     ),
     "heim": HeimStress(K0=Scalar(1.0, "K0"), vertical=Scalar(1.0, "sv")),
-    "heim-depth": HeimStress(K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(50.0)),
+    "heim-depth": HeimStress(
+        K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(50.0)
+    ),
     "heim-free": HeimStress(
         K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(9.0), held=False
     ),

@@ -16,9 +16,9 @@ import numpy as np
 
 from geoident.fem.elements import reference_element
 from geoident.forward.in_situ import in_situ_stress
-from geoident.forward.materials import constants
 from geoident.forward.model import StagedModel
 from geoident.forward.supports import fixed_dofs
+from geoident.model.elastic import constants
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"

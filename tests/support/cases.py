@@ -10,10 +10,10 @@ from geoident.model.case import (
     Analysis,
     Case,
     FitSettings,
-    Isotropic,
     Material,
     Support,
 )
+from geoident.model.elastic import Isotropic
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions
