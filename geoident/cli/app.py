@@ -13,6 +13,7 @@ from geoident import __version__
 from geoident.cli.guard import PipeClosed, guarded
 
 COMMANDS = (
+    "init",
     "check",
     "simulate",
     "fit",
@@ -28,6 +29,7 @@ COMMANDS = (
 
 EPILOG = """\b
 Examples:
+  geoident init my-case --template cavern
   geoident check case.yaml
   geoident fit case.yaml
   geoident show case.fit.h5

@@ -88,7 +88,9 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "dry_run": click.option(
         "--dry-run", is_flag=True, help="Say what would be done, and do not compute."
     ),
-    "force": click.option("--force", is_flag=True, help="Overwrite a result of other input."),
+    "force": click.option(
+        "--force", is_flag=True, help="Overwrite what is there, made from other input."
+    ),
     "fresh": click.option(
         "--fresh", is_flag=True, help="Compute again what is up to date; forget the checkpoint."
     ),

@@ -13,6 +13,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from geoident.errors import InputError
+from geoident.io.blanks import refuse_blanks
 from geoident.io.case_build import build_case
 from geoident.io.case_readings import check_readings, inline_readings
 from geoident.io.case_references import check_references
@@ -76,6 +77,7 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         InputError: with all faults found.
     """
     places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
+    refuse_blanks(places)
     section = _validate(places)
     faults = Faults(places)
     folder = Path() if path == STDIN else Path(path).parent

@@ -16,7 +16,7 @@ _GEOMETRY = (".step", ".stp", ".iges", ".igs", ".brep", ".xao", ".dxf")
 _PACKED = (".gz", ".zip", ".bz2", ".xz", ".7z", ".zst")
 
 
-def read_mesh(path: str, *, dim: int) -> Mesh:
+def read_mesh(path: str, *, dim: int | None) -> Mesh:
     """Read a mesh.
 
     The format is told by the suffix, gmsh's also by its contents: gmsh (MSH 2.2 and 4.1, text and
@@ -26,7 +26,8 @@ def read_mesh(path: str, *, dim: int) -> Mesh:
 
     Args:
         path: the file.
-        dim: dimensions of the analysis, 2 (z is dropped and must be constant) or 3.
+        dim: dimensions of the analysis, 2 (z is dropped and must be constant) or 3; None for
+            those of the elements of the file.
 
     Returns:
         The mesh, coordinates in m as in the file, nodes in VTK's order. Nodes that no element
@@ -36,14 +37,20 @@ def read_mesh(path: str, *, dim: int) -> Mesh:
         InputError: the file cannot be read, or does not hold a mesh for this analysis.
     """
     try:
-        return build_mesh(_read(Path(path), dim), dim=dim, file=path)
+        raw = _read(Path(path), dim)
+        return build_mesh(raw, dim=_dimension(raw) if dim is None else dim, file=path)
     except Refused as refused:
         place = Location(path, refused.line, 1 if refused.line else 0)
         fault = Fault(refused.code, refused.message, refused.hint, place)
         raise InputError([fault]) from refused
 
 
-def _read(path: Path, dim: int) -> RawMesh:
+def _dimension(raw: RawMesh) -> int:
+    """2 or 3, as the elements of a file have it."""
+    return 3 if any(cells.dim == 3 and len(cells) for cells in raw.cells) else 2
+
+
+def _read(path: Path, dim: int | None) -> RawMesh:
     """What the file says."""
     try:
         _check_file(path, dim)
@@ -59,7 +66,7 @@ def _read(path: Path, dim: int) -> RawMesh:
         raise Refused("mesh-too-large", "the mesh does not fit into memory", hint) from error
 
 
-def _check_file(path: Path, dim: int) -> None:
+def _check_file(path: Path, dim: int | None) -> None:
     """Refuse what cannot be a mesh before it is opened."""
     if not path.exists():
         hint = "`mesh: {file: ...}` counts from the folder of the case"
@@ -72,11 +79,11 @@ def _check_file(path: Path, dim: int) -> None:
     _check_suffix(path, dim)
 
 
-def _check_suffix(path: Path, dim: int) -> None:
+def _check_suffix(path: Path, dim: int | None) -> None:
     """Refuse files that hold a geometry or are packed, and say what to do."""
     suffix, mesh = path.suffix.lower(), path.with_suffix(".msh").name
     if suffix in (".geo", ".geo_unrolled", *_GEOMETRY):
-        hint = f"mesh it first: gmsh -{dim} {path.name} -o {mesh}"
+        hint = f"mesh it first: gmsh -{dim or 3} {path.name} -o {mesh}"
         raise Refused("mesh-geometry", "the file holds a geometry, not a mesh", hint)
     if suffix in _PACKED:
         raise Refused("mesh-packed", "the file is packed", f"unpack {path.name} and give the mesh")

@@ -1,0 +1,53 @@
+"""``geoident init``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.next_steps import line, say_next
+from geoident.cli.options import Options, takes
+from geoident.io.templates import TEMPLATES
+
+EPILOG = """\b
+Examples:
+  geoident init
+  geoident init my-tunnel --template tunnel
+  geoident init my-site --from site.msh
+
+\b
+Templates:
+""" + "\n".join(f"  {name:<8}{about}" for name, about in TEMPLATES.items())
+
+
+@click.command(epilog=EPILOG)
+@click.argument("folder", metavar="[DIR]", default=".")
+@click.option(
+    "--template",
+    type=click.Choice(list(TEMPLATES)),
+    help="Which case to begin with; cavern if nothing is said.",
+)
+@click.option("--from", "mesh", metavar="MESH", help="Begin with a mesh of your own.")
+@takes("force")
+def command(folder: str, template: str | None, mesh: str | None, options: Options) -> int:
+    """Write a commented case with mesh and readings, on which fit works at once.
+
+    With --from, write the case for a mesh of your own: its groups, extents and numbers of elements
+    are filled in, and what only you know is marked FILL_IN. Prints the paths of the files.
+    """
+    from geoident.workflow.init import init_from_mesh, init_template
+
+    if mesh is not None and template is not None:
+        raise click.UsageError("--template and --from exclude each other.")
+    if mesh is not None:
+        files = init_from_mesh(mesh, folder, force=options.force)
+    else:
+        files = init_template(template or next(iter(TEMPLATES)), folder, force=options.force)
+    for file in files:
+        click.echo(file)
+    if mesh is not None:
+        say_next(options, f"replace every FILL_IN in {files[0]}", line("check", files[0]))
+    else:
+        say_next(options, line("check", files[0]), line("fit", files[0]))
+    return 0

@@ -1,0 +1,19 @@
+"""The cases that the package brings along, to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.resources import files
+
+TEMPLATES: Mapping[str, str] = {
+    "cavern": "a heading and two benches, extensometers and convergence lines, plane strain",
+    "tunnel": "four rounds with shotcrete, in three dimensions",
+    "dam": "four lifts of rockfill with a core, settlement cells, plane strain",
+}
+"""Name to what it is about."""
+
+
+def template_files(name: str) -> dict[str, bytes]:
+    """File name to contents: the case, its mesh with the geometry, its readings."""
+    folder = files("geoident") / "templates" / name
+    return {item.name: item.read_bytes() for item in folder.iterdir() if item.is_file()}

@@ -1,0 +1,81 @@
+"""``geoident init``: a case to begin with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from geoident.errors import OutputError
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.measure import summarize_mesh
+from geoident.io.atomic import atomic_output, output_error
+from geoident.io.mesh_file import read_mesh
+from geoident.io.schema import case_schema_text
+from geoident.io.skeleton import skeleton
+from geoident.io.templates import template_files
+from geoident.model.case import Analysis
+
+CASE = "case.yaml"
+SCHEMA = "case.schema.json"
+
+
+def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
+    """Write a template into a folder: the case, its mesh with the geometry, its readings.
+
+    Returns:
+        The files, the case first.
+
+    Raises:
+        OutputError: files of these names exist, or cannot be written.
+    """
+    return _write(template_files(name), folder, force=force)
+
+
+def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ...]:
+    """Write a case that is to be filled in for a mesh, which stays where it is.
+
+    Returns:
+        The files, the case first.
+
+    Raises:
+        InputError: the mesh cannot be read.
+        OutputError: files of these names exist, or cannot be written.
+    """
+    mesh = read_mesh(mesh_path, dim=None)
+    analysis = Analysis.SOLID if mesh.dim == 3 else Analysis.PLANE_STRAIN
+    text = skeleton(
+        summarize_mesh(mesh, kinematics_of(analysis)),
+        mesh_file=_seen_from(folder, mesh_path),
+        title=Path(mesh_path).stem,
+    )
+    return _write({CASE: text.encode()}, folder, force=force)
+
+
+def _seen_from(folder: str, path: str) -> str:
+    """A path for a case in a folder; absolute where no relative one leads there."""
+    try:
+        return Path(os.path.relpath(Path(path).absolute(), Path(folder).absolute())).as_posix()
+    except ValueError:  # another drive
+        return str(Path(path).absolute())
+
+
+def _write(contents: Mapping[str, bytes], folder: str, *, force: bool) -> tuple[str, ...]:
+    """Write files into a folder, made if it is missing; none if one of them is there already."""
+    contents = {**contents, SCHEMA: case_schema_text().encode()}
+    names = sorted(contents, key=lambda name: (name != CASE, name))
+    paths = {name: Path(folder) / name for name in names}
+    there = [str(path) for path in paths.values() if os.path.lexists(path)]
+    if there and not force:
+        raise OutputError(
+            f"{', '.join(there)}: exists already; nothing was written\n"
+            "    name another folder, or overwrite with --force"
+        )
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+    for name, path in paths.items():
+        with atomic_output(path, overwrite=force) as temporary:
+            Path(temporary).write_bytes(contents[name])
+    return tuple(str(path) for path in paths.values())

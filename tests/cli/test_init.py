@@ -1,0 +1,124 @@
+"""A newcomer gets a case that works, or one for their own mesh that says what is missing."""
+
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from geoident.io.case_file import read_case
+from geoident.io.skeleton import name_text
+from geoident.io.templates import TEMPLATES
+from geoident.io.yaml_reader import parse_yaml
+from tests.support.trench import write_mesh
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+class TestTemplate:
+    def test_it_is_shipped_with_its_geometry(self, name):
+        folder = files("geoident") / "templates" / name
+        expected = {"case.yaml", f"{name}.geo", f"{name}.msh", "readings.csv"}
+        assert {item.name for item in folder.iterdir()} == expected
+
+    def test_its_fit_converges_and_predicts_the_stage_that_was_left_out(self, here, run, name):
+        made = run("init", "new", "--template", name)
+        assert made.exit_code == 0
+        assert made.stdout.splitlines()[0] == "new/case.yaml"
+        assert all(Path(file).exists() for file in made.stdout.splitlines())
+        assert "geoident fit new/case.yaml" in made.stderr
+        done = run("fit", "new/case.yaml")
+        assert done.exit_code == 0, done.stderr
+        assert "readings inside" in " ".join(run("show", "new/case.fit.h5").stdout.split())
+
+    def test_its_lines_are_short_and_its_comments_explain(self, here, run, name):
+        run("init", ".", "--template", name)
+        lines = Path("case.yaml").read_text(encoding="utf-8").splitlines()
+        assert max(map(len, lines)) <= 120
+        assert sum(line.lstrip().startswith("#") for line in lines) >= 20
+
+
+def test_nothing_is_overwritten_unless_asked(here, run):
+    Path("readings.csv").write_text("mine")
+    refused = run("init")
+    assert refused.exit_code == 6
+    assert "readings.csv: exists already; nothing was written" in refused.stderr
+    assert "--force" in refused.stderr
+    assert [item.name for item in here.iterdir()] == ["readings.csv"]
+    assert run("init", "--force").exit_code == 0
+    assert Path("readings.csv").read_text() != "mine"
+
+
+class TestFromMesh:
+    @pytest.fixture
+    def case(self, here, run) -> Path:
+        write_mesh(here / "trench.inp")
+        done = run("init", "site", "--from", "trench.inp")
+        assert done.exit_code == 0, done.stderr
+        assert "replace every FILL_IN" in done.stderr
+        return here / "site" / "case.yaml"
+
+    def test_the_numbers_of_the_mesh_are_there(self, case):
+        text = case.read_text(encoding="utf-8")
+        assert "35 nodes and 24 elements (24 quad4)" in text
+        assert "x 0 .. 6, y 0 .. 4 m" in text
+        assert "rock: FILL_IN # 20 elements, 20 m2" in text
+        assert "upper: FILL_IN # 2 elements, 2 m2, x 2 .. 4, y 3 .. 4 m" in text
+        data = parse_yaml(text, "case.yaml").data
+        assert data["mesh"] == {"file": "../trench.inp"}
+        assert set(data["groups"]) == {"rock", "upper", "lower"}
+
+    def test_nothing_is_guessed(self, case):
+        data = parse_yaml(case.read_text(encoding="utf-8"), "case.yaml").data
+        assert data["supports"] == "FILL_IN"
+        assert set(data["groups"].values()) == {"FILL_IN"}
+        assert "# left: x   # 5 nodes" in case.read_text(encoding="utf-8")
+
+    def test_check_names_all_that_is_left(self, case, run):
+        told = run("check", case)
+        assert told.exit_code == 3
+        paths = [line.split(": ")[1] for line in told.stderr.splitlines() if "replaced" in line]
+        assert paths == [
+            "materials.ground.E", "materials.ground.nu", "groups.rock", "groups.upper",
+            "groups.lower", "supports", "stages", "gauges",
+        ]  # fmt: skip
+        assert f"{case}:" in told.stderr
+
+    def test_filled_in_it_is_valid(self, case, run):
+        text = case.read_text(encoding="utf-8")
+        for name in ("rock", "upper", "lower"):
+            text = text.replace(f"{name}: FILL_IN", f"{name}: ground")
+        text = text.replace("E: FILL_IN", "E: 1 GPa").replace("nu: FILL_IN", "nu: 0.3")
+        text = text.replace("supports: FILL_IN", "supports: {bottom: fixed}")
+        text = text.replace("stages: FILL_IN", "stages: [{name: dig, excavate: [upper]}]")
+        text = text.replace("gauges: FILL_IN", "gauges: {}")
+        case.write_text(text, encoding="utf-8")
+        assert run("check", case).exit_code == 0
+        assert read_case(str(case)).case.stages[0].excavate == ("upper",)
+
+    def test_a_mesh_that_is_none(self, here, run):
+        refused = run("init", "--from", "nothing.msh")
+        assert refused.exit_code == 3
+        assert "nothing.msh" in refused.stderr
+        assert list(here.iterdir()) == []
+
+    def test_a_template_and_a_mesh_exclude_each_other(self, here, run):
+        assert run("init", "--from", "x.msh", "--template", "dam").exit_code == 2
+
+
+def test_a_solid_mesh_makes_a_solid_analysis(here, run):
+    run("init", "--template", "tunnel")
+    run("init", "mine", "--from", "tunnel.msh")
+    text = Path("mine/case.yaml").read_text(encoding="utf-8")
+    assert "analysis: solid" in text
+    assert "# symmetry: x   # 456 surfaces, x = 0, y -18 .. 36, z -35 .. 35 m" in text
+    assert "# top   # 57 surfaces" in text
+
+
+@pytest.mark.parametrize("name", ["no", "12", "a: b", "#a", "x y", "on", "[a", "é", "a/b.msh", "-"])
+def test_names_of_a_mesh_come_back_from_yaml(name):
+    assert parse_yaml(f"k: {name_text(name)}", "x").data == {"k": name}
