@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.model import StagedModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
@@ -38,13 +39,22 @@ def simulate(
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
     model = build_model(inputs, solver=solver)
-    p = np.array([parameter.start for parameter in inputs.case.parameters], dtype=np.float64)
+    computed = model.survey(start_values(inputs.case, model), fields=False).computed
+    readings = _readings(inputs.case, computed)
+    return with_noise(inputs.case, readings, seed=seed) if noise is Noise.ACCURACY else readings
+
+
+def start_values(case: Case, model: StagedModel) -> Floats:
+    """The start values (n,) of the parameters, SI.
+
+    Raises:
+        ModelError: they are outside the domain of the model.
+    """
+    p = np.array([parameter.start for parameter in case.parameters], dtype=np.float64)
     reason = model.admissible(p)
     if reason is not None:
         raise ModelError(f"The start values are outside the domain of the model: {reason}")
-    computed = model.survey(p, fields=False).computed
-    readings = _readings(inputs.case, computed)
-    return with_noise(inputs.case, readings, seed=seed) if noise is Noise.ACCURACY else readings
+    return p
 
 
 def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:

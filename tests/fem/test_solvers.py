@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from geoident.errors import UsageError
 from geoident.fem import solvers
-from geoident.fem.solvers import SOLVERS, pick_solver, solver_report, splu
+from geoident.fem.solvers import SOLVERS, direct, pick_solver, solver_report, splu
 from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
 
 INSTALLED = {info.name: info.available for info in solver_report()}
@@ -289,3 +289,28 @@ def test_options_of_other_users_of_cvxopt_are_kept(monkeypatch):
     pattern, values = lower(laplacian(5))
     pick_solver("cholmod").analyse(pattern).factorize(values)
     assert cholmod.options["supernodal"] == 0
+
+
+def test_a_large_factor_gives_its_memory_back_when_nobody_uses_it(monkeypatch, solver):
+    monkeypatch.setattr(direct, "LARGE", 1)
+    released = []
+    pattern, values = lower(laplacian(8))
+    analysis = solver.analyse(pattern)
+    monkeypatch.setattr(analysis, "_release", lambda: released.append(1))
+    first = analysis.factorize(values)
+    second = analysis.factorize(values)
+    del first
+    assert not released, "a factor that was replaced takes nothing with it"
+    second.solve(np.ones((pattern.n, 1)))
+    del second
+    assert released == [1]
+
+
+def test_a_released_analysis_factorizes_again(monkeypatch, solver):
+    monkeypatch.setattr(direct, "LARGE", 1)
+    pattern, values = lower(laplacian(8))
+    analysis = solver.analyse(pattern)
+    before = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
+    after = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
+    np.testing.assert_array_equal(before, after)
+    assert solver.counts.analyses == 1

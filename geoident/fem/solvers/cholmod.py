@@ -55,12 +55,23 @@ class CholmodAnalysis(DirectAnalysis):
         columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
         entries = cvxopt.matrix(pattern.indices), cvxopt.matrix(columns)
         self._matrix = cvxopt.spmatrix(1.0, *entries, (n, n))
+        self._factor = self._symbolic()
+
+    def _symbolic(self) -> Any:
+        cvxopt = _load()
         with _options():
-            order = cvxopt.matrix(np.arange(n))
-            self._factor = cvxopt.cholmod.symbolic(self._matrix, order, uplo="L")
+            order = cvxopt.matrix(np.arange(self.pattern.n))
+            return cvxopt.cholmod.symbolic(self._matrix, order, uplo="L")
+
+    def _release(self) -> None:
+        # CHOLMOD keeps symbols and numbers in one object; finding the symbols again costs a
+        # few hundredths of a factorization.
+        self._factor = None
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
         cvxopt = _load()
+        if self._factor is None:
+            self._factor = self._symbolic()
         self._matrix.V = cvxopt.matrix(values)
         try:
             with _options():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
@@ -14,6 +15,13 @@ from geoident.model.arrays import Floats, Ints
 SINGULAR = 1e-13
 """A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
 
+LARGE = 1_000_000
+"""Entries of a matrix from which on a factor's memory is given back as soon as nobody uses it.
+
+A staged model has one analysis for every stage; if each kept its last factor, the memory of a
+three-dimensional model would grow with the number of stages.
+"""
+
 Solve = Callable[[Floats], Floats]
 """Solutions (n, k) for right-hand sides (n, k) in Fortran order, k >= 1; may overwrite them."""
 
@@ -25,6 +33,8 @@ class DirectFactor:
         self._analysis = analysis
         self._number = analysis.factorized
         self._solve = solve
+        if len(analysis.pattern.indices) >= LARGE:
+            weakref.finalize(self, analysis.release, self._number).atexit = False
 
     def solve(self, rhs: Floats) -> Floats:
         """Solve for several right-hand sides at once.
@@ -86,6 +96,15 @@ class DirectAnalysis(ABC):
         if self.pattern.n == 0:
             return DirectFactor(self, np.copy)
         return DirectFactor(self, self._factorize(values, diagonal))
+
+    def release(self, number: int) -> None:
+        """Give back the memory of a factor, known by its number, unless a later one replaced it."""
+        if number == self.factorized:
+            self._release()
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Give back the memory of the last factor; what the analysis found may stay."""
 
     @abstractmethod
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:

@@ -15,7 +15,7 @@ from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
 from geoident.model.arrays import Floats
 
 _SPD = 2
-_ANALYSE, _FACTORIZE, _SOLVE, _RELEASE = 11, 22, 33, -1
+_ANALYSE, _FACTORIZE, _SOLVE, _RELEASE, _RELEASE_FACTOR = 11, 22, 33, -1, 0
 _NOT_DEFINITE = (-4, -7)  # zero or negative pivot, singular diagonal matrix
 _NO_MEMORY = (-2, -9)
 
@@ -51,6 +51,9 @@ class PardisoAnalysis(DirectAnalysis):
         self._handle = _Handle(pattern)
         self._handle.call(_ANALYSE)
         weakref.finalize(self, self._handle.call, _RELEASE)
+
+    def _release(self) -> None:
+        self._handle.call(_RELEASE_FACTOR)
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
         self._handle.values = np.array(values, dtype=np.float64)

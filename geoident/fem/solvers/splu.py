@@ -51,6 +51,9 @@ class SpluAnalysis(DirectAnalysis):
         super().__init__(pattern, counts)
         self._full = _mirror(pattern)
 
+    def _release(self) -> None:
+        """The factor dies with its last user: nothing of it is kept here."""
+
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
         full = self._full
         matrix = sp.csc_array((values[full.data], full.indices, full.indptr), shape=full.shape)
