@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.fem.compatibility import BlockGeometry
 from geoident.fem.elasticity import VOIGT
@@ -53,6 +54,28 @@ def pressure_forces(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Fl
     """Nodal forces (n_dofs,) of a unit pressure that pushes onto the body."""
     geometry = facet_geometry(mesh.points, patch, kinematics)
     return _scatter(mesh, patch, np.einsum("qa,fqi->fai", geometry.shapes, -geometry.normals))
+
+
+def pressure_operator(
+    mesh: Mesh, patch: FacetPatch, kinematics: Kinematics
+) -> tuple[Floats, sp.csr_array]:
+    """Where pressures on a patch are asked for, and the forces that they make.
+
+    Returns:
+        (m, dim) quadrature points, m, and the matrix (n_dofs, m) from pressures there, Pa, to
+        nodal forces, N.
+    """
+    geometry = facet_geometry(mesh.points, patch, kinematics)
+    n_faces, n_q, dim = geometry.normals.shape
+    shares = np.einsum("qa,fqi->fqai", geometry.shapes, -geometry.normals)
+    rows = patch.nodes[:, None, :, None] * dim + np.arange(dim)
+    columns = np.arange(n_faces * n_q).reshape(n_faces, n_q, 1, 1)
+    places = np.broadcast_to(rows, shares.shape), np.broadcast_to(columns, shares.shape)
+    operator = sp.coo_array(
+        (shares.ravel(), tuple(place.ravel() for place in places)),
+        shape=(mesh.n_nodes * dim, n_faces * n_q),
+    )
+    return geometry.positions.reshape(-1, dim), operator.tocsr()
 
 
 def traction_weights(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Floats:

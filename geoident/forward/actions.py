@@ -1,4 +1,4 @@
-"""External actions f_j of every state and their derivatives: weight, loads, held edges."""
+"""External actions f_j of every state and their derivatives: weight, loads, held edges, water."""
 
 from __future__ import annotations
 
@@ -7,123 +7,204 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.fem.faces import FaceTable, FacetPatch, patches
-from geoident.fem.kinematics import Kinematics
-from geoident.fem.loads import pressure_forces, stress_forces, traction_weights, weight_shares
-from geoident.forward.in_situ import edges_held, in_situ_stress
+from geoident.fem.loads import facet_geometry, stress_forces, weight_shares
+from geoident.fem.location import Locator
+from geoident.forward.in_situ import InSituStress, edges_held
+from geoident.forward.jets import Jet, Point
+from geoident.forward.loads import ReadyLoad, face_load, point_force
 from geoident.forward.materials import Values
+from geoident.forward.products import product_obstacle
 from geoident.forward.stage_systems import StageSystems
-from geoident.forward.supports import load_patches
-from geoident.forward.timeline import Timeline
-from geoident.model.actions import Load, Pressure
-from geoident.model.arrays import Floats
+from geoident.forward.supports import load_patches, point_site
+from geoident.forward.thermal import NORMAL_COMPONENTS
+from geoident.forward.timeline import State, Timeline
+from geoident.forward.water import PorePressure
+from geoident.model.actions import FaceLoad, PointForce, Seismic, Water
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.parameter import Scalar
 
 
 class Actions:
-    """Nodal forces of everything that acts from outside; unit forces are made once."""
+    """Nodal forces of everything that acts from outside; what is given is computed once."""
 
     def __init__(
-        self, case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline, systems: StageSystems
+        self,
+        case: Case,
+        mesh: Mesh,
+        table: FaceTable,
+        locator: Locator,
+        timeline: Timeline,
+        systems: StageSystems,
     ) -> None:
         self._case = case
         self._mesh = mesh
         self._timeline = timeline
-        self._weights = (
-            {} if case.gravity is None else _group_weights(case, mesh, timeline, systems)
-        )
-        self._kinematics = systems.kinematics
-        self._edges = _held_edges(case, mesh, table, timeline)
-        self._load_forces = _load_forces(mesh, table, timeline, systems.kinematics)
+        self._systems = systems
+        self._shares = _volume_shares(case, mesh, timeline, systems)
+        self._edges = _held_edges(case, mesh, table, timeline, systems)
+        self._loads = _ready_loads(mesh, table, locator, timeline, systems)
+        self._pores: dict[int, PorePressure] = {}
+
+    @property
+    def n_outside(self) -> int:
+        """Strain points that lie beside the water tables given by faces, so far."""
+        return sum(pores.n_outside for pores in self._pores.values())
 
     def forces(self, state: int, values: Values, names: Sequence[str]) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
         current = self._timeline.states[state]
-        total = np.zeros((self._mesh.n_nodes * self._mesh.dim, 1 + len(names)))
-        for group, material in current.materials.items():
-            if group in self._weights:
-                density = self._case.materials[material].density
-                _add(total, self._weights[group], density, values, names)
-            if group in self._edges:
-                total += self._edge_forces(group, values, names)
-        for name in current.loads:
-            for unit, scalar in self._load_forces[state, name]:
-                _add(total, unit, scalar, values, names)
+        point = Point(values, names)
+        total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
+        if self._case.gravity is not None:
+            total += self._weight(current, self._case.gravity, point)
+        for group in current.materials:
+            for edge in self._edges.get(group, ()):
+                total += edge.forces(values, names)
+        for name, load in current.loads.items():
+            if isinstance(load, Seismic):
+                total += self._shaking(current, load, point)
+            else:
+                total += self._loads[state, name].forces(point)
+        if current.water is not None:
+            total += self._pore_forces(state, current.water, point)
         return total
 
-    def _edge_forces(self, group: int, values: Values, names: Sequence[str]) -> Floats:
-        """Tractions sigma_0 n on the outer faces of a group."""
+    def _weight(self, state: State, gravity: Sequence[float], point: Point) -> Floats:
+        mass = self._mass(state, point).columns
+        return np.asarray(np.einsum("nc,i->nic", mass, gravity).reshape(-1, point.n_columns))
 
-        def stress(positions: Floats) -> Floats:
-            return in_situ_stress(self._case.in_situ, values, names, positions)
+    def _shaking(self, state: State, load: Seismic, point: Point) -> Floats:
+        """Parts of the weight of all ground that is there, along the axes."""
+        mass = self._mass(state, point)
+        size = 0.0 if self._case.gravity is None else float(np.linalg.norm(self._case.gravity))
+        along = [(mass * point.jet(factor)).times(size).columns for factor in load.factors]
+        return np.stack(along, axis=1).reshape(-1, point.n_columns)
 
-        return np.asarray(
-            sum(
-                stress_forces(self._mesh, patch, self._kinematics, stress)
-                for patch in self._edges[group]
-            )
-        )
+    def _mass(self, state: State, point: Point) -> Jet:
+        """Mass (n_nodes,) that belongs to each node, kg."""
+        mass = np.zeros((self._mesh.n_nodes, point.n_columns))
+        for group, material in state.materials.items():
+            density = point.jet(self._case.materials[material].density)
+            mass += np.outer(self._shares[group], density.columns)
+        return Jet(mass)
+
+    def _pore_forces(self, state: int, water: Water, point: Point) -> Floats:
+        """C^T V p over the points with water in their pores."""
+        points = self._systems.points
+        if id(water) not in self._pores:
+            self._pores[id(water)] = PorePressure(water, self._mesh, points.position)
+        pressure = self._pores[id(water)].at(point).columns
+        stress = np.zeros((points.n_strain, *pressure.shape))
+        stress[:NORMAL_COMPONENTS] = pressure
+        volume = self._systems[state].volume
+        wet = _wet(water, self._timeline.group_of[points.element], self._timeline)
+        return points.forces(stress, np.where(wet, volume, 0.0))
 
 
-def _add(total: Floats, unit: Floats, scalar: Scalar, values: Values, names: Sequence[str]) -> None:
-    """Add a unit force (n_dofs,) times a number and its derivatives."""
-    total[:, 0] += scalar.value(values) * unit
-    if scalar.parameter in names:
-        total[:, 1 + names.index(scalar.parameter)] += scalar.factor * unit
+class _HeldEdge:
+    """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
+
+    def __init__(
+        self, case: Case, mesh: Mesh, patch: FacetPatch, timeline: Timeline, systems: StageSystems
+    ) -> None:
+        self._mesh = mesh
+        self._patch = patch
+        self._kinematics = systems.kinematics
+        geometry = facet_geometry(mesh.points, patch, systems.kinematics)
+        positions = geometry.positions.reshape(-1, mesh.dim)
+        groups = timeline.group_of[patch.element].repeat(geometry.positions.shape[1])
+        self._skeleton = InSituStress(case, mesh, positions, groups, timeline.groups)
+        self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
+        self._wet = _wet(case.water, groups, timeline)
+
+    def forces(self, values: Values, names: Sequence[str]) -> Floats:
+        """Forces (n_dofs, 1 + n), N."""
+        stress = self._skeleton.columns(values, names)
+        if self._pores is not None:
+            pressure = self._pores.at(Point(values, names)).columns
+            stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
+        return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
 
 
-def _group_weights(
+def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
+    """Why the loads are not affine in the free parameters, or None if they are."""
+    loads = [*case.loads.values()]
+    loads += [load for stage in case.stages for load in stage.loads.values()]
+    densities = [material.density for material in case.materials.values()]
+    factors = [f for load in loads if isinstance(load, Seismic) for f in load.factors]
+    reasons = (
+        product_obstacle("the seismic force", (factor, density), free)
+        for factor in factors
+        for density in densities
+    )
+    return next((reason for reason in reasons if reason), None)
+
+
+def _wet(water: Water | None, groups: Ints, timeline: Timeline) -> Bools:
+    """Which of some groups (m,) have water in their pores."""
+    if water is None or water.groups is None:
+        return np.full(len(groups), water is not None)
+    return np.isin(groups, [timeline.groups.index(name) for name in water.groups])
+
+
+def _volume_shares(
     case: Case, mesh: Mesh, timeline: Timeline, systems: StageSystems
-) -> dict[int, Floats]:
-    """Per group the nodal forces (n_dofs,) of its weight at unit density."""
-    gravity = np.array(case.gravity)
-    return {
-        g: np.outer(weight_shares(mesh, systems.geometries, timeline.elements(g)), gravity).ravel()
-        for g in range(len(timeline.groups))
-    }
+) -> list[Floats]:
+    """Per group the volume (n_nodes,) that belongs to each node, m3; without gravity nothing."""
+    if case.gravity is None:
+        return [np.zeros(mesh.n_nodes)] * len(timeline.groups)
+    groups = range(len(timeline.groups))
+    return [weight_shares(mesh, systems.geometries, timeline.elements(g)) for g in groups]
 
 
 def _held_edges(
-    case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline
-) -> dict[int, tuple[FacetPatch, ...]]:
-    """Per group its outer faces in the virgin state, if the in-situ stress is held there."""
-    if not edges_held(case.in_situ):
-        return {}
+    case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline, systems: StageSystems
+) -> dict[int, list[_HeldEdge]]:
+    """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
     rows = table.free(timeline.present(0))
     group_of_row = timeline.group_of[table.element[rows]]
-    return {int(g): patches(mesh, table, rows[group_of_row == g]) for g in np.unique(group_of_row)}
+    held = {
+        int(g): patches(mesh, table, rows[group_of_row == g])
+        for g in np.unique(group_of_row)
+        if edges_held(case.in_situ_of.get(timeline.groups[g], case.in_situ))
+    }
+    return {
+        g: [_HeldEdge(case, mesh, patch, timeline, systems) for patch in found]
+        for g, found in held.items()
+    }
 
 
-def _load_forces(
-    mesh: Mesh, table: FaceTable, timeline: Timeline, kinematics: Kinematics
-) -> dict[tuple[int, str], list[tuple[Floats, Scalar]]]:
-    """Per state and load its unit forces with the numbers that scale them."""
-    made: dict[tuple[int, bytes], list[tuple[Floats, Scalar]]] = {}
+def _ready_loads(
+    mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline, systems: StageSystems
+) -> dict[tuple[int, str], ReadyLoad]:
+    """The loads of every state; what acts on the same ground is prepared once."""
+    made: dict[tuple[int, bytes], ReadyLoad] = {}
     result = {}
     for n, state in enumerate(timeline.states):
         present = timeline.present(n)
         for name, load in state.loads.items():
+            if isinstance(load, Seismic):
+                continue
             key = (id(load), present.tobytes())
             if key not in made:
-                faces = load_patches(mesh, table, load.group, present)
-                made[key] = _unit_forces(mesh, load, faces, kinematics)
+                made[key] = _ready(mesh, table, locator, systems, load, present)
             result[n, name] = made[key]
     return result
 
 
-def _unit_forces(
-    mesh: Mesh, load: Load, faces: tuple[FacetPatch, ...] | None, kinematics: Kinematics
-) -> list[tuple[Floats, Scalar]]:
+def _ready(
+    mesh: Mesh,
+    table: FaceTable,
+    locator: Locator,
+    systems: StageSystems,
+    load: FaceLoad | PointForce,
+    present: Bools,
+) -> ReadyLoad:
+    if isinstance(load, PointForce):
+        return point_force(mesh, load, point_site(locator, load, present))
+    faces = load_patches(mesh, table, load.group, present)
     if faces is None:
         msg = f"load on '{load.group}' has no free face (see burden_faults)"
         raise ValueError(msg)
-    if isinstance(load, Pressure):
-        return [
-            (sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1)), load.value)
-        ]
-    area = sum((traction_weights(mesh, p, kinematics) for p in faces), np.zeros(1))
-    return [
-        (np.outer(area, np.eye(mesh.dim)[axis]).ravel(), scalar)
-        for axis, scalar in enumerate(load.value)
-    ]
+    return face_load(mesh, load, faces, systems.kinematics)

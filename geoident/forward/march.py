@@ -14,13 +14,18 @@ and, for every parameter h, with the same factorization,
 
 so one factorization per stage and two calls of the solver give the response and its whole
 Jacobian. All columns travel together: column 0 of every array is the state, columns 1..n are
-the derivatives.
+the derivatives. A change of temperature takes its strain eps_0 from C du_j (see `thermal`).
+
+Stages form a tree: u and sigma "of the stage before" are those of the stage on which a stage
+builds. Load cases that do not build on each other branch off the same one. Stages in a row on the
+same ground of the same materials (load cases, mostly) share one factorization.
 
 A *push* adds forces: to the state (condensation's corrected displacements), or as further columns
 that carry the response to unit forces (its flexibility). It costs no further factorization.
 
 Computed once per mesh: C, V, the gradient products. Once per set of present groups: pattern,
-analysis, which points are there. Per stage and parameter vector: values of K, factorization.
+analysis, which points are there. Per parameter vector and change of ground: values of K,
+factorization.
 """
 
 from __future__ import annotations
@@ -31,14 +36,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.solvers.protocol import Analysis, Factor, NotPositiveDefinite
 from geoident.forward.actions import Actions
-from geoident.forward.in_situ import in_situ_stress
+from geoident.forward.in_situ import InSituStress
 from geoident.forward.materials import elasticity, elasticity_slopes
 from geoident.forward.stage_systems import StageSystem, StageSystems
+from geoident.forward.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.timeline import State, Timeline
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.model.case import Case
+from geoident.model.mesh import Mesh
 
 _BALANCED = 1e-9
 """Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
@@ -50,13 +57,13 @@ class Push:
 
     Args:
         forces: (n_dofs, g) unit force along each reading, N.
-        active: (n_states, g) whether it acts in each state.
+        active: (n_states, g) how it acts in each state: 1, not at all, 0, or against it, -1.
         multipliers: (g,) the forces act on the state, so many times; None: each unit force has a
             further column, which carries its response.
     """
 
     forces: Floats
-    active: Bools
+    active: Floats
     multipliers: Floats | None = None
 
     @property
@@ -87,17 +94,55 @@ class Standing:
     stress: Floats
 
 
+class _Factors:
+    """The factorization that every analysis holds: it lasts as long as K stays the same.
+
+    Only for one parameter vector. K depends on it and on the material of every present group.
+    """
+
+    def __init__(self) -> None:
+        self._held: dict[int, tuple[frozenset[tuple[int, str]], Factor]] = {}
+
+    def find(self, analysis: Analysis, state: State) -> Factor | None:
+        """The factorization of K at a state, if it is there."""
+        ground, factor = self._held.get(id(analysis), (None, None))
+        return factor if ground == frozenset(state.materials.items()) else None
+
+    def forget(self, analysis: Analysis) -> None:
+        """What this analysis holds is about to be overwritten."""
+        self._held.pop(id(analysis), None)
+
+    def keep(self, analysis: Analysis, state: State, factor: Factor) -> None:
+        """A factorization that was made for a state."""
+        self._held[id(analysis)] = (frozenset(state.materials.items()), factor)
+
+
 class March:
     """Marches one case on one mesh through its stages, for any parameter values."""
 
     def __init__(
-        self, case: Case, timeline: Timeline, systems: StageSystems, actions: Actions
+        self,
+        case: Case,
+        mesh: Mesh,
+        timeline: Timeline,
+        systems: StageSystems,
+        actions: Actions,
     ) -> None:
         self._case = case
         self._timeline = timeline
         self._systems = systems
         self._actions = actions
+        self._thermal = ThermalStrains(case, timeline, systems)
+        points = systems.points
+        groups = timeline.group_of[points.element]
+        self._virgin = InSituStress(case, mesh, points.position, groups, timeline.groups)
+        self._factors = _Factors()
         self.imbalance = 0.0
+
+    @property
+    def n_outside(self) -> int:
+        """Strain points beside the surface from which the in-situ stress counts depth."""
+        return self._virgin.n_outside
 
     def run(
         self,
@@ -123,8 +168,11 @@ class March:
         k = push.n_columns if push else 0
         stress = np.zeros((points.n_strain, points.n_points, n_columns + k))
         u = np.zeros((points.compatibility.shape[1], stress.shape[2]))
-        stop = len(self._timeline.states) if last is None else last + 1
-        for n, state in enumerate(self._timeline.states[:stop]):
+        states = self._timeline.states[: None if last is None else last + 1]
+        branches = _Branches(states)
+        self._factors = _Factors()
+        for n, state in enumerate(states):
+            branches.go_to(n, u, stress)
             system = self._systems[n]
             forces = np.zeros_like(u)
             forces[:, :n_columns] = self._actions.forces(n, values, names)
@@ -134,8 +182,10 @@ class March:
                 self._begin(system, state, values, names, stress, forces)
             else:
                 self._clear(system, state, stress, u)
-                u += self._step(system, state, values, names, stress, forces)
+                strain = self._thermal.change(n, values, names)
+                u += self._step(system, state, values, names, stress, forces, strain)
             yield Standing(n, u, stress)
+            branches.leave(n, u, stress)
 
     def _begin(
         self,
@@ -148,8 +198,7 @@ class March:
     ) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion."""
         n_columns = 1 + len(names)
-        positions = self._systems.points.position
-        stress[..., :n_columns] = in_situ_stress(self._case.in_situ, values, names, positions)
+        stress[..., :n_columns] = self._virgin.columns(values, names)
         stress[:, ~system.present] = 0.0
         self.imbalance = self._imbalance(system, stress, forces)
         if self.imbalance > _BALANCED:
@@ -177,20 +226,26 @@ class March:
         names: Sequence[str],
         stress: Floats,
         forces: Floats,
+        thermal: Floats | None = None,
     ) -> Floats:
         """Solve one state of equilibrium; updates the stress, returns the displacement steps.
 
-        The state comes first, since the derivatives need its strains.
+        The state comes first, since the derivatives need its strains. ``thermal`` is the normal
+        strain (n_points, 1 + n) of a change of temperature.
         """
         laws = {
             m: elasticity(self._case.materials[m], values, self._systems.points.n_strain)
             for m in set(state.materials.values())
         }
+        if thermal is not None:
+            _impose(thermal, system, laws, stress)
         factor = self._factorize(system, state, laws)
         first = self._advance(system, laws, factor, stress[..., :1], forces[:, :1])
         if stress.shape[2] == 1:
             return first
         strain = self._systems.points.strain(first[:, 0])
+        if thermal is not None:
+            strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
         self._add_moduli_slopes(system, values, names, stress, strain)
         others = self._advance(system, laws, factor, stress[..., 1:], forces[:, 1:])
         return np.hstack([first, others])
@@ -221,13 +276,19 @@ class March:
         analysis = self._systems.analysis(system)
         if analysis is None:
             return None
+        found = self._factors.find(analysis, state)
+        if found is not None:
+            return found
+        self._factors.forget(analysis)
         try:
-            return analysis.factorize(self._systems.values(system, state, laws))
+            factor = analysis.factorize(self._systems.values(system, state, laws))
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(system, error.unknown)
             msg = f"at stage '{state.name}' the stiffness matrix is not positive definite{place}"
             hint = "look there for elements without stiffness, or held by next to nothing"
             raise ModelError(msg, hint) from error
+        self._factors.keep(analysis, state, factor)
+        return factor
 
     def _add_moduli_slopes(
         self,
@@ -245,3 +306,35 @@ class March:
             for name, slope in slopes.items():
                 if name in names:
                     stress[:, mine, 1 + names.index(name)] += slope @ strain[:, mine]
+
+
+class _Branches:
+    """Keeps what later states build on, as long as they need it, and no longer."""
+
+    def __init__(self, states: Sequence[State]) -> None:
+        self._bases = [state.base for state in states]
+        self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
+        self._kept: dict[int, tuple[Floats, Floats]] = {}
+
+    def go_to(self, state: int, u: Floats, stress: Floats) -> None:
+        """Put the displacements and stresses in place on which a state builds."""
+        base = self._bases[state]
+        if base == state - 1 or state == 0:
+            return
+        u[:], stress[:] = self._kept[base]
+        if self._last_use[base] == state:
+            del self._kept[base]
+
+    def leave(self, state: int, u: Floats, stress: Floats) -> None:
+        """Copy them where a later state builds on this one, but not the next."""
+        if self._last_use.get(state, -1) > state:
+            self._kept[state] = (u.copy(), stress.copy())
+
+
+def _impose(
+    thermal: Floats, system: StageSystem, laws: Mapping[str, Floats], stress: Floats
+) -> None:
+    """Take E eps_0 from the stress, with the derivatives of eps_0; those of E come later."""
+    for material, mine in system.points_of.items():
+        pressure = laws[material][:, :NORMAL_COMPONENTS].sum(axis=1)
+        stress[:, mine, : thermal.shape[1]] -= pressure[:, None, None] * thermal[mine]

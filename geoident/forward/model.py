@@ -16,7 +16,7 @@ from geoident.fem.orientation import oriented
 from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions import Actions
 from geoident.forward.fields import FieldRecorder
-from geoident.forward.in_situ import edges_held
+from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
 from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
 from geoident.forward.observation import Observation, format_point, observe
@@ -67,16 +67,22 @@ class StagedModel:
         table = face_table(mesh)
         _raise_any(_group_faults(case, mesh, table))
         self.timeline = build_timeline(case, mesh)
-        _raise_any(burden_faults(case, mesh, table, self.timeline))
-        self.observation, faults = observe(case, mesh, Locator(mesh), self.timeline)
+        locator = Locator(mesh)
+        _raise_any(
+            [
+                *burden_faults(case, mesh, table, locator, self.timeline),
+                *zone_faults(case, self.timeline),
+            ]
+        )
+        self.observation, faults = observe(case, mesh, locator, self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
         fixed = fixed_dofs(case, mesh)
         _refuse_mechanisms(mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
         self.systems = StageSystems(case, mesh, self.timeline, fixed, solver)
-        self.actions = Actions(case, mesh, table, self.timeline, self.systems)
-        self.march = March(case, self.timeline, self.systems, self.actions)
+        self.actions = Actions(case, mesh, table, locator, self.timeline, self.systems)
+        self.march = March(case, mesh, self.timeline, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -94,7 +100,7 @@ class StagedModel:
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
         notes = []
-        if edges_held(self.case.in_situ):
+        if any(edges_held(model) for _, model in in_situ_models(self.case)):
             notes.append(
                 "the in-situ stress is held at the edges of the model by tractions "
                 "(in_situ: held: true)"
@@ -104,6 +110,14 @@ class StagedModel:
                 "points just outside the mesh, taken by the nearest element: "
                 + ", ".join(self.observation.snapped)
             )
+        beside = max(self.march.n_outside, self.actions.n_outside)
+        if beside:
+            notes.append(
+                f"{beside} strain points lie beside the faces that give the level of the ground or "
+                "of the water; the level of the nearest node of these faces was taken"
+            )
+        if any(state.water is not None for state in self.timeline.states):
+            notes.append("there is water in the pores: all stresses are effective stresses")
         if self.march.imbalance > 1e-9:
             notes.append(
                 f"the in-situ stress is out of balance by {100 * self.march.imbalance:.3g} % of "
@@ -177,6 +191,7 @@ def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
         *group_faults(case, mesh),
         *support_faults(case, mesh),
         *load_faults(case, mesh, table),
+        *surface_faults(case, mesh),
     ]
 
 

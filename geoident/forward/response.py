@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoident.forward import in_situ, materials
+from geoident.forward import actions, in_situ, materials, thermal, water
 from geoident.forward.march import Push
 from geoident.model.arrays import Floats
 from geoident.model.condensed import Condensed
@@ -64,7 +64,7 @@ class StagedResponse:
         case = self._model.case
         free = frozenset(self.names)
         reasons = [materials.affine_obstacle(m, free) for m in case.materials.values()]
-        reasons.append(in_situ.affine_obstacle(case.in_situ, free))
+        reasons += [part.affine_obstacle(case, free) for part in (in_situ, actions, water, thermal)]
         return next((reason for reason in reasons if reason), None)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
@@ -109,10 +109,11 @@ class StagedResponse:
     def _push(self) -> Push:
         """Unit forces along every reading: G^T.
 
-        A reading adds up increments from the stage after its zero to its own, so its unit force
-        is a dead load that acts in just these.
+        A reading adds up the increments of all stages that led to its own, less those that led to
+        its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
+        the stage after the zero on.
         """
         observation = self._model.observation
-        state = np.arange(self._last + 1)[:, None]
-        active = (state > observation.zero[self._row]) & (state <= self._state)
+        built_on = self._model.timeline.built_on.astype(np.float64)
+        active = built_on[:, self._state] - built_on[:, observation.zero[self._row]]
         return Push(observation.operator[self._row].toarray().T, active)

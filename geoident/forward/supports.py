@@ -6,8 +6,9 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.faces import FaceTable, FacetPatch, patches
+from geoident.fem.location import Locator, Site
 from geoident.forward.timeline import Timeline, listed
-from geoident.model.actions import Load
+from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import ElementBlock, Mesh
@@ -60,6 +61,9 @@ def load_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
     """Loads on groups that the mesh does not have or that no element borders."""
     faults = []
     for path, load in load_keys(case):
+        if isinstance(load, PointForce | Seismic):
+            faults += _place_faults(case, mesh, path, load)
+            continue
         if load.group not in mesh.facet_groups:
             message = f"the mesh {mesh.file} has no group of faces '{load.group}'"
         elif np.any(load_faces(mesh, table, load.group) < 0):
@@ -71,6 +75,28 @@ def load_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
             case.source.fault((*path, "on"), code="missing-group", message=message, hint=hint)
         )
     return faults
+
+
+def _place_faults(case: Case, mesh: Mesh, path: KeyPath, load: PointForce | Seismic) -> list[Fault]:
+    """A point force on a group that the mesh does not have."""
+    known = {**mesh.node_groups, **mesh.facet_groups, **mesh.groups}
+    if isinstance(load, Seismic) or not isinstance(load.place, str) or load.place in known:
+        return []
+    return [
+        case.source.fault(
+            (*path, "on"),
+            code="missing-group",
+            message=f"the mesh {mesh.file} has no group '{load.place}'",
+            hint=f"its groups of nodes: {listed(mesh.node_groups)}",
+        )
+    ]
+
+
+def point_site(locator: Locator, load: PointForce, present: Bools) -> Site | None:
+    """The present element that takes a point force best; None if it acts on nodes or nowhere."""
+    if isinstance(load.place, str):
+        return None
+    return next((s for s in locator.sites(load.place) if present[s.element]), None)
 
 
 def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
@@ -91,23 +117,56 @@ def load_patches(
     return patches(mesh, table, rows)
 
 
-def burden_faults(case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline) -> list[Fault]:
-    """Loads that at some stage have no free face to act on."""
+def burden_faults(
+    case: Case, mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline
+) -> list[Fault]:
+    """Loads that at some stage have no free face or no ground to act on."""
     paths = {id(load): path for path, load in load_keys(case)}
     faults: dict[KeyPath, Fault] = {}
     for n, state in enumerate(timeline.states):
+        present = timeline.present(n)
         for load in state.loads.values():
-            path = (*paths[id(load)], "on")
-            if path in faults or load_patches(mesh, table, load.group, timeline.present(n)):
+            path = paths[id(load)]
+            if path in faults or isinstance(load, Seismic):
                 continue
-            faults[path] = case.source.fault(
-                path,
-                code="no-free-face",
-                message=f"at stage '{state.name}' faces of '{load.group}' are not at the surface "
-                "of the ground: elements stand on both sides, or on none",
-                hint="let the load begin when the face is open, and 'remove' it before it is gone",
-            )
+            if isinstance(load, PointForce):
+                if not _has_ground(mesh, locator, load, present):
+                    faults[path] = _force_fault(case, load, path, state.name)
+            elif not load_patches(mesh, table, load.group, present):
+                faults[path] = _face_fault(case, load, (*path, "on"), state.name)
     return list(faults.values())
+
+
+def _has_ground(mesh: Mesh, locator: Locator, load: PointForce, present: Bools) -> bool:
+    """Whether a point force acts on ground that is present."""
+    if not isinstance(load.place, str):
+        return point_site(locator, load, present) is not None
+    here = _nodes_of(mesh.blocks, np.flatnonzero(present))
+    nodes = group_nodes(mesh, load.place)
+    return len(nodes) > 0 and bool(np.isin(nodes, here).all())
+
+
+def _force_fault(case: Case, load: PointForce, path: KeyPath, stage: str) -> Fault:
+    if isinstance(load.place, str):
+        where, path = f"nodes of '{load.place}' lie", (*path, "on")
+    else:
+        where, path = f"the point {load.place} of the force lies", (*path, "at")
+    return case.source.fault(
+        path,
+        code="no-ground-there",
+        message=f"at stage '{stage}' {where} in no ground that is present",
+        hint="correct the place, or 'remove' the force before its ground is gone",
+    )
+
+
+def _face_fault(case: Case, load: FaceLoad, path: KeyPath, stage: str) -> Fault:
+    return case.source.fault(
+        path,
+        code="no-free-face",
+        message=f"at stage '{stage}' faces of '{load.group}' are not at the surface "
+        "of the ground: elements stand on both sides, or on none",
+        hint="let the load begin when the face is open, and 'remove' it before it is gone",
+    )
 
 
 def _nodes_of(blocks: tuple[ElementBlock, ...], elements: Ints) -> Ints:

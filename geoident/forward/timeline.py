@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.model.actions import Load
+from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Ints
-from geoident.model.case import VIRGIN, Case, KeyPath
+from geoident.model.case import VIRGIN, Case, KeyPath, Stage
 from geoident.model.mesh import Mesh
 
 _SHOWN = 5
@@ -25,12 +26,18 @@ class State:
         materials: group index to material name, for the present groups.
         placed: group indices that enter free of stress at this stage.
         loads: what acts, by name.
+        base: index of the state on which this one builds; of the virgin state, 0.
+        water: in the pores, or None for none.
+        temperature: group index to change of temperature.
     """
 
     name: str
     materials: Mapping[int, str]
     placed: frozenset[int]
     loads: Mapping[str, Load]
+    base: int = 0
+    water: Water | None = None
+    temperature: Mapping[int, Temperature] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,17 @@ class Timeline:
         """Element indices of a group."""
         return np.flatnonzero(self.group_of == group)
 
+    @cached_property
+    def built_on(self) -> Bools:
+        """(n_states, n_states) [i, j]: state i is part of the history of state j, or is j.
+
+        The virgin state is part of every history, but no motion belongs to it.
+        """
+        result = np.eye(len(self.states), dtype=bool)
+        for n, state in enumerate(self.states[1:], start=1):
+            result[:, n] |= result[:, state.base]
+        return result
+
 
 def used_groups(case: Case) -> dict[str, KeyPath]:
     """Every element group that the case names, with the key that names it first."""
@@ -64,8 +82,10 @@ def used_groups(case: Case) -> dict[str, KeyPath]:
     for n, stage in enumerate(case.stages):
         for k, name in enumerate(stage.excavate):
             used.setdefault(name, ("stages", n, "excavate", k))
-        for key, mapping in (("install", stage.install), ("change", stage.change)):
-            for name in mapping:
+        for key, names in (
+            ("install", stage.install), ("change", stage.change), ("temperature", stage.temperature)
+        ):  # fmt: skip
+            for name in names:
                 used.setdefault(name, ("stages", n, key, name))
     return used
 
@@ -78,16 +98,27 @@ def build_timeline(case: Case, mesh: Mesh) -> Timeline:
     for name in groups:
         group_of[mesh.groups[name]] = index[name]
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
-    loads = dict(case.loads)
-    states = [State(VIRGIN, dict(materials), frozenset(), dict(loads))]
-    for stage in case.stages:
-        for name in stage.excavate:
-            materials.pop(index[name], None)
-        materials.update({index[g]: m for g, m in {**stage.install, **stage.change}.items()})
-        loads = {k: v for k, v in loads.items() if k not in stage.remove} | dict(stage.loads)
-        placed = frozenset(index[name] for name in stage.install)
-        states.append(State(stage.name, dict(materials), placed, dict(loads)))
+    states = [State(VIRGIN, materials, frozenset(), dict(case.loads), water=case.water)]
+    trunk = 0
+    for n, stage in enumerate(case.stages, start=1):
+        base = trunk if stage.base is None else case.stage_names.index(stage.base)
+        states.append(_state_after(states[base], base, stage, index))
+        trunk = trunk if stage.independent else n
     return Timeline(groups, group_of, tuple(states))
+
+
+def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int]) -> State:
+    """The state at the end of a stage that builds on another."""
+    gone = {index[g] for g in stage.excavate}
+    placed = frozenset(index[g] for g in stage.install)
+    materials = {g: m for g, m in before.materials.items() if g not in gone}
+    materials |= {index[g]: m for g, m in {**stage.install, **stage.change}.items()}
+    loads = {k: v for k, v in before.loads.items() if k not in stage.remove} | dict(stage.loads)
+    stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
+    warmed = {index[g]: t for g, t in stage.temperature.items()}
+    return State(
+        stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed
+    )
 
 
 def group_faults(case: Case, mesh: Mesh) -> list[Fault]:
