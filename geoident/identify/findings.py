@@ -95,7 +95,8 @@ def _gap(direction: Direction, pair: str) -> str:
 def _held(known: Knowledge, direction: Direction, pair: str) -> str:
     """A direction that only a prior determines."""
     names = [q.name for q in known.parameters if q.prior and q.name in direction.names]
-    prior = f"the prior of {join(names)}" if names else "the priors"
+    priors = "priors" if len(names) != 1 else "prior"
+    prior = f"the {priors} of {join(names)}" if names else "the priors"
     if direction.single:
         return f"The readings do not determine {direction.subjects}; what is known is {prior}."
     separates = "separates" if len(names) == 1 else "separate"
