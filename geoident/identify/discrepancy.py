@@ -7,7 +7,8 @@ It is the squared length of one vector of weighted residuals
     r(p) = [ (v(p) - v*) / s ;  prior residuals ]          (g + k,)
 
 whose Jacobian in the scaled parameters is [ (dv/dp)(dp/dx) / s ; prior rows ]. Where the model has
-no solution, phi is infinite.
+no solution, phi is infinite. A robust loss transforms the readings' part of r (see `loss`), so
+that phi is the squared length all the same.
 
 Computed once: the weights. Per trial: one call of the model.
 """
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.identify.loss import transformed
 from geoident.identify.problem import Problem
 from geoident.identify.scaling import Scaling
 from geoident.model.arrays import Floats
@@ -55,8 +57,18 @@ class Discrepancy:
 
     def residuals(self, p: Floats, readings: Floats) -> Floats:
         """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
-        misfit = (readings - self.problem.measured) / self.problem.sd
-        return np.concatenate([misfit, self.scaling.prior_residuals(p)])
+        f, _ = transformed(self.problem.loss, self.misfit(readings))
+        return np.concatenate([f, self.scaling.prior_residuals(p)])
+
+    def misfit(self, readings: Floats) -> Floats:
+        """(v - v*) / s (g,) where the model answers readings v (g,), whatever the loss."""
+        return (readings - self.problem.measured) / self.problem.sd
+
+    def squares(self, p: Floats, readings: Floats) -> float:
+        """Plain weighted squares with the prior's part, theory [20], whatever the loss."""
+        prior = self.scaling.prior_residuals(p)
+        misfit = self.misfit(readings)
+        return float(misfit @ misfit + prior @ prior)
 
     def objective_of(self, p: Floats, readings: Floats) -> float:
         """The discrepancy phi where the model's answer is known already; infinite where NaN."""
@@ -86,7 +98,8 @@ class Discrepancy:
         if why is not None:
             raise ModelError(why)
         v, dv_dp = self.problem.response.evaluate(p)
-        rows = dv_dp * self.scaling.slope(p) / self.problem.sd[:, None]
+        _, slope = transformed(self.problem.loss, self.misfit(v))
+        rows = dv_dp * self.scaling.slope(p) * (slope / self.problem.sd)[:, None]
         found = Linearization(
             self.residuals(p, v), np.concatenate([rows, self.scaling.prior_jacobian(p)])
         )

@@ -18,9 +18,12 @@ from geoident.errors import Fault, InputError
 from geoident.identify.problem import Observer, Outcome, Problem
 from geoident.identify.protocols import AffineElastic, Response
 from geoident.model.arrays import Floats
+from geoident.model.loss import LossOptions, SquaredOptions, loss_name
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, method_name
 
 Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
+
+SQUARED = SquaredOptions()
 
 STOPPED = "out-of-budget"
 """Status of an outcome that the observer ended."""
@@ -62,20 +65,24 @@ METHODS: Mapping[str, Method] = dict(
 )
 
 
-def refusal(response: Response, name: str) -> str | None:
+def refusal(response: Response, name: str, loss: LossOptions = SQUARED) -> str | None:
     """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
-    why = _obstacle(response, METHODS[name])
+    why = _obstacle(response, METHODS[name], loss)
     if why is None:
         return None
-    able = [other for other, method in METHODS.items() if _obstacle(response, method) is None]
+    able = [other for other, method in METHODS.items() if _obstacle(response, method, loss) is None]
     return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
 
 
-def _obstacle(response: Response, method: Method) -> str | None:
+def _obstacle(response: Response, method: Method, loss: LossOptions) -> str | None:
     if method.needs is Response:
         return None
+    if loss_name(loss) != "squared":
+        return (
+            f"its linear least squares know no loss but squared, and the loss is {loss_name(loss)}"
+        )
     if not isinstance(response, AffineElastic):
-        return "the equations of the model are not at hand."
+        return "the equations of the model are not at hand"
     return response.obstacle()
 
 
@@ -95,7 +102,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         InputError: a method of the chain needs what the model cannot offer; nothing was computed.
         ModelError: the model has no solution at the start.
     """
-    _refuse_impossible(problem.response, methods)
+    _refuse_impossible(problem, methods)
     done: list[Outcome] = []
     for options in methods:
         outcome = METHODS[method_name(options)].function()(problem, options, observe)
@@ -106,8 +113,8 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
     return _joined(done)
 
 
-def _refuse_impossible(response: Response, methods: Sequence[MethodOptions]) -> None:
-    reasons = [refusal(response, method_name(options)) for options in methods]
+def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:
+    reasons = [refusal(problem.response, method_name(o), problem.loss) for o in methods]
     faults = [Fault("method-not-possible", reason) for reason in reasons if reason is not None]
     if faults:
         raise InputError(faults)

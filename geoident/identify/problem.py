@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from geoident.identify.protocols import Response
 from geoident.model.arrays import Floats
+from geoident.model.loss import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.result import Grid, Iteration
 
@@ -23,12 +24,14 @@ class Problem:
         measured: (g,) readings v*, SI.
         sd: (g,) their standard deviations s, SI; the weights are 1/s^2.
         parameters: the n unknowns with bounds, scale and prior; ``start`` is where to begin.
+        loss: how much a large residual counts.
     """
 
     response: Response
     measured: Floats
     sd: Floats
     parameters: tuple[Parameter, ...]
+    loss: LossOptions = field(default_factory=SquaredOptions)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from geoident.model.case import (
 )
 from geoident.model.gauges import Reading
 from geoident.model.in_situ import ConstantStress, HeimStress, InSitu
+from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
 
@@ -152,7 +153,13 @@ def _stages(section: CaseSection, faults: Faults) -> tuple[Stage, ...]:
 def _fit(section: CaseSection) -> FitSettings:
     methods = tuple(_options(section, method) for method in section.fit.chain)
     stages = None if section.fit.stages is None else tuple(section.fit.stages)
-    return FitSettings(methods, stages)
+    return FitSettings(methods, stages, _loss(section))
+
+
+def _loss(section: CaseSection) -> LossOptions:
+    kind = LOSS_OPTIONS[section.fit.loss]
+    given = section.fit.options(section.fit.loss) if fields(kind) else None
+    return kind(**{option.name: getattr(given, option.name).factor for option in fields(kind)})
 
 
 def _options(section: CaseSection, method: str) -> MethodOptions:

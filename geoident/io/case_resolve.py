@@ -9,18 +9,22 @@ from typing import Any
 import yaml
 
 from geoident.io.case_schema import CaseSection
+from geoident.model.loss import LOSS_OPTIONS
 from geoident.model.methods import METHOD_OPTIONS
 
 
 def resolved_text(section: CaseSection) -> str:
-    """The case as YAML, without empty sections and the options of methods that are not used.
+    """The case as YAML, without empty sections and options of methods and losses not used.
 
     Quantities stay as they were written, so that the text can be read as a case again.
     """
     data = section.model_dump(by_alias=True, exclude_none=True)
     fit: dict[str, Any] = data["fit"]
-    for method in METHOD_OPTIONS.keys() - set(section.fit.chain):
-        fit.pop(method, None)
+    for name in (METHOD_OPTIONS.keys() | LOSS_OPTIONS.keys()) - {
+        *section.fit.chain,
+        section.fit.loss,
+    }:
+        fit.pop(name, None)
     return yaml.dump(
         _without_empty(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
@@ -22,6 +22,7 @@ from geoident.io.case_values import (
 )
 from geoident.io.section import Section
 from geoident.io.wording import Refusal, did_you_mean, listing, shorten
+from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.units import DIMENSIONLESS
 
@@ -72,24 +73,29 @@ class FitBase(Section):
         None, description="Stages whose readings are used (all if missing); others are predicted."
     )
 
+    loss: Literal["squared", "huber", "student-t"] = Field(
+        "squared",
+        description="How much a large residual counts: huber and student-t bear wrong readings.",
+    )
+
     @property
     def chain(self) -> tuple[str, ...]:
         """Names of the methods in their order."""
         return (self.method,) if isinstance(self.method, str) else tuple(self.method)
 
-    def options(self, method: str) -> Section:
-        """The options of a method."""
-        section = getattr(self, field_name(method))
+    def options(self, name: str) -> Section:
+        """The options of a method or a loss."""
+        section = getattr(self, field_name(name))
         assert isinstance(section, Section)
         return section
 
 
-def field_name(method: str) -> str:
-    """Name of the attribute that holds the options of a method."""
-    return method.replace("-", "_")
+def field_name(name: str) -> str:
+    """Name of the attribute that holds the options of a method or a loss."""
+    return name.replace("-", "_")
 
 
-def _option_model(method: str, kind: type[MethodOptions]) -> type[Section]:
+def _option_model(kind: type[MethodOptions | LossOptions]) -> type[Section]:
     summary, texts = _documented(kind)
     hints = get_type_hints(kind)
     definitions: dict[str, Any] = {}
@@ -124,11 +130,12 @@ def _documented(kind: type) -> tuple[str, dict[str, str]]:
 
 def _fit_model() -> type[FitBase]:
     definitions: dict[str, Any] = {}
-    for method, kind in METHOD_OPTIONS.items():
-        model = _option_model(method, kind)
-        description = f"Options of {method}."
-        field = Field(default_factory=model, alias=method, description=description)
-        definitions[field_name(method)] = (model, field)
+    optional = {name: kind for name, kind in LOSS_OPTIONS.items() if fields(kind)}
+    for name, kind in {**METHOD_OPTIONS, **optional}.items():
+        model = _option_model(kind)
+        description = f"Options of {name}."
+        field = Field(default_factory=model, alias=name, description=description)
+        definitions[field_name(name)] = (model, field)
     return create_model("FitSection", __base__=FitBase, __doc__=FitBase.__doc__, **definitions)
 
 

@@ -19,7 +19,7 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -29,6 +29,7 @@ from geoident.errors import Fault, InputError, Location
 from geoident.model.arrays import Bools, Floats, Ints
 
 _READ_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
+_T = TypeVar("_T", str, float)
 _AGAIN = "run the command that wrote it again"
 
 
@@ -273,6 +274,15 @@ class TableReader:
     def text(self, name: str) -> str:
         """A single text."""
         return bytes(self.array(name, "O").item()).decode()
+
+    def attribute(self, name: str, kind: type[_T]) -> _T:
+        """An attribute of the group, as a text or a number."""
+        try:
+            return kind(self.group.attrs[name])
+        except (KeyError, TypeError, ValueError):
+            raise self._damage(
+                f"{self.name}, attribute {name},", "is missing or no value"
+            ) from None
 
     def _shaped(self, name: str, kinds: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:
         array = self.array(name, kinds)

@@ -109,6 +109,8 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_sensitivity(file, result.sensitivity, gauges, names)
     if result.prediction is not None:
         tables.write_prediction(file, result.prediction, gauges)
+    if result.diagnostics is not None:
+        tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.fields is not None:
@@ -227,6 +229,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
             tables.read_sensitivity(file, gauges, n) if "sensitivity" in contents else None
         ),
         prediction=tables.read_prediction(file, gauges) if "prediction" in contents else None,
+        diagnostics=(
+            tables.read_diagnostics(file, gauges, n) if "diagnostics" in contents else None
+        ),
         grid=tables.read_grid(file) if "grid" in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
     )

@@ -14,6 +14,7 @@ from geoident.io.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Floats
 from geoident.model.result import (
     Counts,
+    Diagnostics,
     GaugeTable,
     Grid,
     Iteration,
@@ -25,6 +26,7 @@ from geoident.units import DIMENSIONS
 _COUNTS = ("evaluations", "analyses", "factorizations", "solves")
 _PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
+_DIAGNOSTICS_ARRAYS = ("standardized", "studentized", "weight", "leverage", "distance")
 
 
 def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | None) -> None:
@@ -157,6 +159,33 @@ def read_prediction(file: h5py.File, gauges: GaugeTable) -> Prediction:
     group = TableReader(file, "prediction")
     shape = gauges.computed.shape
     return Prediction(**{name: group.floats(name, *shape) for name in _PREDICTION_ARRAYS})
+
+
+def write_diagnostics(
+    file: h5py.File, found: Diagnostics, gauges: GaugeTable, names: tuple[str, ...]
+) -> None:
+    """Writes ``/diagnostics``, dimensionless; its attributes hold the loss, squares and scale."""
+    axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
+    out = TableWriter(file, "diagnostics", axes)
+    for name in _DIAGNOSTICS_ARRAYS:
+        out.add(name, getattr(found, name), "gauge", "stage")
+    out.add("influence", found.influence, "gauge", "stage", "parameter")
+    out.group.attrs["loss"] = found.loss
+    out.group.attrs["weighted_squares"] = np.float64(found.squares)
+    out.group.attrs["scale"] = np.float64(found.scale)
+
+
+def read_diagnostics(file: h5py.File, gauges: GaugeTable, n: int) -> Diagnostics:
+    """How each reading bears on the answer; n is the number of parameters."""
+    group = TableReader(file, "diagnostics")
+    shape = gauges.computed.shape
+    return Diagnostics(
+        loss=group.attribute("loss", str),
+        squares=group.attribute("weighted_squares", float),
+        scale=group.attribute("scale", float),
+        influence=group.floats("influence", *shape, n),
+        **{name: group.floats(name, *shape) for name in _DIAGNOSTICS_ARRAYS},
+    )
 
 
 def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[str, ...]) -> None:

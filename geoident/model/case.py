@@ -11,6 +11,7 @@ from geoident.model.actions import Load, Temperature, Water
 from geoident.model.elastic import Elastic
 from geoident.model.gauges import Channel, Reading
 from geoident.model.in_situ import InSitu
+from geoident.model.loss import LossOptions, SquaredOptions
 from geoident.model.methods import MethodOptions
 from geoident.model.parameter import Parameter, Scalar
 
@@ -127,10 +128,12 @@ class FitSettings:
     Args:
         methods: the chain of methods, each with its options, run one after the other.
         stages: names of the stages whose readings are used; None for all stages.
+        loss: how much a large residual counts.
     """
 
     methods: tuple[MethodOptions, ...]
     stages: tuple[str, ...] | None = None
+    loss: LossOptions = field(default_factory=SquaredOptions)
 
 
 @dataclass(frozen=True)

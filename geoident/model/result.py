@@ -107,6 +107,37 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Diagnostics:
+    """How each used reading bears on the answer; NaN where none was used.
+
+    Several readings of a gauge in one stage are removed together; of them the one farthest off
+    has its residual and weight here.
+
+    Args:
+        loss: the loss that was minimised, such as ``huber (delta 1.345)``.
+        squares: plain weighted squares (and the prior's part) at the estimate, whatever the loss.
+        scale: robust scatter of the standardized residuals: near 1 if the accuracies are right.
+        standardized: (n_channels, n_stages) measured minus computed, in accuracies.
+        studentized: the same in its own standard deviation (root weight by root 1 - leverage).
+        weight: what the loss leaves of the reading, 0 to 1.
+        leverage: diagonal of the hat matrix: 1 decides alone.
+        distance: Cook's distance.
+        influence: (n_channels, n_stages, n) change of each parameter by the reading, in standard
+            deviations of the parameter (DFBETAS); infinite where nothing else determines it.
+    """
+
+    loss: str
+    squares: float
+    scale: float
+    standardized: Floats
+    studentized: Floats
+    weight: Floats
+    leverage: Floats
+    distance: Floats
+    influence: Floats
+
+
+@dataclass(frozen=True)
 class Iteration:
     """One step of an identifier.
 
@@ -189,12 +220,14 @@ class Result:
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
         reason: why it stopped, one sentence with the remedy where there is one.
-        objective: the weighted squares (and the prior's part) at the estimate, NaN if none.
+        objective: what was minimised, with the prior's part, at the estimate; NaN if none. The
+            plain weighted squares, unless the loss is robust: those are in ``diagnostics``.
         findings: sentences on what is not determined and which directions only the prior fixes.
         case_text: the case verbatim.
         case_resolved: the same with overrides applied, as YAML.
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
+        diagnostics: how each reading bears on the answer of a fit, or None.
     """
 
     kind: str
@@ -217,3 +250,4 @@ class Result:
     fields: FieldSeries | None = None
     singular_values: Floats | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    diagnostics: Diagnostics | None = None

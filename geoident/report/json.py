@@ -18,6 +18,7 @@ from geoident.errors import Fault, GeoidentError, InputError
 from geoident.model.gauges import Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
+from geoident.report.influence import diagnostics_object
 from geoident.report.quantities import si_unit
 
 
@@ -60,6 +61,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "findings": result.findings,
         "notes": result.notes,
         "singular_values": result.singular_values,
+        "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }

@@ -13,6 +13,7 @@ import numpy as np
 
 from geoident.model.parameter import Parameter
 from geoident.model.result import Counts, Grid, Iteration, ParameterTable, Result
+from geoident.report.influence import influence_text, influence_title
 from geoident.report.layout import (
     bullets,
     decimals,
@@ -40,6 +41,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section("Parameters", parameters_text(result.parameters)),
         section("Findings", bullets(result.findings)),
         section(_fit_title(result), fit_text(result)),
+        section(influence_title(result), influence_text(result)),
         section("Predictions (mm, 95 % band)", predictions_text(result)),
         section("Scan", grid_text(result)),
         section("Notes", bullets(result.notes)),

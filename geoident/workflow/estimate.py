@@ -54,7 +54,8 @@ def prepare(job: Job) -> Setup:
 
 def require_possible(model: StagedModel, case: Case, methods: Sequence[MethodOptions]) -> None:
     """Raise `InputError` where a method needs what the model cannot offer."""
-    reasons = [refusal(model.response(()), method_name(options)) for options in methods]
+    response, loss = model.response(()), case.fit.loss
+    reasons = [refusal(response, method_name(options), loss) for options in methods]
     faults = [
         case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
         for reason in reasons
@@ -104,7 +105,8 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     selection = setup.selection
     response = Remembered(setup.model.response(selection.pairs), log, before=control.stop.check)
     parameters = selection.case.parameters
-    return Problem(response, selection.measured, selection.sd, parameters)
+    loss = selection.case.fit.loss
+    return Problem(response, selection.measured, selection.sd, parameters, loss)
 
 
 def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
@@ -118,12 +120,12 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     return outcome
 
 
-def used_jacobian(setup: Setup, survey: Survey) -> Floats:
-    """The (g, n) derivatives of the used readings, out of those of all channels and stages."""
+def used_readings(setup: Setup, survey: Survey) -> tuple[Floats, Floats]:
+    """The used readings (g,) and their derivatives (g, n), out of those of the whole survey."""
     place = places(setup.selection.case)
     at = [place[pair] for pair in setup.selection.pairs]
     rows, columns = np.array(at, dtype=np.int64).reshape(len(at), 2).T
-    return survey.sensitivity[rows, columns]
+    return survey.computed[rows, columns], survey.sensitivity[rows, columns]
 
 
 def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:

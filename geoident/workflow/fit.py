@@ -9,11 +9,12 @@ import numpy as np
 from geoident.errors import ExitCode
 from geoident.forward.model import Survey
 from geoident.identify.problem import Outcome, Problem
-from geoident.identify.uncertainty import Assessment, assess
+from geoident.identify.uncertainty import Assessment
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Result
+from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.control import Control
+from geoident.workflow.diagnosis import assess_robustly, diagnostics_table, remarks
 from geoident.workflow.estimate import (
     Setup,
     evaluation_log,
@@ -21,7 +22,7 @@ from geoident.workflow.estimate import (
     problem_of,
     search,
     total,
-    used_jacobian,
+    used_readings,
 )
 from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
 from geoident.workflow.jobs import Job
@@ -37,12 +38,14 @@ class Found:
     Args:
         outcome: of the identifiers.
         assessment: how well the parameters are known.
+        diagnostics: how each reading bears on them.
         survey: the model at the parameters.
         counts: of all.
     """
 
     outcome: Outcome
     assessment: Assessment
+    diagnostics: Diagnostics
     survey: Survey
     counts: Counts
 
@@ -68,9 +71,13 @@ def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
     """One survey of the model at the end of the search says everything else."""
     before = setup.model.counts
     survey = setup.model.survey(outcome.values, fields=True)
-    assessment = assess(problem, outcome.values, used_jacobian(setup, survey))
+    readings, jacobian = used_readings(setup, survey)
+    assessment = assess_robustly(problem, outcome.values, readings, jacobian)
+    diagnostics = diagnostics_table(
+        problem, setup.selection, outcome.values, assessment, readings, jacobian
+    )
     counts = total(problem.response.counts, before, setup.model.counts)
-    return Found(outcome, assessment, survey, counts)
+    return Found(outcome, assessment, diagnostics, survey, counts)
 
 
 def _result(job: Job, setup: Setup, found: Found) -> Result:
@@ -92,7 +99,10 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         method=" + ".join(method_name(options) for options in job.methods),
         reason=_reason(found, parameters.names),
         objective=found.outcome.objective,
-        findings=tuple(found.assessment.findings),
+        findings=(
+            *found.assessment.findings,
+            *remarks(found.diagnostics, gauges, parameters.names),
+        ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
@@ -104,6 +114,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         history=found.outcome.iterations,
         fields=survey.fields,
         singular_values=found.assessment.singular_values,
+        diagnostics=found.diagnostics,
         notes=(*setup.model.notes, *unused_notes(setup.selection), *score(gauges, prediction)),
     )
 

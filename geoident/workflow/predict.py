@@ -203,10 +203,11 @@ def what_is_known(fit: Result, origin: Case, model: StagedModel) -> Known:
         model: of the case to predict.
     """
     gauges = fit.gauges
+    weight = np.ones(()) if fit.diagnostics is None else fit.diagnostics.weight[gauges.used]
     problem = Problem(
         response=model.response(()),
         measured=gauges.measured[gauges.used],
-        sd=gauges.sd[gauges.used],
+        sd=gauges.sd[gauges.used] / np.sqrt(weight),
         parameters=origin.parameters,
     )
     jacobian = np.empty((0, 0)) if fit.sensitivity is None else fit.sensitivity[gauges.used]
