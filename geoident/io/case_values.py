@@ -7,7 +7,7 @@ can't say anything else than the code does.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -32,6 +32,20 @@ NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 _TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
 _BARE = re.compile(NUMBER_PATTERN)
 _LONGEST = 80
+_EXAMPLES: Mapping[str | None, str] = {
+    "pressure": "15 MPa",
+    "length": "12.5 m",
+    "density": "2650 kg/m3",
+    "unit weight": "26 kN/m3",
+    "acceleration": "9.81 m/s2",
+    "force": "100 kN",
+    "line load": "100 kN/m",
+    "angle": "30 deg",
+    "temperature": "10 degC",
+    "expansion": "1e-5 1/K",
+    DIMENSIONLESS: "0.25",
+    None: "15 GPa",
+}
 _SERIALIZE_TEXT = core_schema.plain_serializer_function_ser_schema(lambda given: given.text)
 
 
@@ -136,7 +150,34 @@ class Of:
         units = UNITS if self.dimension is None else units_of(self.dimension)
         pattern = rf"^\s*({quantity_pattern(units)}{_tie_pattern(tied=self.tied)})\s*$"
         kind = ["number", "string"] if self.dimension in {None, DIMENSIONLESS} else "string"
-        return {"type": kind, "pattern": pattern, "description": self._describe()}
+        return {
+            "type": kind,
+            "pattern": pattern,
+            "patternErrorMessage": self._refuse(units),
+            "description": self._describe(),
+            "examples": [self._example()],
+            "x-quantity": self._short(),
+        }
+
+    def _refuse(self, units: Collection[str]) -> str:
+        """What an editor says where the pattern does not match."""
+        known = ", ".join(unit for unit in units if unit)
+        tie = ", or $NAME of a parameter" if self.tied else ""
+        which = f" (units: {known})" if self.dimension and known else ""
+        return f"{self.words()} is expected, such as {self._example()}{which}{tie}"
+
+    def _example(self) -> str:
+        """A number that may stand there."""
+        return (
+            "15 GPa"
+            if self.dimension == "pressure" and self.above == 0
+            else _EXAMPLES[self.dimension]
+        )
+
+    def _short(self) -> str:
+        """What may stand there, in a few words."""
+        words = self.dimension if self.dimension != DIMENSIONLESS else "number"
+        return f"{words or 'quantity'}{' or `$parameter`' if self.tied else ''}"
 
     def _describe(self) -> str:
         si = DIMENSIONS.get(self.dimension or "", "")

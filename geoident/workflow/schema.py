@@ -1,13 +1,15 @@
-"""``geoident schema``: the JSON schema of case files, for editors."""
+"""``geoident schema``: what a case file may hold, for editors and for people."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from geoident.io.schema import case_schema
+from geoident.io.schema import case_schema_text, key_page_text
 
 
-def schema() -> Mapping[str, Any]:
+def schema() -> str:
     """The JSON schema of a case file."""
-    return case_schema()
+    return case_schema_text()
+
+
+def key_page() -> str:
+    """All keys of a case file, in Markdown."""
+    return key_page_text()

@@ -11,16 +11,20 @@ from geoident.cli.options import Options, takes
 EPILOG = """\b
 Examples:
   geoident schema > case.schema.json
+  geoident schema --markdown | less
+
+\b
+An editor with a YAML language server completes and checks a case whose first line is
+  # yaml-language-server: $schema=case.schema.json
 """
 
 
 @click.command(epilog=EPILOG)
+@click.option("--markdown", is_flag=True, help="The page of all keys, for people.")
 @takes()
-def command(options: Options) -> int:
-    """Print the JSON schema of case files, for editors."""
-    import json
+def command(markdown: bool, options: Options) -> int:
+    """Print the JSON schema of case files, for editors, or all keys for people."""
+    from geoident.workflow.schema import key_page, schema
 
-    from geoident.workflow.schema import schema
-
-    click.echo(json.dumps(schema(), indent=2))
+    click.echo(key_page() if markdown else schema(), nl=False)
     return 0

@@ -1,0 +1,133 @@
+"""The page of all keys of a case file, in Markdown, made from its JSON schema."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+Schema = Mapping[str, Any]
+
+HEAD = """\
+# All keys of a case file
+
+Made from the code that reads cases (`geoident schema --markdown`). Bold keys are required.
+A quantity carries its unit (`15 GPa`); where `$parameter` may stand, a parameter of the case takes
+the place of the number, also with a factor (`0.6 $E_rock`).
+"""
+_REF = "#/$defs/"
+_SUFFIX = "Section"
+
+
+def key_page(schema: Schema) -> str:
+    """The page: one part for the case, and one for every section in the order of its use."""
+    sections = schema["$defs"]
+    parts = [HEAD, _part("Case", schema, sections)]
+    parts += [_part(title(name), sections[name], sections) for name in _in_order(schema)]
+    return "\n".join(parts)
+
+
+def referred(node: object) -> list[str]:
+    """Names of the sections that a part of the schema refers to, each once, in order."""
+    return list(dict.fromkeys(_references(node)))
+
+
+def title(name: str) -> str:
+    """The heading of a section.
+
+    >>> title("GaussNewtonOptionsSection")
+    'Gauss newton options'
+    """
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.removesuffix(_SUFFIX)).capitalize()
+
+
+def _references(node: object) -> Iterator[str]:
+    if isinstance(node, Mapping):
+        if "$ref" in node:
+            yield str(node["$ref"]).removeprefix(_REF)
+        for key, value in node.items():
+            if key != "$defs":
+                yield from _references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _references(value)
+
+
+def _in_order(schema: Schema) -> list[str]:
+    """Sections as a reader of the case comes upon them, what is inside right after."""
+    order: dict[str, None] = {}
+
+    def visit(node: object) -> None:
+        for name in referred(node):
+            if name not in order:
+                order[name] = None
+                visit(schema["$defs"][name])
+
+    visit({key: value for key, value in schema.items() if key != "$defs"})
+    return list(order)
+
+
+def _part(heading: str, section: Schema, sections: Schema) -> str:
+    required = section.get("required", ())
+    rows = [
+        f"| {f'**`{name}`**' if name in required else f'`{name}`'} | {_value(key, sections)} "
+        f"| {_default(key, required=name in required)} | {_about(key)} |"
+        for name, key in section.get("properties", {}).items()
+    ]
+    table = ["| key | value | default | meaning |", "|---|---|---|---|", *rows] if rows else []
+    return "\n".join([f"## {heading}", "", _cell(section.get("description", "")), "", *table, ""])
+
+
+def _about(key: Schema) -> str:
+    generic = key.get("patternErrorMessage", "")  # holds the example of its dimension
+    shown = [_yaml(example) for example in key.get("examples", ())]
+    examples = ", ".join(f"`{text}`" for text in shown if f"such as {text}" not in generic)
+    text = _cell(key.get("description", ""))
+    return f"{text} Example: {examples}." if examples else text
+
+
+def _default(key: Schema, *, required: bool) -> str:
+    if required or key.get("default") in (None, "", [], {}):
+        return ""
+    return f"`{_yaml(key['default'])}`"
+
+
+def _yaml(value: object) -> str:
+    """A value as users write it."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_yaml, value))}]"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _value(node: Schema, sections: Schema) -> str:
+    """What may stand there."""
+    if "$ref" in node:
+        heading = title(str(node["$ref"]).removeprefix(_REF))
+        return f"[{heading}](#{heading.lower().replace(' ', '-')})"
+    for key in ("anyOf", "oneOf"):
+        if key in node:
+            words = [_value(n, sections) for n in node[key] if n.get("type") != "null"]
+            return " or ".join(dict.fromkeys(words))
+    if "const" in node:
+        return f"`{node['const']}`"
+    if "enum" in node:
+        return ", ".join(f"`{value}`" for value in node["enum"])
+    return _plain(node, sections)
+
+
+def _plain(node: Schema, sections: Schema) -> str:
+    kind = node.get("type", "")
+    if kind == "array":
+        return f"list of {_value(node.get('items', {}), sections)}"
+    if kind == "object":
+        return f"names to {_value(node.get('additionalProperties', {}), sections)}"
+    if "x-quantity" in node:
+        return str(node["x-quantity"])
+    words = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`"}
+    return words.get(str(kind), str(kind) or "anything")
+
+
+def _cell(text: str) -> str:
+    """Text on one line, as it may stand in a table."""
+    return " ".join(text.split()).replace("|", "\\|")
