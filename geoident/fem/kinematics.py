@@ -27,11 +27,15 @@ from functools import cached_property
 import numpy as np
 
 from geoident.fem.elements import raised_rule, reference_element
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis
 
 Terms = tuple[tuple[int, int], ...]
 """Pairs (displacement i, entry j of the gradient vector) whose products are summed."""
+
+
+_ON_AXIS = 1e-9
+"""Distance from the axis, in parts of the size of the mesh, that counts as on it."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,26 @@ class Kinematics:
     def n_strain(self) -> int:
         """Number of strain components."""
         return len(self.strains)
+
+    def on_axis(self, points: Floats) -> Bools:
+        """(n,) which of the points (n, dim) lie on the axis of revolution.
+
+        There the radial displacement is zero: no hoop strain is infinite.
+        """
+        if not self.revolved:
+            return np.zeros(len(points), dtype=bool)
+        return np.asarray(np.abs(points[:, 0]) <= _ON_AXIS * np.ptp(points, axis=0).max())
+
+    def in_section(self, point: tuple[float, ...]) -> tuple[tuple[float, ...], Floats]:
+        """A point of the mesh that moves as this one, and the signs (dim,) of its displacement.
+
+        About an axis a point of negative radius stands across from one of the meshed half.
+        """
+        signs = np.ones(self.dim)
+        if self.revolved and point[0] < 0:
+            signs[0] = -1.0
+            point = (-point[0], *point[1:])
+        return point, signs
 
     def quadrature(self, kind: str) -> tuple[Floats, Floats]:
         """Strain points (n_q, dim) and weights (n_q,) of an element on its reference domain."""

@@ -21,6 +21,7 @@ from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
 from geoident.forward.observation import Observation, format_point, observe
 from geoident.forward.response import StagedResponse
+from geoident.forward.revolution import revolution_faults
 from geoident.forward.section_plane import section_faults
 from geoident.forward.stage_systems import StageSystems
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
@@ -77,7 +78,7 @@ class StagedModel:
         self.observation, faults = observe(case, mesh, locator, self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
         fixed = fixed_dofs(case, mesh)
-        _refuse_mechanisms(mesh, table, kinematics, self.timeline, fixed)
+        _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
         self.systems = StageSystems(case, mesh, self.timeline, fixed, solver)
@@ -100,6 +101,11 @@ class StagedModel:
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
         notes = []
+        on_axis = np.count_nonzero(self.systems.kinematics.on_axis(self.mesh.points))
+        if on_axis:
+            notes.append(
+                f"{on_axis} nodes on the axis of revolution x = 0 are held radially (u_r = 0)"
+            )
         if any(edges_held(model) for _, model in in_situ_models(self.case)):
             notes.append(
                 "the in-situ stress is held at the edges of the model by tractions "
@@ -187,6 +193,7 @@ class StagedModel:
 
 def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
     return [
+        *revolution_faults(case, mesh),
         *section_faults(case),
         *group_faults(case, mesh),
         *support_faults(case, mesh),
@@ -217,7 +224,12 @@ def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fau
 
 
 def _refuse_mechanisms(
-    mesh: Mesh, table: FaceTable, kinematics: Kinematics, timeline: Timeline, fixed: Bools
+    source: Source,
+    mesh: Mesh,
+    table: FaceTable,
+    kinematics: Kinematics,
+    timeline: Timeline,
+    fixed: Bools,
 ) -> None:
     checked = set()
     for n, state in enumerate(timeline.states):
@@ -231,15 +243,26 @@ def _refuse_mechanisms(
         loose = loose_body(mesh, table, kinematics, present, fixed)
         if loose is None:
             continue
-        names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})
-        axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
-        motion = f"move along {axes}" if axes else "turn"
-        msg = (
-            f"at stage '{state.name}' {len(loose.elements)} elements of '{', '.join(names)}' near "
-            f"{format_point(loose.centre)} can {motion} freely: nothing holds them"
+        place: KeyPath = ("stages", n - 1) if n else ("supports",)
+        hint = (
+            "See whether what this stage takes away cuts the piece loose, or hold it by 'supports'."
+            if n
+            else "Hold it by 'supports': groups on its edge, with the axes that they hold."
         )
-        hint = "add 'supports', or see whether an excavation cuts the piece loose"
-        raise ModelError(msg, hint)
+        msg = f"at stage '{state.name}' {_loose_text(loose, timeline)}"
+        raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
+
+
+def _loose_text(loose: LooseBody, timeline: Timeline) -> str:
+    """What moves, where, and how."""
+    names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})
+    axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
+    motion = f"move along {axes}" if axes else "turn"
+    count = len(loose.elements)
+    return (
+        f"{count} element{'s' * (count > 1)} of {', '.join(map(repr, names))} near"
+        f" {format_point(loose.centre)} can {motion} freely: nothing holds the piece"
+    )
 
 
 def _raise_any(faults: list[Fault]) -> None:

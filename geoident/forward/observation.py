@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
 from geoident.forward.timeline import Timeline
 from geoident.model.arrays import Bools, Floats, Ints
@@ -50,6 +51,7 @@ def observe(
     """The observation operator of a case, and what is wrong with its gauges."""
     present = np.stack([timeline.present(n) for n in range(len(timeline.states))])
     names = case.stage_names
+    kinematics = kinematics_of(case.analysis)
     rows, zeros, lasts, snapped = [], [], [], []
     faults: list[Fault] = []
     for channel in case.channels:
@@ -58,15 +60,16 @@ def observe(
         for point, sign in ((channel.first, -1.0), (channel.second, 1.0)):
             if point is None:
                 continue
-            sites = locator.sites(point)
+            place, turned = kinematics.in_section(point)
+            sites = locator.sites(place)
             site, last = _best_site(sites, present, zero)
             if site is None:
                 faults.append(_point_fault(case, mesh, timeline, channel, point, sites))
                 continue
-            ends.append((site, sign, last))
+            ends.append((site, sign * turned, last))
             if site.outside > 1e-6:
                 snapped.append(channel.name)
-        rows.append(_row(mesh, channel, [(site, sign) for site, sign, _ in ends]))
+        rows.append(_row(mesh, channel, [(site, signs) for site, signs, _ in ends]))
         zeros.append(zero)
         lasts.append(min((last for _, _, last in ends), default=zero))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
@@ -89,13 +92,13 @@ def _best_site(sites: tuple[Site, ...], present: Bools, zero: int) -> tuple[Site
     return best, until
 
 
-def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, float]]) -> sp.csr_array:
-    """One row of G': direction . (u(second) - u(first))."""
+def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
+    """One row of G': direction . (u(second) - u(first)); each end with its signs (dim,)."""
     direction = np.array(channel.direction)
     columns, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for site, sign in ends:
+    for site, signs in ends:
         columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-        values.append(sign * np.outer(site.shapes, direction).ravel())
+        values.append(np.outer(site.shapes, signs * direction).ravel())
     column = np.concatenate(columns)
     return sp.csr_array(
         (np.concatenate(values), (np.zeros_like(column), column)),

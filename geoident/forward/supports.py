@@ -6,6 +6,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.faces import FaceTable, FacetPatch, patches
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
 from geoident.forward.timeline import Timeline, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
@@ -15,12 +16,13 @@ from geoident.model.mesh import ElementBlock, Mesh
 
 
 def fixed_dofs(case: Case, mesh: Mesh) -> Bools:
-    """(n_dofs,) which degrees of freedom the supports hold."""
+    """(n_dofs,) which degrees of freedom the supports hold, and the axis of revolution."""
     fixed = np.zeros((mesh.n_nodes, mesh.dim), dtype=bool)
     for support in case.supports:
         nodes = group_nodes(mesh, support.group)
         for component in support.components:
             fixed[nodes, component] = True
+    fixed[kinematics_of(case.analysis).on_axis(mesh.points), 0] = True
     return fixed.ravel()
 
 

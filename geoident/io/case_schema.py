@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
+from geoident.io.action_schema import LoadSection, TemperatureSection, WaterSection
 from geoident.io.case_values import (
     Acceleration,
     Accelerations,
     Accuracy,
-    Factor,
     Flag,
     Length,
     Line,
@@ -23,25 +23,16 @@ from geoident.io.case_values import (
     Numbers,
     ParameterName,
     Point,
-    Pressure,
-    Pressures,
     Text,
-    UnitWeight,
     shape_of,
 )
 from geoident.io.fit_schema import FitSection
+from geoident.io.in_situ_schema import InSituSection
 from geoident.io.material_schema import MaterialSection
 from geoident.io.parameter_schema import ParameterSection
 from geoident.io.section import Section, Wrongs
 from geoident.io.wording import Refusal
 from geoident.model.case import VIRGIN
-
-
-def _available(value: str) -> str:
-    if value == "axisymmetric":
-        message = "axisymmetric analysis is not available yet"
-        raise Refusal("not-available", message, "Use plane-strain or solid.")
-    return value
 
 
 def _not_reserved(value: str) -> str:
@@ -57,74 +48,6 @@ class MeshSection(Section):
     file: Text = Field(
         description="Path of the mesh, relative to the case. Groups go by their physical names."
     )
-
-
-_HELD = (
-    "Whether the ground beyond the edges of the model holds the stress there in all stages; "
-    "if missing: true for a stress that is the same everywhere, false if it grows with depth."
-)
-
-
-class ConstantSection(Section):
-    """In-situ stress that is the same everywhere; tension is positive."""
-
-    model: Literal["constant"]
-    xx: Pressure = Field(description="Normal stress along x, tension positive.")
-    yy: Pressure = Field(description="Normal stress along y, tension positive.")
-    zz: Pressure = Field(description="Normal stress along z (out of plane in 2-D).")
-    xy: Pressure | None = Field(None, description="Shear stress; 0 if missing.")
-    yz: Pressure | None = Field(None, description="Shear stress (solid only); 0 if missing.")
-    xz: Pressure | None = Field(None, description="Shear stress (solid only); 0 if missing.")
-    held: Flag | None = Field(None, description=_HELD)
-
-
-class HeimSection(Section):
-    """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
-
-    The vertical is y in 2-D and z in a solid.
-    """
-
-    model: Literal["heim"]
-    K0: Factor = Field(description="Ratio of horizontal to vertical stress.")
-    vertical: Pressure | None = Field(
-        None, description="Vertical pressure, compression positive, the same everywhere."
-    )
-    unit_weight: UnitWeight | None = Field(
-        None, description="Weight of the ground: the pressure grows with depth below `surface`."
-    )
-    surface: Length | None = Field(None, description="Level of the ground surface.")
-    held: Flag | None = Field(None, description=_HELD)
-
-    @model_validator(mode="after")
-    def _one_way(self) -> HeimSection:
-        given = [k for k in ("vertical", "unit_weight", "surface") if getattr(self, k) is not None]
-        if given not in (["vertical"], ["unit_weight", "surface"]):
-            wrongs = Wrongs()
-            message = f"found {' and '.join(given) or 'neither'}; vertical, or unit_weight with"
-            hint = "Give 'vertical' alone, or 'unit_weight' and 'surface'."
-            wrongs.add((), "wrong-pair", f"{message} surface, is expected", hint)
-            wrongs.raise_any()
-        return self
-
-
-class LoadSection(Section):
-    """A load on a group of faces: a pressure, or a traction."""
-
-    on: Name = Field(description="Group of lines (2-D) or surfaces (solid) in the mesh.")
-    pressure: Pressure | None = Field(None, description="Positive pushes onto the ground.")
-    traction: Pressures | None = Field(
-        None, description="Force per area in the coordinate directions."
-    )
-
-    @model_validator(mode="after")
-    def _one_kind(self) -> LoadSection:
-        if (self.pressure is None) == (self.traction is None):
-            wrongs = Wrongs()
-            found = "neither" if self.pressure is None else "both"
-            message = f"found {found}; either pressure or traction is expected"
-            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
-            wrongs.raise_any()
-        return self
 
 
 class StageSection(Section):
@@ -146,6 +69,24 @@ class StageSection(Section):
         {}, description="Loads by name, from this stage on; a name used again replaces."
     )
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
+    water: WaterSection | None = Field(
+        None, description="Water in the pores from this stage on; as before if missing."
+    )
+    temperature: dict[Name, TemperatureSection] = Field(
+        {},
+        description="Element group to change of temperature since the virgin state (or since it "
+        "was installed), from this stage on; needs the `expansion` of its material.",
+        examples=[{"dam": "-8 K"}],
+    )
+    independent: Flag = Field(
+        False,
+        description="A load case on its own: it builds on the last stage before it that is not "
+        "independent (or on `base`), and nothing builds on it that does not name it. Gauges read "
+        "the motion since their zero all the same.",
+    )
+    base: Name | None = Field(
+        None, description="Earlier stage, or 'virgin', on which this one builds."
+    )
 
 
 class _Gauge(Section):
@@ -226,7 +167,6 @@ GaugeSection = Annotated[
     ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
     Field(discriminator="kind"),
 ]
-InSituSection = Annotated[ConstantSection | HeimSection, Field(discriminator="model")]
 Component = Literal["x", "y", "z"]
 SupportValue = Annotated[
     Annotated[Literal["x", "y", "z", "fixed"], Tag("text")]
@@ -248,9 +188,10 @@ class CaseSection(Section):
 
     format: Literal["geoident-case/1"] = Field(description="Type and version of this file.")
     title: Text = Field("", description="Free text.")
-    analysis: Annotated[
-        Literal["plane-strain", "axisymmetric", "solid"], AfterValidator(_available)
-    ] = Field(description="Kind of analysis; axisymmetric is not available yet.")
+    analysis: Literal["plane-strain", "axisymmetric", "solid"] = Field(
+        description="Kind of analysis. Axisymmetric: the mesh is half a section, x is the radius "
+        "(>= 0), y the axis; the stresses xx, yy, zz, xy are radial, axial, hoop and shear rz."
+    )
     mesh: MeshSection
     parameters: dict[ParameterName, ParameterSection] = Field(
         {}, description="What is identified; elsewhere $NAME stands for it."
@@ -264,6 +205,7 @@ class CaseSection(Section):
         {}, description="Group to fixed directions: x, [x, y], or fixed for all."
     )
     in_situ: InSituSection | None = Field(None, description="Stress of the virgin ground.")
+    water: WaterSection | None = Field(None, description="Water in the pores of the virgin ground.")
     gravity: Gravity | None = Field(
         None,
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",

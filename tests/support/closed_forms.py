@@ -61,3 +61,23 @@ def lift_settlement(n: int, height: float, weight: float, modulus: float) -> np.
     """
     k = np.arange(1, n + 1)
     return weight * height**2 / modulus * (k * (n - k) + (k - 1) + 0.5)
+
+
+def lame_cylinder(
+    r: np.ndarray, *, inner: float, outer: float, pressure: float, E: float, nu: float
+) -> np.ndarray:
+    """Radial displacement (n,) of a thick cylinder under inner pressure, plane strain, m.
+
+    Lame (1852), as in Timoshenko & Goodier, Theory of Elasticity, section 28.
+    """
+    a, b = inner**2, outer**2
+    return (1 + nu) / E * pressure * a / (b - a) * ((1 - 2 * nu) * r + b / r)
+
+
+def circular_load(*, radius: float, pressure: float, E: float, nu: float) -> tuple[float, float]:
+    """Settlements of the centre and of the rim of a flexible round plate on a half-space, m.
+
+    Boussinesq (1885), as in Timoshenko & Goodier, Theory of Elasticity, section 139.
+    """
+    centre = 2 * pressure * radius * (1 - nu**2) / E
+    return centre, centre * 2 / np.pi

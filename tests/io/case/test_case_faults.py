@@ -46,7 +46,6 @@ FAULTS = {
     "no bounds": (E_ROCK, "{start: 15 GPa}", "parameters.E_rock", ["bounds", "are required"]),
     "no mesh": ("mesh: {file: cavern.msh}\n", "", "", ["'mesh' is missing"]),
     "other format": ("case/1", "case/9", "format", ["found 'geoident-case/9'", "geoident-case/1"]),
-    "not available": ("plane-strain", "«axisymmetric", "analysis", ["not available yet", "solid"]),
     "unknown analysis": ("plane-strain", "«plane-stress", "analysis", ["mean 'plane-strain'?"]),
     "unknown gauge kind": (
         "kind: convergence",
