@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 
-def make_readings(folder: Path, *, size: float, seed: int) -> None:
+def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
     """Writes readings.csv of a case: truth.yaml on a finer mesh of quadratic elements, plus noise.
 
     The shipped mesh has larger, linear elements. So the fit meets readings that its own model
@@ -17,14 +17,14 @@ def make_readings(folder: Path, *, size: float, seed: int) -> None:
 
     Args:
         folder: of the case.
-        size: factor on the element sizes of the shipped mesh.
+        mesh: options of make_mesh.py for the finer mesh.
         seed: of the noise, which has the accuracy of each gauge.
     """
     truth = yaml.safe_load((folder / "truth.yaml").read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory() as scratch:
-        mesh = Path(scratch) / "fine.msh"
-        _python(folder / "make_mesh.py", "--size", size, "--order", 2, "--output", mesh)
-        changes = [f"mesh.file={mesh}", "readings=[]"]
+        fine = Path(scratch) / "fine.msh"
+        _python(folder / "make_mesh.py", *mesh, "--order", 2, "--output", fine)
+        changes = [f"mesh.file={fine}", "readings=[]"]
         changes += [f"parameters.{name}.start={value}" for name, value in truth.items()]
         flags = [word for change in changes for word in ("--set", change)]
         flags += ["--noise", "--seed", seed, "--force", "-o", folder / "readings.csv"]

@@ -1,7 +1,7 @@
 """Makes the mesh of the tunnel: half of a horseshoe section, hexahedra in layers along the axis.
 
 Shipped mesh:        python make_mesh.py
-Mesh of the truth:   python make_mesh.py --size 0.9 --order 2 --output fine.msh
+Mesh of the truth:   python make_mesh.py --size 0.9 --far 4 --order 2 --output fine.msh
 
 The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x across from the
 plane of symmetry, y along the drive, z upwards from the springline.
@@ -9,7 +9,7 @@ plane of symmetry, y along the drive, z upwards from the springline.
 
 import argparse
 from itertools import accumulate
-from math import ceil, cos, pi, sin
+from math import ceil, cos, log, pi, sin
 from pathlib import Path
 
 import gmsh
@@ -26,11 +26,12 @@ geo = gmsh.model.geo
 class Section:
     """The cross-section at y = BACK, in quadrilateral blocks that share their divisions."""
 
-    def __init__(self, size: float) -> None:
+    def __init__(self, size: float, far: float) -> None:
         self.arch = ceil(6 / size)  # elements over 45 degrees of the arch
         self.wall = ceil(5 / size)  # over the wall below the springline
-        self.out = ceil(18 / size)  # from the wall to the sides of the model
-        self.growth = 1.0 + 0.2 * size
+        self.growth = 1 + 0.2 * size * far
+        layers = log(1 + (SIDE - RADIUS) * (self.growth - 1) / (0.33 * size)) / log(self.growth)
+        self.out = ceil(layers)  # from the wall to the sides of the model
         self.curves: dict[tuple[int, int], int] = {}
         self.blocks: list[tuple[str, int]] = []
 
@@ -95,11 +96,12 @@ def graded(length: float, first: float, growth: float) -> list[float]:
     return [layer / total for layer in layers]
 
 
-def drive(section: list[tuple[str, int]], size: float) -> dict[str, list[int]]:
+def drive(section: list[tuple[str, int]], size: float, far: float) -> dict[str, list[int]]:
     """Extrudes the section along the axis; volumes by group."""
-    even = ceil(ROUND / size)
-    ahead = graded(FRONT - ROUNDS * ROUND, 1.1 * size, 1 + 0.3 * size)
-    pieces = [("approach", -BACK, graded(-BACK, 1.1 * size, 1 + 0.3 * size)[::-1])]
+    even = max(1, round(ROUND / size))
+    growth = 1 + 0.3 * size * far
+    ahead = graded(FRONT - ROUNDS * ROUND, 1.1 * size, growth)
+    pieces = [("approach", -BACK, graded(-BACK, 1.1 * size, growth)[::-1])]
     pieces += [(f"round-{i + 1}", ROUND, [1 / even] * even) for i in range(ROUNDS)]
     pieces += [("", FRONT - ROUNDS * ROUND, ahead)]
     names = {"core": "{}", "lining": "lining-{}", "rock": "rock"}
@@ -135,6 +137,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
+    parser.add_argument("--far", type=float, default=1.0, help="factor on how fast they grow")
     parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("tunnel.msh"))
     options = parser.parse_args()
@@ -142,7 +145,7 @@ def main() -> None:
     gmsh.initialize(["-nopopup", "-v", "2"])
     gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)  # hex20, not hex27
     gmsh.option.setNumber("Mesh.Binary", 1)
-    volumes = drive(Section(options.size).build(), options.size)
+    volumes = drive(Section(options.size, options.far).build(), options.size, options.far)
     geo.synchronize()
     for name, tags in volumes.items():
         gmsh.model.addPhysicalGroup(3, tags, name=name)
