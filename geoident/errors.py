@@ -86,14 +86,24 @@ class InputError(GeoidentError):
 
 
 class ModelError(GeoidentError):
-    """The model has no solution: a mechanism, a singular matrix, a collapse."""
+    """The model has no solution: a mechanism, a singular matrix, a collapse.
+
+    Args:
+        message: what was found, one sentence.
+        hint: the likely remedy, or empty.
+        location: the place in the case that it comes from, if one is known.
+        path: the path of the key there.
+    """
 
     exit_code = ExitCode.NO_SOLUTION
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    def __init__(
+        self, message: str, hint: str = "", *, location: Location = Location(""), path: str = ""
+    ) -> None:
         self.message = message
         self.hint = hint
-        super().__init__(f"{message}\n    {hint}" if hint else message)
+        self.fault = Fault("no-solution", message, hint, location, path)
+        super().__init__(str(self.fault))
 
 
 class OutputError(GeoidentError):

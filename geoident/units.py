@@ -86,9 +86,18 @@ UNITS: Mapping[str, tuple[str, float]] = {
 NUMBER_PATTERN = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({NUMBER_PATTERN})\s*(.*)")
 _COMMA = re.compile(r"[-+]?[0-9]+(?:[.,'_ ][0-9]+)*,[0-9]+")
+_THOUSANDS = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:,[0-9]{3})+(?![0-9])")
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)\b", re.IGNORECASE)
 _SPELLINGS = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "^": "", "·": "", " ": ""})
 _LONGEST = 80
+_WORDS = {
+    **dict.fromkeys(("meter", "meters", "metre", "metres", "mtr"), "m"),
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("degree", "degrees", "°"), "deg"),
+    **dict.fromkeys(("pascal", "pascals"), "Pa"),
+    **dict.fromkeys(("percent", "per cent"), "%"),
+}
+"""Units written out, to the units that are meant."""
 
 
 class UnitError(ValueError):
@@ -222,24 +231,24 @@ def with_article(dimension: str) -> str:
 def _unit_hint(unit: str) -> str:
     folded = {name.lower(): name for name in UNITS if name}
     near = difflib.get_close_matches(unit.lower(), folded, n=1, cutoff=0.5)
-    return (
-        f"Did you mean '{folded[near[0]]}'?"
-        if near
-        else f"Known units: {', '.join(filter(None, UNITS))}."
-    )
+    meant = _WORDS.get(unit.lower()) or (folded[near[0]] if near else None)
+    if meant:
+        return f"Did you mean '{meant}'?"
+    return f"Known units: {', '.join(filter(None, UNITS))}."
 
 
 def _not_a_quantity(text: str) -> UnitError:
     shown = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
     if len(text) <= _LONGEST and _COMMA.match(text):
-        point = text.replace(",", ".", 1)
-        together = text.replace(",", "")
-        hint = f"Write '{point}' with a decimal point, or '{together}' without separators."
-        return UnitError(f"'{shown}' has a comma, which can be read in two ways", hint)
+        hint = f"Write '{text.replace(',', '.', 1)}' with a decimal point"
+        if _THOUSANDS.match(text):
+            hint += f", or '{text.replace(',', '')}' without separators"
+        return UnitError(f"'{shown}' has a comma, which can be read in two ways", f"{hint}.")
     if _NOT_FINITE.match(text):
         return UnitError(f"'{shown}' is not a finite number", "Write a finite number.")
     if not text:
         return UnitError("nothing is written here; a number is expected")
     return UnitError(
-        f"'{shown}' is not a number with a unit", "Write it like '12.5 MPa' or '1e-3 m'."
+        f"'{shown}' is not a number with a unit",
+        "Write it like '12.5 MPa' or '1e-3 m', and like '0.25' where there is no unit.",
     )

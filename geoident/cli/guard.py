@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from geoident.errors import ExitCode, GeoidentError, InputError
+from geoident.errors import ExitCode, GeoidentError, InputError, ModelError
 
 PIPE_CLOSED = 141
 """128 + SIGPIPE: what the shell reports of any program whose reader went away."""
@@ -61,7 +61,9 @@ def say_geoident_error(error: GeoidentError) -> int:
         count = len(error.faults)
         total = f"\n{count} faults" if count > 1 else ""
         return say_error(f"{error}{total}", error.exit_code)
-    prefix = "" if error.exit_code in (ExitCode.INTERRUPTED, ExitCode.TERMINATED) else "error: "
+    placed = isinstance(error, ModelError) and error.fault.location.file
+    stopped = error.exit_code in (ExitCode.INTERRUPTED, ExitCode.TERMINATED)
+    prefix = "" if placed or stopped else "error: "
     return say_error(f"{prefix}{error}", error.exit_code)
 
 

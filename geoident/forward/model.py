@@ -11,7 +11,7 @@ from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.faces import FaceTable, face_table
 from geoident.fem.kinematics import Kinematics, kinematics_of
 from geoident.fem.location import Locator
-from geoident.fem.mechanism import loose_body
+from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions import Actions
@@ -27,7 +27,7 @@ from geoident.forward.stage_systems import StageSystems
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
 from geoident.forward.timeline import Timeline, build_timeline, group_faults
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
+from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh
 from geoident.model.result import Counts, FieldSeries
 

@@ -142,6 +142,7 @@ def _find(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
     except (OSError, ValueError):
         missing, beside = True, []
     if missing:
-        hint = faults.did_you_mean(path.name, beside, what=f"Files in {path.parent}")
+        what = f"Files *{path.suffix} in the folder {path.parent}"
+        hint = faults.did_you_mean(path.name, beside, what=what)
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return str(path)

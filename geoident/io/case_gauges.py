@@ -53,7 +53,8 @@ def vector(
     if len(given) == dim:
         return tuple(number.factor for number in given)
     message = f"{what} has {len(given)} components; {dim} expected ({', '.join(_AXES[:dim])})"
-    faults.add(path, "wrong-dimension", message)
+    hint = f"'analysis' says that there are {dim}: correct it or the components."
+    faults.add(path, "wrong-dimension", message, hint)
     return None
 
 

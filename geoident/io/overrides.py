@@ -112,7 +112,8 @@ def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
     if isinstance(holder, list) and isinstance(key, int):
         if key >= len(holder):
             message = f"{outer} has {len(holder)} entries, counted from 0; there is no [{key}]"
-            raise Refusal("bad-override", message)
+            hint = f"The last one is [{len(holder) - 1}]." if holder else "It is empty."
+            raise Refusal("bad-override", message, hint)
     elif isinstance(holder, dict) and not isinstance(key, int):
         if key not in holder and not new:
             raise Refusal("bad-override", f"{outer} has no '{key}'", did_you_mean(key, holder))

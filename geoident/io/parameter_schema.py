@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from geoident.io.case_values import AnyQuantity, Bounds, Given
 from geoident.io.section import Section, Wrongs
 from geoident.model.case import KeyPath
-from geoident.units import DIMENSIONLESS, with_article
+from geoident.units import DIMENSIONLESS, DIMENSIONS, with_article
 
 
 class PriorSection(Section):
@@ -56,7 +56,7 @@ class ParameterSection(Section):
         start, wanted = self.start, {bound.dimension for bound in self.bounds}
         if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
             message = f"the start '{start.text}' has no unit, but its bounds have"
-            unit = self.bounds[0].unit
+            unit = DIMENSIONS[self.bounds[0].dimension]
             wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
             return
         for path, given in self._numbers():

@@ -34,7 +34,8 @@ def read_bytes(path: str, *, limit: int, what: str) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"the {what} cannot be read: {reason}"
-        raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
+        hint = "Check the path and the permission to read it."
+        raise InputError([Fault("unreadable-file", message, hint, Location(path))]) from error
     if len(data) > limit:
         message = f"the {what} is larger than {limit // 10**6} MB"
         raise InputError([Fault("too-large", message, location=Location(path))])

@@ -73,7 +73,8 @@ def parse_yaml(text: str, file: str) -> Document:
         for _ in events:
             pass
     except StopIteration as error:
-        raise InputError([Fault("empty", "the file is empty", location=Location(file))]) from error
+        hint = "Begin with 'format: geoident-case/1'; `geoident schema` tells what may follow."
+        raise InputError([Fault("empty", "the file is empty", hint, Location(file))]) from error
     except yaml.MarkedYAMLError as error:
         raise InputError([*builder.faults, _syntax_fault(error, file)]) from error
     except yaml.YAMLError as error:
@@ -124,7 +125,7 @@ class _Builder:
             return self._sequence(events, path)
         if isinstance(event, yaml.MappingStartEvent):
             return self._mapping(events, path)
-        self.refuse(event, path, "alias", "aliases are not part of case files", "Write it out.")
+        self._refuse_alias(event, path)
         return None
 
     def _sequence(self, events: Iterator[yaml.Event], path: KeyPath) -> Node:
@@ -170,6 +171,12 @@ class _Builder:
         message = f"the key '{shorten(place[-1])}' is written twice, first in line {line}"
         self.refuse(event, place, "duplicate-key", message, "Remove or rename one of them.")
 
+    def _refuse_alias(self, event: yaml.Event, path: KeyPath) -> None:
+        """Refuse the first anchor or alias of the file; the others say nothing new."""
+        if not any(fault.code == "alias" for fault in self.faults):
+            message = "anchors and aliases (& and *) are not part of case files"
+            self.refuse(event, path, "alias", message, "Write each value out where it is used.")
+
     def _check_limits(self, event: yaml.Event, path: KeyPath) -> None:
         tag = getattr(event, "tag", None)
         if tag is not None and tag != "!":
@@ -177,8 +184,7 @@ class _Builder:
                 event, path, "tag", f"the tag '{shorten(tag)}' is not allowed", "Remove it."
             )
         if getattr(event, "anchor", None) and not isinstance(event, yaml.AliasEvent):
-            message = "anchors and aliases (& and *) are not part of case files"
-            self.refuse(event, path, "alias", message, "Write the value out where it is used.")
+            self._refuse_alias(event, path)
         if len(path) > _MAX_DEPTH or len(self.values) > _MAX_NODES:
             what = "nested too deeply" if len(path) > _MAX_DEPTH else "too large"
             self.refuse(event, path[:3], "too-deep", f"the file is {what} for a case", "")

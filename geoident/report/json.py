@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.errors import Fault, GeoidentError, InputError
+from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
@@ -155,7 +155,7 @@ def simulation_object(
 
 def failure_object(error: GeoidentError, *, case: str) -> dict[str, Any]:
     """A command that ended without a result: the keys of one, and what was wrong."""
-    faults = error.faults if isinstance(error, InputError) else ()
+    faults = _faults(error)
     return {
         "case": case,
         "status": "failed",
@@ -169,6 +169,12 @@ def failure_object(error: GeoidentError, *, case: str) -> dict[str, Any]:
         "counts": {},
         "faults": [fault_object(fault) for fault in faults],
     }
+
+
+def _faults(error: GeoidentError) -> tuple[Fault, ...]:
+    if isinstance(error, ModelError):
+        return (error.fault,)
+    return error.faults if isinstance(error, InputError) else ()
 
 
 def fault_object(fault: Fault) -> dict[str, Any]:

@@ -138,8 +138,23 @@ def _hash_file(path: str, what: str) -> str:
 
 
 def load_mesh(inputs: Inputs) -> Mesh:
-    """Parse the mesh of a case."""
-    return read_mesh(inputs.loaded.mesh_path, dim=inputs.case.analysis.dim)
+    """Parse the mesh of a case.
+
+    Raises:
+        InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
+            file, is placed where the case names the mesh.
+    """
+    try:
+        return read_mesh(inputs.loaded.mesh_path, dim=inputs.case.analysis.dim)
+    except InputError as error:
+        raise InputError(_in_case(fault, inputs.case) for fault in error.faults) from error
+
+
+def _in_case(fault: Fault, case: Case) -> Fault:
+    if fault.location.line:
+        return fault
+    message = f"{fault.location.file}: {fault.message}"
+    return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
 
 
 def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel:

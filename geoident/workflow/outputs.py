@@ -26,7 +26,7 @@ class Standing(Enum):
     UP_TO_DATE = "the same result"
     UNFINISHED = "the same result, cut short"
     OTHER = "a result of other input"
-    UNKNOWN = "a file that is not a result"
+    UNKNOWN = "something that is not a result of geoident"
 
 
 @dataclass(frozen=True)
