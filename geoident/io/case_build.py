@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+from geoident.io.case_actions import LoadBuilder, build_temperature, build_water
 from geoident.io.case_gauges import build_channels, vector
+from geoident.io.case_in_situ import build_in_situ
 from geoident.io.case_materials import build_materials
-from geoident.io.case_schema import CaseSection, ConstantSection, LoadSection
+from geoident.io.case_schema import CaseSection
 from geoident.io.case_sequence import ABSENT
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
 from geoident.io.parameter_schema import ParameterSection
-from geoident.model.actions import Load, Pressure, Traction
 from geoident.model.case import (
     Analysis,
     Case,
     FitSettings,
-    KeyPath,
     Stage,
     Support,
 )
 from geoident.model.gauges import Reading
-from geoident.model.in_situ import ConstantStress, HeimStress, InSitu
 from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
@@ -35,6 +33,10 @@ def build_case(
     section: CaseSection, readings: tuple[Reading, ...], mesh_file: str, faults: Faults
 ) -> Case:
     """The case; what does not fit its number of axes is noted as a fault."""
+    in_situ, zones = build_in_situ(section.in_situ, _dim(section), faults)
+    builder = LoadBuilder(
+        Analysis(section.analysis), gravity=section.gravity is not None, faults=faults
+    )
     return Case(
         title=section.title,
         analysis=Analysis(section.analysis),
@@ -43,14 +45,16 @@ def build_case(
         materials=build_materials(section, faults),
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=_supports(section, faults),
-        in_situ=_in_situ(section, faults),
+        in_situ=in_situ,
         gravity=_gravity(section, faults),
-        loads=_loads(section.loads, ("loads",), _dim(section), faults),
-        stages=_stages(section, faults),
+        loads=builder.build(section.loads, ("loads",)),
+        stages=_stages(section, builder, faults),
         channels=build_channels(section, faults),
         readings=readings,
         fit=_fit(section),
         source=faults.places.source(),
+        in_situ_of=zones,
+        water=build_water(section.water),
     )
 
 
@@ -89,27 +93,6 @@ def _supports(section: CaseSection, faults: Faults) -> tuple[Support, ...]:
     return tuple(supports)
 
 
-def _in_situ(section: CaseSection, faults: Faults) -> InSitu | None:
-    given = section.in_situ
-    if given is None:
-        return None
-    if not isinstance(given, ConstantSection):
-        return HeimStress(
-            K0=given.K0.scalar,
-            vertical=_scalar(given.vertical),
-            unit_weight=_scalar(given.unit_weight),
-            surface=_scalar(given.surface),
-            held=given.held,
-        )
-    for name in ("yz", "xz"):
-        if getattr(given, name) is not None and _dim(section) == 2:
-            message = f"a plane model has no stress {name}"
-            faults.add(("in_situ", name), "wrong-dimension", message, "Remove it.", key=True)
-    xy, yz, xz = (_scalar(x) or Scalar(0.0) for x in (given.xy, given.yz, given.xz))
-    components = (given.xx.scalar, given.yy.scalar, given.zz.scalar, xy, yz, xz)
-    return ConstantStress(components, held=given.held)
-
-
 def _gravity(section: CaseSection, faults: Faults) -> tuple[float, ...] | None:
     given, dim = section.gravity, _dim(section)
     if given is None:
@@ -122,29 +105,21 @@ def _gravity(section: CaseSection, faults: Faults) -> tuple[float, ...] | None:
     return (*(0.0,) * (dim - 1), -given.factor)
 
 
-def _loads(
-    sections: Mapping[str, LoadSection], path: KeyPath, dim: int, faults: Faults
-) -> dict[str, Load]:
-    loads: dict[str, Load] = {}
-    for name, section in sections.items():
-        if section.pressure is not None:
-            loads[name] = Pressure(section.on, section.pressure.scalar)
-        elif section.traction is not None:
-            place = (*path, name, "traction")
-            vector(section.traction, dim, place, faults, what="the traction")
-            loads[name] = Traction(section.on, tuple(x.scalar for x in section.traction))
-    return loads
-
-
-def _stages(section: CaseSection, faults: Faults) -> tuple[Stage, ...]:
+def _stages(section: CaseSection, builder: LoadBuilder, faults: Faults) -> tuple[Stage, ...]:
     return tuple(
         Stage(
             name=stage.name,
             excavate=tuple(stage.excavate),
             install=dict(stage.install),
             change=dict(stage.change),
-            loads=_loads(stage.loads, ("stages", n, "loads"), _dim(section), faults),
+            loads=builder.build(stage.loads, ("stages", n, "loads")),
             remove=tuple(stage.remove),
+            water=build_water(stage.water),
+            temperature=build_temperature(
+                stage.temperature, ("stages", n, "temperature"), _dim(section), faults
+            ),
+            independent=stage.independent,
+            base=stage.base,
         )
         for n, stage in enumerate(section.stages)
     )

@@ -48,7 +48,9 @@ def build_materials(section: CaseSection, faults: Faults) -> dict[str, Material]
 
 
 def _material(name: str, elastic: Elastic, section: MaterialSection) -> Material:
-    return Material(name, elastic, _scalar(section.density) or Scalar(0.0))
+    none = Scalar(0.0)
+    density, expansion = _scalar(section.density), _scalar(section.expansion)
+    return Material(name, elastic, density or none, expansion or none)
 
 
 def _scalar(given: Given | None) -> Scalar | None:

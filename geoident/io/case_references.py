@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from geoident.io.action_schema import WaterSection
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_sequence import ABSENT, check_sequence
 from geoident.io.case_ties import check_ties
@@ -18,6 +19,7 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     """Note every name in the case that refers to nothing, and every impossible sequence."""
     check_ties(section, faults)
     _check_materials(section, faults)
+    _check_groups(section, faults)
     _check_stages(section, faults)
     _check_fit(section, faults)
     check_sequence(section, faults)
@@ -38,6 +40,27 @@ def _check_materials(section: CaseSection, faults: Faults) -> None:
         if name not in known:
             hint = faults.did_you_mean(name, known, what="Materials")
             faults.add(path, "unknown-material", f"there is no material '{name}'", hint)
+
+
+def _check_groups(section: CaseSection, faults: Faults) -> None:
+    """Groups with water in their pores or an in-situ stress of their own."""
+    known = set(section.groups)
+    known.update(group for stage in section.stages for group in stage.install)
+    waters: list[tuple[KeyPath, WaterSection | None]] = [(("water",), section.water)]
+    waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(section.stages)]
+    named: list[tuple[KeyPath, str, bool]] = [
+        ((*path, "groups", n), group, False)
+        for path, water in waters
+        for n, group in enumerate((water and water.groups) or ())
+    ]
+    if section.in_situ is not None:
+        zones = section.in_situ.groups
+        named += [(("in_situ", "groups", group), group, True) for group in zones]
+    for place, group, key in named:
+        if group not in known:
+            hint = faults.did_you_mean(group, sorted(known), what="Groups")
+            message = f"no group '{group}' is in 'groups' or installed by a stage"
+            faults.add(place, "unknown-group", message, hint, key=key)
 
 
 def _check_stages(section: CaseSection, faults: Faults) -> None:

@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 from geoident.io.case_schema import CaseSection, StageSection
 from geoident.io.faults import Faults
-from geoident.model.case import KeyPath
+from geoident.model.case import VIRGIN, KeyPath
 
 ABSENT = "absent"
 
 
 def check_sequence(section: CaseSection, faults: Faults) -> None:
-    """Note what a stage takes away, replaces or ends that is not there then."""
-    site = _Site(section, faults)
+    """Note what a stage takes away, replaces, warms or ends that is not there then."""
+    trunk = _Site(section, faults)
+    sites = {VIRGIN: trunk}
     for number, stage in enumerate(section.stages):
-        site.build(("stages", number), stage)
+        path: KeyPath = ("stages", number)
+        if stage.base is not None and stage.base not in sites:
+            _refuse_base((*path, "base"), stage.base, section, number, faults)
+        site = sites.get(stage.base or "", trunk).copy()
+        site.build(path, stage)
+        sites[stage.name] = site
+        trunk = trunk if stage.independent else site
+
+
+def _refuse_base(
+    path: KeyPath, base: str, section: CaseSection, number: int, faults: Faults
+) -> None:
+    earlier = [stage.name for stage in section.stages[:number]]
+    hint = faults.did_you_mean(base, [VIRGIN, *earlier], what="Stages before it")
+    later = base in {stage.name for stage in section.stages[number:]}
+    what = "is not before this stage" if later else "is no stage"
+    faults.add(path, "unknown-stage", f"'{base}' {what}", hint)
 
 
 class _Site:
@@ -23,6 +42,7 @@ class _Site:
     """
 
     def __init__(self, section: CaseSection, faults: Faults) -> None:
+        self.section = section
         self.faults = faults
         self.present = {g: m for g, m in section.groups.items() if m != ABSENT}
         self.installed: dict[str, str] = {}
@@ -31,12 +51,32 @@ class _Site:
         self.known = set(section.groups)
         self.known.update(group for stage in section.stages for group in stage.install)
 
+    def copy(self) -> _Site:
+        """The same, to go on from here in another way."""
+        other = copy(self)
+        other.present, other.installed = dict(self.present), dict(self.installed)
+        other.loads, other.left = set(self.loads), dict(self.left)
+        return other
+
     def build(self, path: KeyPath, stage: StageSection) -> None:
         """Go through one stage."""
         self._excavate(path, stage)
         self._install(path, stage)
         self._change(path, stage)
         self._load(path, stage)
+        self._warm(path, stage)
+
+    def _warm(self, path: KeyPath, stage: StageSection) -> None:
+        for group in stage.temperature:
+            place = (*path, "temperature", group)
+            if group not in self.present:
+                self._refuse_absent(place, group, "warmed", key=True)
+                continue
+            material = self.section.materials.get(self.present[group])
+            if material is not None and material.expansion is None:
+                message = f"'{group}' is made of '{self.present[group]}', which has no expansion"
+                hint = "Add 'expansion: 1e-5 1/K' to the material."
+                self.faults.add(place, "no-expansion", message, hint, key=True)
 
     def _excavate(self, path: KeyPath, stage: StageSection) -> None:
         for n, group in enumerate(stage.excavate):

@@ -11,7 +11,15 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    WithJsonSchema,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from geoident.io.wording import Refusal, shorten
@@ -315,6 +323,16 @@ def _parameter_name(value: object) -> str:
     return text
 
 
+_NUMBER_OR_TIE = re.compile(r"\s*(?:[-+.]?\s*[0-9]|[-+]?\s*\$)")
+
+
+def level_or_group(value: object) -> str:
+    """``level`` or ``group``: what begins as a number or a tie is a level, else it is a name."""
+    if isinstance(value, Given):
+        return "level"
+    return "level" if _NUMBER_OR_TIE.match(str(value)) else "group"
+
+
 Shape = Callable[[object], str]
 
 
@@ -332,6 +350,11 @@ Density = Annotated[Given, Of("density", tied=True)]
 Angle = Annotated[Given, Of("angle", tied=True)]
 UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
 Factor = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
+Level = Annotated[Given, Of("length", tied=True)]
+Force = Annotated[Given, Of("force", tied=True)]
+LineForce = Annotated[Given, Of("line load", tied=True)]
+TemperatureChange = Annotated[Given, Of("temperature", tied=True)]
+Expansion = Annotated[Given, Of("expansion", tied=True)]
 Number = Annotated[Given, Of(DIMENSIONLESS)]
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
 Acceleration = Annotated[Given, Of("acceleration")]
@@ -351,10 +374,20 @@ Bounds = Annotated[
 ]
 Accelerations = Annotated[list[Acceleration], SharesUnit()]
 Pressures = Annotated[list[Pressure], SharesUnit()]
+Forces = Annotated[list[Force], SharesUnit()]
+LineForces = Annotated[list[LineForce], SharesUnit()]
+TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
+Factors = list[Factor]
 Numbers = list[Number]
 Flag = Annotated[bool, BeforeValidator(_flag)]
 Name = Annotated[str, BeforeValidator(_name)]
 ParameterName = Annotated[
     str, BeforeValidator(_parameter_name), Field(pattern=rf"^{NAME_PATTERN}$")
+]
+_GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
+LevelOrGroup = Annotated[
+    Annotated[Level, Tag("level")]
+    | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
+    Discriminator(level_or_group),
 ]
 Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"))]

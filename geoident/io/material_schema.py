@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case_values import Angle, Density, Factor, Modulus, Numbers, Pressure, Ratio
+from geoident.io.case_values import (
+    Angle,
+    Density,
+    Expansion,
+    Factor,
+    Modulus,
+    Numbers,
+    Pressure,
+    Ratio,
+)
 from geoident.io.section import Section, Wrongs
 
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
@@ -16,6 +25,9 @@ _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length
 class _Material(Section):
     density: Density | None = Field(
         None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
+    )
+    expansion: Expansion | None = Field(
+        None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
     )
 
     @model_validator(mode="after")

@@ -129,7 +129,7 @@ FAULTS = {
         "pressure: 1 MPa",
         "pressure: 1 MPa, traction: [1, 1 Pa]",
         "loads.water",
-        ["found both"],
+        ["found pressure and traction"],
     ),
     "traction of one": (
         "pressure: 1 MPa",
