@@ -36,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.fem.solvers.protocol import Analysis, Factor, NotPositiveDefinite
+from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
 from geoident.forward.actions import Actions
 from geoident.forward.in_situ import InSituStress
 from geoident.forward.materials import elasticity, elasticity_slopes
@@ -94,27 +94,28 @@ class Standing:
     stress: Floats
 
 
-class _Factors:
-    """The factorization that every analysis holds: it lasts as long as K stays the same.
+class _LastFactor:
+    """The last factorization, good as long as K stays the same.
 
-    Only for one parameter vector. K depends on it and on the material of every present group.
+    Only for one parameter vector. K depends on it and on the material of every present group. One
+    is held, not one for every stage: in three dimensions a factor is the largest thing in memory.
     """
 
     def __init__(self) -> None:
-        self._held: dict[int, tuple[frozenset[tuple[int, str]], Factor]] = {}
+        self._ground: Mapping[int, str] | None = None
+        self._factor: Factor | None = None
 
-    def find(self, analysis: Analysis, state: State) -> Factor | None:
-        """The factorization of K at a state, if it is there."""
-        ground, factor = self._held.get(id(analysis), (None, None))
-        return factor if ground == frozenset(state.materials.items()) else None
+    def find(self, state: State) -> Factor | None:
+        """The factorization of K at a state, if it is the one that is held."""
+        return self._factor if self._ground == state.materials else None
 
-    def forget(self, analysis: Analysis) -> None:
-        """What this analysis holds is about to be overwritten."""
-        self._held.pop(id(analysis), None)
+    def forget(self) -> None:
+        """Make room for the next one."""
+        self._ground, self._factor = None, None
 
-    def keep(self, analysis: Analysis, state: State, factor: Factor) -> None:
+    def keep(self, state: State, factor: Factor) -> None:
         """A factorization that was made for a state."""
-        self._held[id(analysis)] = (frozenset(state.materials.items()), factor)
+        self._ground, self._factor = state.materials, factor
 
 
 class March:
@@ -136,7 +137,7 @@ class March:
         points = systems.points
         groups = timeline.group_of[points.element]
         self._virgin = InSituStress(case, mesh, points.position, groups, timeline.groups)
-        self._factors = _Factors()
+        self._last_factor = _LastFactor()
         self.imbalance = 0.0
 
     @property
@@ -170,7 +171,7 @@ class March:
         u = np.zeros((points.compatibility.shape[1], stress.shape[2]))
         states = self._timeline.states[: None if last is None else last + 1]
         branches = _Branches(states)
-        self._factors = _Factors()
+        self._last_factor.forget()
         for n, state in enumerate(states):
             branches.go_to(n, u, stress)
             system = self._systems[n]
@@ -186,6 +187,7 @@ class March:
                 u += self._step(system, state, values, names, stress, forces, strain)
             yield Standing(n, u, stress)
             branches.leave(n, u, stress)
+        self._last_factor.forget()
 
     def _begin(
         self,
@@ -276,10 +278,10 @@ class March:
         analysis = self._systems.analysis(system)
         if analysis is None:
             return None
-        found = self._factors.find(analysis, state)
+        found = self._last_factor.find(state)
         if found is not None:
             return found
-        self._factors.forget(analysis)
+        self._last_factor.forget()
         try:
             factor = analysis.factorize(self._systems.values(system, state, laws))
         except NotPositiveDefinite as error:
@@ -287,7 +289,7 @@ class March:
             msg = f"at stage '{state.name}' the stiffness matrix is not positive definite{place}"
             hint = "look there for elements without stiffness, or held by next to nothing"
             raise ModelError(msg, hint) from error
-        self._factors.keep(analysis, state, factor)
+        self._last_factor.keep(state, factor)
         return factor
 
     def _add_moduli_slopes(
