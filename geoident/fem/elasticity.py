@@ -1,4 +1,4 @@
-"""Elastic moduli as matrices (theory 1), for every symmetry, and what they do to the stiffness.
+"""Elastic moduli as matrices (theory 1), for every symmetry, with their derivatives.
 
 A *law* is the elasticity matrix E (6, 6) with its derivatives by the constants that users give. It
 is made in the material axes 1, 2, 3 (components 11, 22, 33, 12, 23, 13), turned into the axes of

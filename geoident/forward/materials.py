@@ -30,8 +30,8 @@ from geoident.model.elastic import (
     TransverselyIsotropic,
     angles,
     constants,
+    numbers_of,
 )
-from geoident.model.parameter import Scalar
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
@@ -52,20 +52,15 @@ def elasticity(material: Material, values: Values, n_strain: int) -> Floats:
 
 def elasticity_slopes(material: Material, values: Values, n_strain: int) -> dict[str, Floats]:
     """dE/dp (n_strain, n_strain) for every parameter on which the material's moduli depend."""
-    if not any(scalar.parameter for scalar in numbers(material.elastic).values()):
+    if not any(scalar.parameter for scalar in numbers_of(material.elastic).values()):
         return {}
     law = law_of(material.elastic, values, section=n_strain < 6)
     slopes: dict[str, Floats] = {}
-    for name, scalar in numbers(material.elastic).items():
+    for name, scalar in numbers_of(material.elastic).items():
         if scalar.parameter is not None:
             change = scalar.factor * law.slopes[name][:n_strain, :n_strain]
             slopes[scalar.parameter] = slopes.get(scalar.parameter, 0.0) + change
     return slopes
-
-
-def numbers(elastic: Elastic) -> dict[str, Scalar]:
-    """All numbers on which the elasticity matrix depends, angles included, by name."""
-    return {**constants(elastic), **angles(elastic)}
 
 
 def inadmissible(material: Material, values: Values) -> str | None:
@@ -79,7 +74,7 @@ def inadmissible(material: Material, values: Values) -> str | None:
 def affine_obstacle(material: Material, free: frozenset[str]) -> str | None:
     """Why the moduli are not affine in the free parameters, or None if they are."""
     elastic = material.elastic
-    tied = {name: s.parameter for name, s in numbers(elastic).items() if s.parameter in free}
+    tied = {name: s.parameter for name, s in numbers_of(elastic).items() if s.parameter in free}
     for name in tied:
         if name.startswith("nu") or name in angles(elastic):
             remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""

@@ -16,7 +16,7 @@ from geoident.errors import Fault
 from geoident.forward.materials import law_of
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.elastic import Anisotropic
-from geoident.model.parameter import Parameter
+from geoident.model.parameter import Parameter, Scalar
 
 _NEGLIGIBLE = 1e-9
 _OUT_OF_PLANE = tuple(f"c{i}{j}" for i in range(1, 5) for j in (5, 6))
@@ -63,9 +63,11 @@ def _strains(analysis: Analysis) -> list[int]:
 
 def _entry_fault(case: Case, name: str, elastic: Anisotropic) -> Fault | None:
     rows = {i + 1 for i in _strains(case.analysis)}
+    start = {p.name: p.start for p in case.parameters}
+    negligible = _NEGLIGIBLE * np.abs(law_of(elastic, start, section=True).matrix).max()
     for entry in _OUT_OF_PLANE:
-        scalar = elastic.entries.get(entry)
-        if int(entry[1]) in rows and scalar is not None and scalar.factor != 0:
+        scalar = elastic.entries.get(entry, Scalar(0.0))
+        if int(entry[1]) in rows and (scalar.parameter or abs(scalar.factor) > negligible):
             message = f"{entry} of '{name}' couples strains of the section with shear out of it"
             return _refuse(case, ("materials", name, entry), message, "leave it out")
     return None

@@ -34,6 +34,9 @@ from geoident.model.parameter import Scalar
 
 _MOST_SLANT = 0.02  # cosine between axes that still pass for perpendicular, about one degree
 _TOWARDS_X = Scalar(pi / 2)
+_ENGINEERING = ("E_p", "nu_p", "E_n", "nu_np", "G_np")
+_LOVE = ("A", "C", "F", "L", "N")
+_THREE_AXES = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "G_23")
 
 
 def build_materials(section: CaseSection, faults: Faults) -> dict[str, Material]:
@@ -76,7 +79,7 @@ def _check_start(
     moved = sorted({tie.parameter for tie in ties if tie.parameter})
     if given.parameter is not None:
         message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
-        hint = f"Change the start of {', '.join(moved)}."
+        hint = f"Change the start of {given.parameter}."
     else:
         message = f"'{given.text}' makes the stiffness indefinite; {found.limit}"
         hint = f"Change it, or the start of {', '.join(moved)}." if moved else ""
@@ -113,21 +116,16 @@ class _Builder:
         else:
             frame = self._attitude(section.dip, section.dip_direction)
         if section.E_p is not None:
-            engineering = (section.E_p, section.nu_p, section.E_n, section.nu_np, section.G_np)
-            return TransverselyIsotropic(*_scalars(engineering), frame=frame)
-        love = (section.A, section.C, section.F, section.L, section.N)
-        return LoveModuli(*_scalars(love), frame=frame)
+            return TransverselyIsotropic(**_named(section, _ENGINEERING), frame=frame)
+        return LoveModuli(**_named(section, _LOVE), frame=frame)
 
     def _orthotropic(self, section: OrthotropicSection) -> Elastic:
-        young = (section.E_1, section.E_2, section.E_3)
-        poisson = (section.nu_12, section.nu_13, section.nu_23)
-        shear = (section.G_12, section.G_13, section.G_23)
         frame: Frame
         if section.axis_1 is not None and section.axis_2 is not None:
             frame = self._axes(section.axis_1, section.axis_2)
         else:
             frame = self._attitude(section.dip, section.dip_direction, section.rotation)
-        return Orthotropic(*_scalars((*young, *poisson, *shear)), frame=frame)
+        return Orthotropic(**_named(section, _THREE_AXES), frame=frame)
 
     def _anisotropic(self, section: AnisotropicSection) -> Elastic:
         entries = {name: _scalar(getattr(section, name)) for name in ENTRIES}
@@ -178,9 +176,9 @@ class _Builder:
         return (0.0, 0.0, 1.0)
 
 
-def _scalars(given: Sequence[Given | None]) -> list[Scalar]:
-    """Numbers that the section has made sure of."""
-    return [number.scalar for number in given if number is not None]
+def _named(section: MaterialSection, names: Sequence[str]) -> dict[str, Scalar]:
+    """Numbers of a section, which has made sure of them, by name."""
+    return {name: getattr(section, name).scalar for name in names}
 
 
 def _unit(vector: Sequence[float]) -> Vector3:

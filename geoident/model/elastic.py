@@ -143,3 +143,8 @@ def angles(elastic: Elastic) -> dict[str, Scalar]:
     if not isinstance(frame, Attitude):
         return {}
     return {f.name: getattr(frame, f.name) for f in fields(frame)}
+
+
+def numbers_of(elastic: Elastic) -> dict[str, Scalar]:
+    """All numbers on which the elasticity matrix depends, by name."""
+    return {**constants(elastic), **angles(elastic)}

@@ -81,3 +81,35 @@ def circular_load(*, radius: float, pressure: float, E: float, nu: float) -> tup
     """
     centre = 2 * pressure * radius * (1 - nu**2) / E
     return centre, centre * 2 / np.pi
+
+
+def lekhnitskii(
+    x: np.ndarray, *, radius: float, compliance: np.ndarray, stress: tuple[float, float, float]
+) -> np.ndarray:
+    """Displacements (n, 2) that cutting a round hole adds at its wall, anisotropic plane strain.
+
+    S. G. Lekhnitskii, Anisotropic Plates (1968), section 38, or Theory of Elasticity of an
+    Anisotropic Body (1963), section 26: complex potentials Phi_k = A_k / zeta_k, where zeta_k is
+    exp(i theta) on the wall; mu_k are the roots of the characteristic equation with the compliances
+    of plane strain b_ij = a_ij - a_i3 a_j3 / a_33.
+
+    Args:
+        x: points of the wall.
+        radius: of the hole.
+        compliance: (6, 6) a_ij in the order xx, yy, zz, xy, ... of the section; distinct roots.
+        stress: xx, yy, xy far away, tension positive.
+    """
+    keep = np.ix_([0, 1, 3], [0, 1, 3])
+    a3 = compliance[[0, 1, 3], 2]
+    b = compliance[keep] - np.outer(a3, a3) / compliance[2, 2]
+    roots = np.roots([b[0, 0], -2 * b[0, 2], 2 * b[0, 1] + b[2, 2], -2 * b[1, 2], b[1, 1]])
+    mu = roots[roots.imag > 0]
+    xx, yy, xy = stress
+    # On the wall the added stress functions take away what the far stress does:
+    # 2 Re sum Phi_k = -(yy x - xy y), 2 Re sum mu_k Phi_k = -(xx y - xy x).
+    sides = radius / 2 * np.array([-yy + 1j * xy, xy - 1j * xx])
+    A = np.linalg.solve(np.array([[1, 1], mu]), sides)
+    p = b[0, 0] * mu**2 + b[0, 1] - b[0, 2] * mu
+    q = b[0, 1] * mu + b[1, 1] / mu - b[1, 2]
+    inverse = np.exp(-1j * np.arctan2(x[:, 1], x[:, 0]))
+    return np.stack([2 * np.real(inverse * (c @ A)) for c in (p, q)], axis=1)

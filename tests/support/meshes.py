@@ -89,25 +89,36 @@ def regroup(mesh: Mesh, **tests: Callable[[np.ndarray], np.ndarray]) -> Mesh:
     return Mesh(mesh.points, mesh.blocks, mesh.facets, groups, mesh.facet_groups, mesh.node_groups)
 
 
-def opening(kind: str, dim: int, *, n: int, layers: int, radius: float, reach: float) -> Mesh:
+def opening(
+    kind: str,
+    dim: int,
+    *,
+    n: int,
+    layers: int,
+    radius: float,
+    reach: float,
+    whole: bool = False,
+) -> Mesh:
     """A quarter (octant) of a round opening, filled, in a round domain; curved mid-nodes.
 
     Args:
         kind: quad8 and the like; any kind of that dimension.
         dim: 2 or 3.
-        n: cells along the side of the core; the wall has dim n^(dim-1) faces.
+        n: cells along the side of the core of a quarter; its wall has dim n^(dim-1) faces.
         layers: rings of elements from the wall to the outer edge, growing geometrically.
         radius: of the opening.
         reach: of the domain.
+        whole: all quarters (octants), for ground without planes of symmetry.
     """
-    grid = np.stack(np.meshgrid(*[np.arange(n + 1)] * dim, indexing="ij"), -1).reshape(-1, dim) / n
-    cells = _cells((n,) * dim)
+    steps = np.arange(-n if whole else 0, n + 1) / n
+    grid = np.stack(np.meshgrid(*[steps] * dim, indexing="ij"), -1).reshape(-1, dim)
+    cells = _cells((len(steps) - 1,) * dim)
     linear = _LINEAR.get(kind, kind)
     radii = np.geomspace(1, reach / radius, layers + 1)
     core = Mesh(grid, (ElementBlock({2: "quad4", 3: "hex8"}[dim], cells, cells[:, 0]),))
     table = face_table(core)
     (skin,) = patches(core, table, table.free(np.ones(len(cells), bool)))
-    wall = skin.nodes[np.any(np.all(np.isclose(grid[skin.nodes], 1.0), axis=1), axis=1)]
+    wall = skin.nodes[np.any(np.all(np.isclose(np.abs(grid[skin.nodes]), 1.0), axis=1), axis=1)]
     points, all_cells = grid, [cells]
     inner = wall
     for r in radii[1:]:

@@ -1,0 +1,171 @@
+"""Materials of every symmetry in case files: how they are read, and what is refused where."""
+
+from __future__ import annotations
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+
+from geoident.forward.materials import elasticity
+from geoident.model.elastic import (
+    Anisotropic,
+    Attitude,
+    Axes,
+    LoveModuli,
+    Orthotropic,
+    TransverselyIsotropic,
+)
+from geoident.model.parameter import Scalar
+
+ROCK = "  rock: {E: $E_rock, nu: 0.25, density: 2650 kg/m3}\n"
+STRATA = "elastic: transversely-isotropic, E_p: $E_rock, nu_p: 0.2, E_n: 0.5 $E_rock, nu_np: 0.1"
+THREE = (
+    "elastic: orthotropic, E_1: $E_rock, E_2: 9 GPa, E_3: 7 GPa, nu_12: 0.2, nu_13: 0.2, "
+    "nu_23: 0.1, G_12: 4 GPa, G_13: 3 GPa, G_23: 2 GPa"
+)
+ENTRIES = "elastic: anisotropic, c11: $E_rock, c22: 20 GPa, c33: 20 GPa, c44: 8 GPa, c12: 5 GPa"
+
+
+@pytest.fixture
+def rock(project, changed):
+    """The material rock of a case, or the one fault of what is written for it."""
+
+    def read(text: str, *, solid: bool = False):
+        case = changed(ROCK, f"  rock: {{{text}}}\n")
+        if solid:
+            case = _solid(case)
+        return project.read(case).case.materials["rock"]
+
+    return read
+
+
+@pytest.fixture
+def fault(project, changed):
+    def read(text: str, *, solid: bool = False):
+        case = changed(ROCK, f"  rock: {{{text}}}\n")
+        return project.only_fault(_solid(case) if solid else case)
+
+    return read
+
+
+def _solid(case: str) -> str:
+    case = case.replace("plane-strain", "solid")
+    for point in ("[12.5, 3 m]", "[17.5, 3 m]", "[-1, 0 m]", "[1, 0 m]"):
+        case = case.replace(point, point.replace(" m]", ", 0 m]"))
+    return case
+
+
+def test_strata_in_a_section_fall_towards_x(rock):
+    elastic = rock(f"{STRATA}, G_np: 3 GPa, dip: 35 deg").elastic
+    assert isinstance(elastic, TransverselyIsotropic)
+    assert elastic.E_n == Scalar(0.5, "E_rock")
+    assert elastic.frame == Attitude(Scalar(radians(35)), Scalar(pi / 2))
+
+
+def test_strata_in_a_solid_lie_by_dip_and_dip_direction(rock):
+    elastic = rock(
+        f"{STRATA}, G_np: 3 GPa, dip: 35 deg, dip_direction: 120 deg", solid=True
+    ).elastic
+    assert elastic.frame == Attitude(Scalar(radians(35)), Scalar(radians(120)))
+
+
+def test_a_normal_says_the_same_as_dip_and_dip_direction(rock):
+    dip, azimuth = radians(35), radians(120)
+    n = (sin(dip) * sin(azimuth), sin(dip) * cos(azimuth), cos(dip))
+    by_normal = rock(f"{STRATA}, G_np: 3 GPa, normal: [{n[0]}, {n[1]}, {n[2]}]", solid=True)
+    by_angles = rock(f"{STRATA}, G_np: 3 GPa, dip: 35 deg, dip_direction: 120 deg", solid=True)
+    E, F = (elasticity(m, {"E_rock": 15e9}, 6) for m in (by_normal, by_angles))
+    np.testing.assert_allclose(E, F, atol=1e-6 * 15e9 * 1e-6)
+    section = rock(f"{STRATA}, G_np: 3 GPa, normal: [{2 * sin(dip)}, {2 * cos(dip)}]")
+    apparent = rock(f"{STRATA}, G_np: 3 GPa, dip: 35 deg")
+    E, F = (elasticity(m, {"E_rock": 15e9}, 4) for m in (section, apparent))
+    np.testing.assert_allclose(E, F, atol=1e-12 * 15e9)
+
+
+def test_love_moduli_and_an_angle_as_parameter(project, changed):
+    text = changed(ROCK, "  rock: {elastic: transversely-isotropic, A: $E_rock, C: 9 GPa, "
+                         "F: 3 GPa, L: 2 GPa, N: 4 GPa, dip: $dip}\n")  # fmt: skip
+    text = text.replace(
+        "parameters:\n", "parameters:\n  dip: {start: 30 deg, bounds: [0, 60 deg]}\n"
+    )
+    case = project.read(text).case
+    elastic = case.materials["rock"].elastic
+    assert isinstance(elastic, LoveModuli)
+    assert elastic.frame.dip == Scalar(1.0, "dip")
+    assert case.parameters[0].start == pytest.approx(pi / 6)
+    assert case.parameters[0].dimension == "angle"
+
+
+def test_three_axes_by_angles_or_by_two_vectors(rock):
+    elastic = rock(f"{THREE}, dip: 35 deg, rotation: 10 deg").elastic
+    assert isinstance(elastic, Orthotropic)
+    assert elastic.frame.rotation == Scalar(radians(10))
+    elastic = rock(f"{THREE}, axis_1: [3, 4], axis_2: [-4, 3]").elastic
+    assert elastic.frame == Axes((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0))
+
+
+def test_entries_of_a_general_matrix(rock):
+    elastic = rock(f"{ENTRIES}, c14: -1 GPa").elastic
+    assert isinstance(elastic, Anisotropic)
+    assert elastic.entries["c14"] == Scalar(-1e9)
+    E = elasticity(rock(ENTRIES), {"E_rock": 15e9}, 4)
+    np.testing.assert_array_equal(
+        E, 1e9 * np.array([[15, 5, 0, 0], [5, 20, 0, 0], [0, 0, 20, 0], [0, 0, 0, 8]])
+    )
+
+
+def test_the_resolved_case_says_the_same(project, changed):
+    text = changed(ROCK, f"  rock: {{{STRATA}, G_np: 3 GPa, dip: 35 deg}}\n")
+    loaded = project.read(text)
+    again = project.read(loaded.resolved)
+    assert again.case.materials == loaded.case.materials
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("elastic: «transverse, E: 3 GPa", ["'transverse'", "transversely-isotropic"]),
+        (f"{STRATA}, G_np: «3, dip: 0 deg", ["no unit"]),
+        (f"{STRATA}, G_np: 3 GPa, dip: «35", ["no unit", "angle"]),
+        (f"{STRATA}, G_np: 3 GPa, dip: 0 deg, «G_pn: 3 GPa", ["'G_pn'"]),
+        (
+            f"{STRATA.replace('nu_np: 0.1', 'nu_np: «0.9')}, G_np: 3 GPa, dip: 0 deg",
+            ["E_n/E_p = 0.5", "nu_p = 0.2", "between -0.4472 and 0.4472"],
+        ),
+        (f"{STRATA}, G_np: 3 GPa, normal: «[1, 0, 0, 0]", ["4 components"]),
+        (f"{STRATA}, G_np: 3 GPa, normal: «[0, 0]", ["length zero"]),
+        (f"{THREE}, axis_1: [1, 0], axis_2: «[1, 1]", ["right angle"]),
+        (f"{THREE.replace('nu_23: 0.1', 'nu_23: «1.2')}, dip: 0 deg", ["E_2/E_3"]),
+        (ENTRIES.replace("c44: 8 GPa", "c44: «-8 GPa"), ["positive"]),
+        (ENTRIES.replace("c22: 20 GPa", "c22: «1 GPa"), ["must exceed 1.66667e+09 Pa"]),
+    ],
+)
+def test_a_fault_is_told_at_its_place(fault, text, words):
+    message = str(fault(text))
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "solid", "words"),
+    [
+        (STRATA + ", dip: 0 deg", False, ["found E_p and nu_p and E_n and nu_np", "G_np"]),
+        (STRATA + ", G_np: 3 GPa", False, ["dip (with dip_direction), or normal"]),
+        (STRATA + ", G_np: 3 GPa, dip: 5 deg, normal: [0, 1]", False, ["dip and normal"]),
+        (STRATA + ", G_np: 3 GPa, dip: 5 deg", True, ["direction of the dip is missing"]),
+        (THREE + ", dip: 5 deg, axis_1: [1, 0]", False, ["dip and axis_1"]),
+        (ENTRIES, True, ["'c55' is missing"]),
+    ],
+)
+def test_what_is_missing_is_told(project, changed, text, solid, words):
+    case = changed(ROCK, f"  rock: {{{text}}}\n")
+    first = str(project.faults(_solid(case) if solid else case)[0])
+    for word in words:
+        assert word in first
+
+
+def test_an_inadmissible_tie_is_told_with_the_parameter_to_change(fault):
+    found = fault("elastic: isotropic, E: $E_rock, nu: «$K0")
+    assert "is 1 at the start; it must be between -1 and 0.5" in found.message
+    assert found.hint == "Change the start of K0."
