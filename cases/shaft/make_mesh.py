@@ -1,0 +1,117 @@
+"""Makes the mesh of the shaft: half of its section, six steps of sinking, two layers of rock.
+
+Shipped mesh:        python make_mesh.py
+Mesh of the truth:   python make_mesh.py --size 0.5 --order 2 --output fine.msh
+
+The same call makes the same mesh, mostly of quadrilaterals, with some triangles. Needs gmsh
+(`pip install gmsh`). Lengths in m: x is the radius, y upwards from the surface along the axis.
+"""
+
+import argparse
+import itertools
+from math import ceil
+from pathlib import Path
+
+import gmsh
+
+RADIUS, LINING = 4.0, 0.4  # of the excavation; the concrete is inside
+STEP, STEPS = 10.0, 6
+LAYER = -30.0  # between upper and lower rock
+FAR, BOTTOM = 130.0, -160.0
+LEVELS = [-STEP * i for i in range(STEPS + 1)]
+# element sizes at the wall and at the floors of the steps, and how they grow with the distance
+WALL, CORNER, GROWTH = 0.8, 0.25, 0.12
+
+geo = gmsh.model.geo
+
+
+def lines(points: list[int]) -> list[int]:
+    """Lines from point to point."""
+    return [geo.addLine(a, b) for a, b in itertools.pairwise(points)]
+
+
+def surface(*loop: int) -> int:
+    """A surface inside curves given in their order, anticlockwise."""
+    return int(geo.addPlaneSurface([geo.addCurveLoop(list(loop))]))
+
+
+def build(size: float) -> None:
+    """The geometry with its groups."""
+    rows = [[geo.addPoint(x, y, 0) for x in (0.0, RADIUS - LINING, RADIUS)] for y in LEVELS]
+    axis, inner, wall = (lines([row[i] for row in rows]) for i in range(3))
+    floors = [lines(row) for row in rows]
+    groups: dict[str, list[int]] = {}
+    for i in range(STEPS):
+        top, floor = floors[i], floors[i + 1]
+        groups[f"core-{i + 1}"] = [surface(axis[i], floor[0], -inner[i], -top[0])]
+        groups[f"lining-{i + 1}"] = [surface(inner[i], floor[1], -wall[i], -top[1])]
+        divide(inner[i], wall[i], top[1], floor[1], groups[f"lining-{i + 1}"][0], size)
+
+    seam = [row[2] for row in rows][LEVELS.index(LAYER)]
+    far = [geo.addPoint(FAR, y, 0) for y in (0.0, LAYER, BOTTOM)]
+    below = geo.addPoint(0, BOTTOM, 0)
+    ground, contact = geo.addLine(rows[0][2], far[0]), geo.addLine(seam, far[1])
+    sides = lines(far)
+    base, axis_below = geo.addLine(below, far[2]), geo.addLine(rows[-1][0], below)
+    upper = LEVELS.index(LAYER)
+    groups["upper"] = [surface(*wall[:upper], contact, -sides[0], -ground)]
+    lower = [*wall[upper:], -floors[-1][1], -floors[-1][0], axis_below, base, -sides[1], -contact]
+    groups["lower"] = [surface(*lower)]
+    geo.synchronize()
+    for name, tags in groups.items():
+        gmsh.model.addPhysicalGroup(2, tags, name=name)
+    for name, tags in {"side": sides, "bottom": [base]}.items():
+        gmsh.model.addPhysicalGroup(1, tags, name=name)
+    corners = [point for row in rows for point in row[1:]]
+    grade(size, [*wall, *floors[-1]], corners)
+
+
+def divide(inner: int, outer: int, top: int, floor: int, lining: int, size: float) -> None:
+    """One (or more) regular layers of elements in the lining."""
+    for curve in (inner, outer):
+        geo.mesh.setTransfiniteCurve(curve, ceil(STEP / (0.5 * size)) + 1)
+    for curve in (top, floor):
+        geo.mesh.setTransfiniteCurve(curve, ceil(1 / size) + 1)
+    geo.mesh.setTransfiniteSurface(lining)
+
+
+def grade(size: float, curves: list[int], corners: list[int]) -> None:
+    """Element sizes: as told at the wall and the floors, growing with the distance."""
+    field = gmsh.model.mesh.field
+    sizes = []
+    for fine, kind, tags in ((WALL, "CurvesList", curves), (CORNER, "PointsList", corners)):
+        distance = field.add("Distance")
+        field.setNumbers(distance, kind, tags)
+        field.setNumber(distance, "Sampling", 200)
+        sizes.append(field.add("MathEval"))
+        field.setString(sizes[-1], "F", f"{size} * ({fine} + {GROWTH} * F{distance})")
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", sizes)
+    field.setAsBackgroundMesh(smallest)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
+    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
+    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("shaft.msh"))
+    options = parser.parse_args()
+
+    gmsh.initialize(["-nopopup", "-v", "2"])
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+    gmsh.option.setNumber("Mesh.Algorithm", 8)  # made for quadrilaterals
+    gmsh.option.setNumber("Mesh.RecombineAll", 1)
+    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)  # quad8, not quad9
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    build(options.size)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(options.order)
+    gmsh.write(str(options.output))
+    gmsh.finalize()
+
+
+if __name__ == "__main__":
+    main()
