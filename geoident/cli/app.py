@@ -25,6 +25,7 @@ COMMANDS = (
     "diff",
     "schema",
     "doctor",
+    "completion",
 )
 
 EPILOG = """\b

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from geoident.cli.next_steps import say_next
+
 if TYPE_CHECKING:
     _Seconds = click.ParamType[float]
 else:  # older versions of click know no type of the value
@@ -55,7 +57,11 @@ class Duration(_Seconds):
 
 _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "output": click.option(
-        "-o", "--output", metavar="PATH", help="File or existing folder for the output."
+        "-o",
+        "--output",
+        metavar="PATH",
+        type=click.Path(),
+        help="File or existing folder for the output.",
     ),
     "jobs": click.option(
         "-j",
@@ -105,7 +111,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
 def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Give a command some of the shared options; it gets them as one `Options`, its last argument.
 
-    ``-q`` and ``-v`` belong to every command.
+    ``-q`` and ``-v`` belong to every command, and so does saying at its end what to do next.
     """
     wanted = [*names, "quiet", "verbose"]
 
@@ -113,7 +119,10 @@ def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
         @wraps(function)
         def command(**given: Any) -> int:
             shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
-            return function(**given, options=Options(**shared))
+            options = Options(**shared)
+            code = function(**given, options=options)
+            say_next(click.get_current_context().info_name or "", given, options, code)
+            return code
 
         decorated: Callable[..., int] = command
         for name in reversed(wanted):

@@ -18,7 +18,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
 @takes("overrides", "solver", "as_json")
 def command(cases: tuple[str, ...], options: Options) -> int:
     """Tell everything that is wrong with a case, before computing.

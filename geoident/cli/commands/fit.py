@@ -19,7 +19,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json",

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import line, say_next
 from geoident.cli.options import Options, takes
 from geoident.io.templates import TEMPLATES
 
@@ -22,13 +21,15 @@ Templates:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("folder", metavar="[DIR]", default=".")
+@click.argument("folder", metavar="[DIR]", default=".", type=click.Path())
 @click.option(
     "--template",
     type=click.Choice(list(TEMPLATES)),
     help="Which case to begin with; cavern if nothing is said.",
 )
-@click.option("--from", "mesh", metavar="MESH", help="Begin with a mesh of your own.")
+@click.option(
+    "--from", "mesh", metavar="MESH", type=click.Path(), help="Begin with a mesh of your own."
+)
 @takes("force")
 def command(folder: str, template: str | None, mesh: str | None, options: Options) -> int:
     """Write a commented case with mesh and readings, on which fit works at once.
@@ -46,8 +47,4 @@ def command(folder: str, template: str | None, mesh: str | None, options: Option
         files = init_template(template or next(iter(TEMPLATES)), folder, force=options.force)
     for file in files:
         click.echo(file)
-    if mesh is not None:
-        say_next(options, f"replace every FILL_IN in {files[0]}", line("check", files[0]))
-    else:
-        say_next(options, line("check", files[0]), line("fit", files[0]))
     return 0

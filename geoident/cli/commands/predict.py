@@ -18,9 +18,14 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("result", metavar="RESULT")
+@click.argument("result", metavar="RESULT", type=click.Path())
 @click.option("--stages", metavar="A,B", help="Stages to predict; those not fitted if missing.")
-@click.option("--case", metavar="NEW", help="Another case, whose parameters are those of the fit.")
+@click.option(
+    "--case",
+    metavar="NEW",
+    type=click.Path(),
+    help="Another case, whose parameters are those of the fit.",
+)
 @takes("output", "overrides", "solver", "force", "fresh", "as_json")
 def command(result: str, stages: str | None, case: str | None, options: Options) -> int:
     """Predict readings, with 95 % bands, from a fit.

@@ -18,7 +18,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("case", metavar="CASE")
+@click.argument("case", metavar="CASE", type=click.Path())
 @takes("output", "overrides", "seed", "max_time", "solver", "dry_run", "force", "fresh", "as_json")
 def command(case: str, options: Options) -> int:
     """Compute the discrepancy on a grid of one or two parameters.

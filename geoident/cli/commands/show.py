@@ -19,7 +19,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("results", nargs=-1, required=True, metavar="RESULT...")
+@click.argument("results", nargs=-1, required=True, metavar="RESULT...", type=click.Path())
 @click.option("--csv", "as_csv", is_flag=True, help="All tables as CSV, one below the other.")
 @takes("as_json")
 def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:

@@ -23,7 +23,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.argument("case", metavar="CASE")
+@click.argument("case", metavar="CASE", type=click.Path())
 @click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
 @takes("output", "overrides", "seed", "solver", "force", "as_json")
 def command(case: str, noise: bool, options: Options) -> int:

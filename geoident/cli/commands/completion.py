@@ -1,0 +1,32 @@
+"""``geoident completion``."""
+
+from __future__ import annotations
+
+import click
+from click.shell_completion import get_completion_class
+
+from geoident.cli.options import Options, takes
+
+SHELLS = ("bash", "zsh", "fish")
+
+EPILOG = """\b
+Examples:
+  geoident completion bash >> ~/.bashrc
+  geoident completion zsh >> ~/.zshrc
+  geoident completion fish > ~/.config/fish/completions/geoident.fish
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("shell", type=click.Choice(SHELLS))
+@takes()
+@click.pass_context
+def command(context: click.Context, shell: str, options: Options) -> int:
+    """Print what makes the shell complete commands, options and files with the Tab key."""
+    kind = get_completion_class(shell)
+    if kind is None:  # pragma: no cover - click knows all of SHELLS
+        raise click.UsageError(f"There is no completion for {shell}.")
+    program = context.find_root()
+    name = program.info_name or "geoident"
+    click.echo(kind(program.command, {}, name, "_GEOIDENT_COMPLETE").source())
+    return 0
