@@ -29,7 +29,7 @@ class LooseBody:
     Args:
         elements: (n,) element indices of the piece.
         centre: (dim,) mean of its nodes, m.
-        motion: (dim,) direction in which its centre can move; zeros for a pure rotation.
+        motion: (dim,) how far its centre can move along each axis; zeros for a pure rotation.
     """
 
     elements: Ints
@@ -53,9 +53,11 @@ def loose_body(
     pairs = _piece_nodes(mesh, present, piece)
     modes = _rigid_modes(mesh, pairs)[..., list(kinematics.rigid)]
     eigenvalues, vectors = np.linalg.eigh(_gram(mesh, pairs, modes, fixed))
-    if eigenvalues[0] > _NULL * max(eigenvalues[-1], 1.0):
+    free = eigenvalues <= _NULL * max(eigenvalues[-1], 1.0)
+    if not free.any():
         return None
-    amplitudes = vectors[:, 0].reshape(-1, modes.shape[2])
+    ways = vectors[:, free].reshape(-1, modes.shape[2], int(free.sum()))
+    amplitudes = np.linalg.norm(ways, axis=2)  # of each mode, over all ways to move
     worst = int(np.linalg.norm(amplitudes, axis=1).argmax())
     elements = np.flatnonzero(piece == worst)
     centre = mesh.points[pairs[pairs[:, 0] == worst, 1]].mean(axis=0)

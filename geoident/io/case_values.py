@@ -139,11 +139,13 @@ class Of:
                 limit = (
                     "it must be positive" if self.above == 0 else f"it must exceed {self.above:g}"
                 )
-                raise Refusal("out-of-range", f"'{given.text}': {limit}")
+                message = f"'{given.text}': {limit}"
+                hint = f"Write {self.words()}, such as {self._example()}."
+                raise Refusal("out-of-range", message, hint)
         elif self.below is None or given.factor < self.below:
             return given
         message = f"'{given.text}': it must be between {self.above:g} and {self.below:g}"
-        raise Refusal("out-of-range", message)
+        raise Refusal("out-of-range", message, "Correct the number or its unit.")
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
@@ -386,8 +388,7 @@ ParameterName = Annotated[
 ]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
-    Annotated[Level, Tag("level")]
-    | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
+    Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
     Discriminator(level_or_group),
 ]
 Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"))]

@@ -33,6 +33,12 @@ _KINDS = {
     "model_attributes_type": "a mapping",
     "string_pattern_mismatch": "a name of letters, digits and underscores",
 }
+_HINTS = {
+    "a text": "Write one word or a text in quotes.",
+    "a list": "Write it in brackets, [A, B], or one entry a line with '- ' before it.",
+    "a mapping": "Write {KEY: VALUE}, or one 'KEY: VALUE' a line, indented.",
+    "a name of letters, digits and underscores": "Begin it with a letter; write 'E_rock'.",
+}
 
 
 def add_schema_faults(
@@ -114,7 +120,7 @@ def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str,
     name = str(context.get("discriminator", "")).strip("'").removesuffix("()")
     if not isinstance(node, dict):
         message = f"found {kind_of(node)}; a mapping with the key '{name}' is expected"
-        faults.add(path, "wrong-kind", message)
+        faults.add(path, "wrong-kind", message, f"Write {{{name}: ...}}.")
     elif "tag" in context:
         _add_not_listed(faults, (*path, name), str(context["tag"]), context["expected_tags"])
     else:
@@ -125,7 +131,9 @@ def _add_not_listed(faults: Faults, path: KeyPath, found: str, expected: str) ->
     choices = _QUOTED.findall(expected)
     message = f"found '{shorten(found)}'; expected {listing(choices)}"
     hint = faults.did_you_mean(found, choices)
-    faults.add(path, "not-listed", message, hint if hint.startswith("Did") else "")
+    faults.add(
+        path, "not-listed", message, hint if hint.startswith("Did") else "Write one of them."
+    )
 
 
 def _add_other(
@@ -137,16 +145,19 @@ def _add_other(
             _add_not_listed(faults, path, node, context["expected"])
             return
         message = f"found {kind_of(node)}; {context['expected']} is expected"
+        hint = "Write one of them."
     elif kind in _KINDS:
         message = f"found {kind_of(node)}; {_KINDS[kind]} is expected"
+        hint = _HINTS[_KINDS[kind]]
     elif kind in {"too_short", "too_long"}:
         number = context.get("min_length", context.get("max_length"))
         least = "at least " if kind == "too_short" and number == 1 else ""
         entries = "entry" if number == 1 else "entries"
         message = f"found {context['actual_length']} entries; {least}{number} {entries} expected"
+        hint = f"Write {least}{number}, or remove the key if it need not be there."
     else:
-        message = error["msg"]
-    faults.add(path, "wrong-kind", message)
+        message, hint = error["msg"], "`geoident schema` tells what may stand here."
+    faults.add(path, "wrong-kind", message, hint)
 
 
 def _node_at(data: Node, path: KeyPath) -> Node:

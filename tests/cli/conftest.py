@@ -2,9 +2,8 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from geoident.cli.app import geoident
+from tests.support.commands import run_command
 from tests.support.trench import write_case
 
 
@@ -18,9 +17,6 @@ def trench(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def run():
-    def run_command(*arguments, stdin=None):
-        return CliRunner().invoke(geoident, [str(a) for a in arguments], input=stdin)
-
     return run_command
 
 

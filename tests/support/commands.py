@@ -1,0 +1,10 @@
+"""Running commands inside the process of the tests."""
+
+from click.testing import CliRunner, Result
+
+from geoident.cli.app import geoident
+
+
+def run_command(*arguments, stdin=None) -> Result:
+    """What a command said, and its exit code."""
+    return CliRunner().invoke(geoident, [str(a) for a in arguments], input=stdin)
