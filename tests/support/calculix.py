@@ -23,10 +23,16 @@ from geoident.model.elastic import constants
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
 _TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
+_TYPES |= {"tri3": "CAX3", "tri6": "CAX6", "quad4": "CAX4", "quad8": "CAX8"}
 
 
 def write_first_stage(staged: StagedModel, path: Path) -> None:
-    """Write the first stage of a three-dimensional model, at the start values."""
+    """Write the first stage of a solid or axisymmetric model, at the start values.
+
+    An axisymmetric model has no in-situ stress: CalculiX turns its elements into wedges of two
+    degrees, whose integration points are not ours.
+    """
+    dim = staged.mesh.dim
     state = staged.timeline.states[1]
     values = {p.name: p.start for p in staged.case.parameters}
     present = staged.timeline.present(1)
@@ -44,12 +50,13 @@ def write_first_stage(staged: StagedModel, path: Path) -> None:
         out.write("*BOUNDARY\n")
         touched = staged.systems[1].touched
         for dof in np.flatnonzero(fixed_dofs(staged.case, staged.mesh) & touched):
-            out.write(f"{dof // 3 + 1},{dof % 3 + 1},{dof % 3 + 1}\n")
-        _write_initial_stress(staged, values, present, out)
+            out.write(f"{dof // dim + 1},{dof % dim + 1},{dof % dim + 1}\n")
+        if staged.case.in_situ is not None:
+            _write_initial_stress(staged, values, present, out)
         out.write("*STEP\n*STATIC\n*CLOAD\n")
         forces = staged.actions.forces(1, values, ())[:, 0]
         for dof in np.flatnonzero((forces != 0) & touched):
-            out.write(f"{dof // 3 + 1},{dof % 3 + 1},{forces[dof]:.12e}\n")
+            out.write(f"{dof // dim + 1},{dof % dim + 1},{forces[dof]:.12e}\n")
         out.write("*NODE PRINT, NSET=ALL\nU\n*END STEP\n")
 
 
