@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from geoident.report.layout import number
@@ -45,3 +46,25 @@ def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     mean, sd = (number(in_unit(float(text), unit, dimension)) for text in match.groups()[1:])
     kind = "" if match[1] == "normal" else f" ({match[1]})"
     return f"{mean} +- {sd}{kind}"
+
+
+NORMAL_95 = 1.959963984540054
+"""Half of a 95 % interval of a normal distribution, in standard deviations."""
+
+
+def prior_interval(prior: str) -> tuple[float, float] | None:
+    """The 95 % interval of the text of a prior, SI; None if there is no prior.
+
+    The sd of a lognormal prior is that of the logarithm times its median.
+
+    >>> prior_interval("normal(8e+06, 1e+06)")[1] / 1e6
+    9.959963984540053
+    """
+    match = _PRIOR.fullmatch(prior)
+    if match is None:
+        return None
+    mean, sd = float(match[2]), float(match[3])
+    if match[1] == "normal":
+        return mean - NORMAL_95 * sd, mean + NORMAL_95 * sd
+    factor = math.exp(NORMAL_95 * sd / mean)
+    return mean / factor, mean * factor

@@ -1,45 +1,101 @@
-"""``geoident report``: figures of a result, as files."""
+"""``geoident report``: results as a page and as figures, in files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from geoident.io.atomic import atomic_output
+from geoident.errors import OutputError, UsageError
+from geoident.io.atomic import atomic_output, output_error
 from geoident.io.result_file import read_result
 from geoident.model.result import Result
+from geoident.workflow.inputs import STDIN
+
+COMPARISON = "comparison.html"
+"""Name of the page of several results."""
+
+Labelled = Sequence[tuple[str, Result]]
+
+
+def read_results(paths: Sequence[str]) -> tuple[tuple[str, Result], ...]:
+    """Results with labels to tell them apart: names of files, or paths where these are the same.
+
+    Raises:
+        InputError: one of them is missing or damaged.
+    """
+    names = [Path(path).name.removesuffix(".h5") for path in paths]
+    labels = names if len(set(names)) == len(names) else [Path(path).as_posix() for path in paths]
+    return tuple((label, read_result(path)) for label, path in zip(labels, paths, strict=True))
+
+
+def page_path(paths: Sequence[str], *, output: str | None) -> str:
+    """Where the page goes.
+
+    Args:
+        paths: of the results.
+        output: a file, an existing folder, or None for beside the first result.
+
+    >>> page_path(["cases/cavern/case.fit.h5"], output=None)
+    'cases/cavern/case.fit.html'
+    """
+    if output == STDIN:
+        raise UsageError("A page cannot be written to stdout: give a file or a folder to -o.")
+    first = Path(paths[0])
+    name = f"{first.name.removesuffix('.h5')}.html" if len(paths) == 1 else COMPARISON
+    if output is None:
+        place = first.with_name(name)
+    else:
+        place = Path(output) / name if Path(output).is_dir() else Path(output)
+    if any(place.exists() and Path(path).exists() and place.samefile(path) for path in paths):
+        raise OutputError(f"{place}: is an input of this command; choose another -o")
+    return place.as_posix()
+
+
+def write_page(
+    results: Labelled, path: str, *, overwrite: bool, render: Callable[[Labelled], str]
+) -> str:
+    """Write the report of results; the path comes back.
+
+    Args:
+        results: labels and results.
+        path: of the page.
+        overwrite: replace another file.
+        render: makes the page.
+    """
+    _write(path, render(results).encode(), overwrite=overwrite)
+    return path
 
 
 def write_figures(
-    path: str,
-    *,
-    names: tuple[str, ...],
+    results: Labelled,
     folder: str,
-    suffix: str,
+    *,
     overwrite: bool,
-    save: Callable[[Result, Mapping[str, str]], None],
+    draw: Callable[[Labelled], Mapping[str, bytes]],
 ) -> tuple[str, ...]:
-    """Draw a result into files ``folder/NAME.suffix``, which appear whole or not at all.
+    """Write all figures of results into a folder, which is made if it is missing.
 
     Args:
-        path: the result.
-        names: the figures.
-        folder: where to put them; made if it is missing.
-        suffix: ``svg``, ``png`` or ``pdf``.
-        overwrite: whether files that exist are replaced.
-        save: draws the figures into files (name to path).
-
-    Returns:
-        The files.
+        results: labels and results.
+        folder: where to put them.
+        overwrite: replace other files.
+        draw: makes the figures: name of the file to its bytes.
     """
-    result = read_result(path)
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    outputs = tuple(str(Path(folder) / f"{name}.{suffix}") for name in names)
-    with ExitStack() as stack:
-        parts = {
-            name: stack.enter_context(atomic_output(output, overwrite=overwrite))
-            for name, output in zip(names, outputs, strict=True)
-        }
-        save(result, {name: str(part) for name, part in parts.items()})
-    return outputs
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+    paths = []
+    for name, content in draw(results).items():
+        paths.append((Path(folder) / name).as_posix())
+        _write(paths[-1], content, overwrite=overwrite)
+    return tuple(paths)
+
+
+def _write(path: str, content: bytes, *, overwrite: bool) -> None:
+    """Write a file, whole or not at all. One of the same content is left as it is."""
+    place = Path(path)
+    if not overwrite and place.is_file() and place.read_bytes() == content:
+        return
+    with atomic_output(path, overwrite=overwrite) as temporary:
+        Path(temporary).write_bytes(content)

@@ -11,47 +11,81 @@ from geoident.errors import UsageError
 
 EPILOG = """\b
 Examples:
-  geoident report case.fit.h5 --figures figures
-  geoident report case.fit.h5 --figures . --format png --force
+  geoident report case.fit.h5
+  geoident report case.fit.h5 -o report.html --figures figures --format pdf
+  geoident report case.fit.h5 --no-page --figures . --format png --force
+  geoident report start-a.h5 start-b.h5 -o comparison.html
 """
 
 
 @click.command(epilog=EPILOG)
-@click.argument("result", metavar="RESULT")
-@click.option("--figures", "folder", metavar="DIR", required=True, help="Folder for the figures.")
+@click.argument("results", nargs=-1, required=True, metavar="RESULT...")
+@click.option("--figures", "folder", metavar="DIR", help="Write the figures as files as well.")
 @click.option(
     "--format",
-    "suffix",
+    "suffixes",
     type=click.Choice(["svg", "png", "pdf"]),
-    default="svg",
-    show_default=True,
-    help="Format of the figures.",
+    multiple=True,
+    help="Format of these files; may be repeated.  [default: svg]",
 )
-@takes("force")
-def command(result: str, folder: str, suffix: str, options: Options) -> int:
-    """Draw a result: displacements around the gauges, readings measured, computed and predicted.
+@click.option("--no-page", is_flag=True, help="Only the figures.")
+@takes("output", "force")
+def command(
+    results: tuple[str, ...],
+    folder: str | None,
+    suffixes: tuple[str, ...],
+    no_page: bool,
+    options: Options,
+) -> int:
+    """Write the report: one page that opens in any browser, prints, and needs no other file.
 
-    Writes DIR/overview.svg and prints its path. Needs matplotlib: pip install "geoident[report]".
+    Parameters with intervals and what is not determined, gauges measured, computed and predicted,
+    displacements, stresses, residuals, and where all of it comes from. Several results make one
+    page that compares them. The page is CASE.fit.html beside the result. The same results give the
+    same page; a different file of that name is replaced only with --force.
+
+    Needs matplotlib: pip install "geoident[report]".
     """
-    from functools import partial
+    from geoident.workflow.report import page_path, read_results, write_figures, write_page
 
-    from geoident.workflow.report import write_figures
+    _require_sense(folder, suffixes, no_page=no_page, output=options.output)
+    _require_matplotlib()
+    from geoident.report.figures import figure_files
+    from geoident.report.page import report_page
 
+    place = "" if no_page else page_path(results, output=options.output)
+    read = read_results(results)
+    written: tuple[str, ...] = ()
+    if place:
+        written += (write_page(read, place, overwrite=options.force, render=report_page),)
+    if folder is not None:
+        written += write_figures(
+            read,
+            folder,
+            overwrite=options.force,
+            draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
+        )
+    for path in written:
+        click.echo(path)
+    return 0
+
+
+def _require_sense(
+    folder: str | None, suffixes: tuple[str, ...], *, no_page: bool, output: str | None
+) -> None:
+    if no_page and folder is None:
+        raise UsageError("--no-page leaves nothing to write: add --figures DIR.")
+    if no_page and output is not None:
+        raise UsageError("-o names the page, which --no-page leaves out: drop one of them.")
+    if suffixes and folder is None:
+        raise UsageError("--format is that of the figures: add --figures DIR.")
+
+
+def _require_matplotlib() -> None:
     try:
-        from geoident.report.figures import FIGURES, save_figures
+        import matplotlib  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name != "matplotlib":
             raise
-        msg = 'figures need matplotlib: pip install "geoident[report]"'
+        msg = 'reports need matplotlib: pip install "geoident[report]"'
         raise UsageError(msg) from error
-    outputs = write_figures(
-        result,
-        names=tuple(FIGURES),
-        folder=folder,
-        suffix=suffix,
-        overwrite=options.force,
-        save=partial(save_figures, suffix=suffix),
-    )
-    for output in outputs:
-        click.echo(output)
-    return 0

@@ -1,0 +1,1 @@
+"""Figures by matplotlib, the only modules that import it."""

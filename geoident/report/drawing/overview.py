@@ -1,0 +1,108 @@
+"""One figure for the eye: displacements around the gauges, and the gauges that moved most."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from geoident.model.result import Result
+from geoident.report.drawing.fields import (
+    bands,
+    displacement_size,
+    draw_gauge_lines,
+    draw_lines,
+    finish,
+    shade,
+    weighted,
+)
+from geoident.report.drawing.readings import draw_computed, draw_measured
+from geoident.report.drawing.style import COMPUTED, LENGTHS, MEASURED, Picture, short, stage_ticks
+from geoident.report.scene import Scene
+
+_PANELS = 6
+
+
+def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...]:
+    """The overview, if anything was computed."""
+    if not _busiest(result):
+        return ()
+    return (
+        Picture(
+            "overview",
+            "Displacements and gauges at a glance",
+            "The gauges that moved most for their accuracy. Dots are measured, solid lines "
+            "computed, dashed lines in their 95 % bands predicted.",
+            lambda: overview_figure(result, scene),
+        ),
+    )
+
+
+def overview_figure(result: Result, scene: Scene | None) -> Figure:
+    """Displacements after the last fitted stage, beside the gauges that moved most."""
+    rows = _busiest(result)
+    field = scene is not None and bool(scene.sheets)
+    figure = Figure(figsize=(11, 5.8) if field else (8.5, 5.8))
+    gauge_part: Figure | SubFigure = figure
+    if scene is not None and field:
+        wide = scene.window(scene.sheets[0]).aspect < 0.7
+        ratios = [1.25, 1.0] if wide else [1.0, 1.35]
+        parts = figure.subfigures(1, 2, width_ratios=ratios, squeeze=False)
+        _draw_field(parts[0, 0].subplots(), scene)
+        gauge_part = parts[0, 1]
+    panels = gauge_part.subplots(-(-len(rows) // 2), 2, sharex=True, squeeze=False)
+    for axes, row in zip(panels.ravel(), rows, strict=False):
+        _draw_channel(axes, result, row)
+    if len(rows) % 2:
+        panels[-1, 1].remove()
+        if len(rows) > 2:
+            panels[-2, 1].tick_params(labelbottom=True)
+    gauge_part.legend(handles=_legend(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _legend() -> list[Line2D | Patch]:
+    return [
+        Line2D([], [], color=MEASURED, marker="o", ls="", ms=4, label="measured"),
+        Line2D([], [], color=COMPUTED, label="computed"),
+        Patch(color=COMPUTED, alpha=0.22, lw=0, label="predicted, 95 %"),
+    ]
+
+
+def _draw_channel(axes: Axes, result: Result, row: int) -> None:
+    draw_computed(axes, result, row, COMPUTED)
+    draw_measured(axes, result.gauges, row, MEASURED, "o")
+    axes.set_title(short(result.gauges.channels[row], 24))
+    axes.set_ylabel("mm")
+    stage_ticks(axes, result.gauges.stages)
+    axes.grid(axis="y")
+
+
+def _draw_field(axes: Axes, scene: Scene) -> None:
+    sheet, state = scene.sheets[0], scene.last_fitted
+    window = scene.window(sheet)
+    size = displacement_size(scene, sheet, state)
+    scale = bands(weighted(scene, sheet, state, window, size), LENGTHS)
+    shading = shade(axes, scene, sheet, state, size, scale)
+    draw_lines(axes, scene, sheet, state)
+    draw_gauge_lines(axes, scene, sheet)
+    finish(axes, scene, sheet, window, state)
+    where = f", section {sheet.plane}" if sheet.plane is not None else ""
+    axes.set_title(f"after {short(scene.stage(state), 20)}{where}")
+    figure = axes.get_figure()
+    assert figure is not None
+    bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.85)
+    bar.set_label("displacement (mm)")
+
+
+def _busiest(result: Result) -> list[int]:
+    """Rows of the channels that moved most for their accuracy, one of each gauge."""
+    table = result.gauges
+    moved = np.abs(np.nan_to_num(table.computed)) / np.nan_to_num(table.sd, nan=1.0)
+    gauges: dict[str, int] = {}
+    for row in np.argsort(-moved.max(axis=1, initial=0.0), kind="stable"):
+        if moved[row].max(initial=0.0) > 0:
+            gauges.setdefault(table.channels[row].partition(".")[0], int(row))
+    return list(gauges.values())[:_PANELS]

@@ -1,0 +1,253 @@
+"""How well the model meets the readings, how it got there, and what it says of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from geoident.model.arrays import Floats
+from geoident.model.result import GaugeTable, Iteration, ParameterTable, Result
+from geoident.report.drawing.readings import MM, unknown
+from geoident.report.drawing.style import (
+    COLOURS,
+    COMPUTED,
+    DIVERGING,
+    FAINT,
+    MARKERS,
+    MEASURED,
+    SMALL,
+    Picture,
+    short,
+)
+from geoident.report.layout import number
+from geoident.report.residuals import OUTLIER, standardized
+
+_MOST_ROWS = 60
+
+
+def quality_pictures(result: Result) -> tuple[Picture, ...]:
+    """1:1 plot, residuals, history and correlation, as far as there is something to show."""
+    found = []
+    if np.isfinite(standardized(result)).any():
+        found += [_one_to_one_picture(result), _residual_picture(result)]
+    if len(result.history) > 1:
+        found.append(_history_picture(result))
+    if len(_determined(result.parameters)) > 1:
+        found.append(_correlation_picture(result))
+    return tuple(found)
+
+
+def _one_to_one_picture(result: Result) -> Picture:
+    return Picture(
+        "one-to-one",
+        "Computed against measured",
+        "Every reading; on the line, computed and measured are the same.",
+        lambda: one_to_one_figure(result),
+    )
+
+
+def one_to_one_figure(result: Result) -> Figure:
+    """Computed over measured readings, mm, equal scales."""
+    figure = Figure(figsize=(4.8, 4.9))
+    axes = figure.subplots()
+    table = result.gauges
+    computed = np.where(unknown(result), np.nan, MM * table.computed)
+    measured = MM * table.measured
+    both = np.isfinite(measured) & np.isfinite(computed)
+    for used, face, label in ((True, MEASURED, "used"), (False, "white", "not used or predicted")):
+        here = both & (table.used == used)
+        if here.any():
+            axes.plot(
+                measured[here],
+                computed[here],
+                "o",
+                ms=4,
+                color=MEASURED,
+                mfc=face,
+                mew=0.8,
+                label=f"{label} ({np.count_nonzero(here)})",
+            )
+    values = np.concatenate([measured[both], computed[both]])
+    ends = _widened(float(values.min()), float(values.max()))
+    axes.plot(ends, ends, "-", color=COMPUTED, lw=1, zorder=0, label="computed = measured")
+    axes.set(xlim=ends, ylim=ends, xlabel="measured (mm)", ylabel="computed (mm)")
+    axes.set_aspect("equal")
+    axes.grid()
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def _widened(low: float, high: float) -> tuple[float, float]:
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _residual_picture(result: Result) -> Picture:
+    rows = _residual_rows(result)
+    left = len(result.gauges.channels) - len(rows)
+    more = f" The {len(rows)} channels that deviate most." if left else ""
+    return Picture(
+        "residuals",
+        "Standardized residuals",
+        "Measured minus computed, in standard deviations (accuracy of the gauge; for predictions "
+        f"with the uncertainty of the parameters). Beyond {OUTLIER:g} the stage is named.{more}",
+        lambda: residual_figure(result),
+    )
+
+
+def _residual_rows(result: Result) -> list[int]:
+    """Channels with residuals; of many, those that deviate most, in their order."""
+    size = np.nan_to_num(np.abs(standardized(result)), nan=-1.0).max(axis=1, initial=-1.0)
+    rows = [int(row) for row in np.argsort(-size, kind="stable") if size[row] >= 0]
+    return sorted(rows[:_MOST_ROWS])
+
+
+def residual_figure(result: Result) -> Figure:
+    """Standardized residuals, a line for each channel, a mark for each stage."""
+    rows, table = _residual_rows(result), result.gauges
+    figure = Figure(figsize=(7.6, 0.19 * len(rows) + 1.4))
+    axes = figure.subplots()
+    axes.axvspan(-2, 2, color=FAINT, alpha=0.15, lw=0)
+    axes.axvline(0, color=FAINT, lw=0.7)
+    residual = standardized(result)
+    for y, row in enumerate(rows):
+        for used, face in ((True, MEASURED), (False, "white")):
+            here = np.isfinite(residual[row]) & (table.used[row] == used)
+            axes.plot(
+                residual[row, here],
+                np.full(here.sum(), y),
+                "o",
+                ms=3.8,
+                color=MEASURED,
+                mfc=face,
+                mew=0.8,
+            )
+        _name_outliers(axes, residual[row], table, y)
+    reach = 1.1 * max(3.5, float(np.nanmax(np.abs(residual))))
+    named = bool(np.nanmax(np.abs(residual)) > OUTLIER)
+    axes.set_xlim(-reach, 1.35 * reach if named else reach)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_yticks(range(len(rows)), [short(table.channels[row], 22) for row in rows])
+    axes.set_xlabel("(measured - computed) / standard deviation; grey: within 2; hollow: not used")
+    axes.grid(axis="y")
+    return figure
+
+
+def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable, y: int) -> None:
+    """Names of the stages beyond the limit, beside the last dot of the channel."""
+    out = np.flatnonzero(np.abs(np.nan_to_num(residual)) > OUTLIER)
+    if out.size:
+        names = ", ".join(short(table.stages[stage], 12) for stage in out[:3])
+        more = f" and {out.size - 3} more" if out.size > 3 else ""
+        axes.annotate(
+            names + more,
+            (float(np.nanmax(residual)), y),
+            xytext=(5, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=SMALL,
+        )
+
+
+def _history_picture(result: Result) -> Picture:
+    return Picture(
+        "history",
+        "How the search went",
+        "Left, the discrepancy (weighted squares, with the part of the priors) at each trial. "
+        "Right, the parameters that are determined, over their final value.",
+        lambda: history_figure(result),
+    )
+
+
+def history_figure(result: Result) -> Figure:
+    """Objective and parameters over the trials."""
+    history = [i for i in result.history if np.isfinite(i.objective)]
+    names = _determined(result.parameters)
+    figure = Figure(figsize=(10 if names else 5.5, 3.3))
+    panels = figure.subplots(1, 2 if names else 1, squeeze=False)[0]
+    _draw_objective(panels[0], history)
+    if names:
+        _draw_traces(panels[1], result, history, names)
+    for axes in panels:
+        axes.set_xlabel("trial")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.grid()
+    return figure
+
+
+def _draw_objective(axes: Axes, history: Sequence[Iteration]) -> None:
+    x = np.arange(len(history))
+    objective = np.array([i.objective for i in history])
+    rejected = np.array([i.note == "rejected" for i in history], dtype=bool)
+    axes.plot(x[~rejected], objective[~rejected], "-o", ms=3.5, lw=1, color=COMPUTED)
+    if rejected.any():
+        axes.plot(x[rejected], objective[rejected], "x", ms=5, color=MEASURED, label="rejected")
+        axes.legend()
+    if objective.size and objective.min() > 0 and objective.max() > 10 * objective.min():
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: number(y)))
+    axes.set_ylabel("discrepancy")
+
+
+def _draw_traces(
+    axes: Axes, result: Result, history: Sequence[Iteration], names: Sequence[int]
+) -> None:
+    for k, i in enumerate(names):
+        final = result.parameters.values[i]
+        trace = np.array([step.values[i] for step in history if step.note != "rejected"])
+        x = [n for n, step in enumerate(history) if step.note != "rejected"]
+        axes.plot(
+            x,
+            trace / (final or 1.0),
+            "-",
+            marker=MARKERS[k % len(MARKERS)],
+            ms=3.5,
+            lw=1,
+            color=COLOURS[k % len(COLOURS)],
+            label=short(result.parameters.names[i]),
+        )
+    axes.axhline(1, color=FAINT, lw=0.6, zorder=0)
+    axes.set_ylabel("value / final value")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def _determined(parameters: ParameterTable) -> list[int]:
+    return [int(i) for i in np.flatnonzero(parameters.determined)]
+
+
+def _correlation_picture(result: Result) -> Picture:
+    return Picture(
+        "correlation",
+        "Correlation of the parameters",
+        "Near 1 or -1 the readings tell a combination of two parameters better than each of them. "
+        "A dash: not determined.",
+        lambda: correlation_figure(result.parameters),
+    )
+
+
+def correlation_figure(parameters: ParameterTable) -> Figure:
+    """The correlation matrix with its numbers."""
+    n = len(parameters.names)
+    known = np.outer(parameters.determined, parameters.determined)
+    matrix = np.where(known, parameters.correlation, np.nan)
+    size = min(9.0, 2.0 + 0.55 * n)
+    figure = Figure(figsize=(size + 1.2, size))
+    axes = figure.subplots()
+    shown = axes.imshow(matrix, vmin=-1, vmax=1, cmap=DIVERGING)
+    names = [short(name, 14) for name in parameters.names]
+    axes.set_xticks(range(n), names, rotation=55, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(n), names)
+    for i, j in np.ndindex(n, n):
+        value = matrix[i, j]
+        text = f"{value:.2f}" if np.isfinite(value) else "-"
+        dark = np.isfinite(value) and abs(value) > 0.7
+        axes.text(
+            j, i, text, ha="center", va="center", fontsize=SMALL, color="white" if dark else "black"
+        )
+    axes.spines[:].set_visible(False)
+    figure.colorbar(shown, ax=axes, shrink=0.8, label="correlation")
+    return figure

@@ -1,0 +1,114 @@
+"""How all figures look, and how they are saved: the same result gives the same bytes.
+
+Made for print and for colour-blind readers: the colours of Okabe and Ito with a marker each for
+things, one scale that is monotonous in lightness for magnitudes.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib import rc_context, rcdefaults
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+COMPUTED = "#1f4e79"
+MEASURED = "#d95f02"
+FAINT = "#8c8c8c"
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+LENGTHS = "YlGnBu"
+STRESSES = "YlOrBr"
+DIVERGING = "PuOr"
+SMALL = 7.0
+MIDDLE = 8.5
+
+_DPI = 150
+_DATES = {"svg": "Date", "pdf": "CreationDate", "png": "Creation Time"}
+_RC: Any = {
+    "svg.hashsalt": "geoident",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "text.parse_math": False,  # a $ in a name is a $
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so pages do not depend on the machine
+    "font.size": MIDDLE,
+    "axes.titlesize": MIDDLE,
+    "axes.titlelocation": "left",
+    "axes.labelsize": MIDDLE,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "legend.fontsize": SMALL,
+    "legend.frameon": False,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "figure.constrained_layout.use": True,
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that has not been drawn yet.
+
+    Args:
+        name: of its file, and of its place in the page.
+        title: what it shows.
+        caption: what has to be known to read it.
+        draw: makes the figure.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Our settings of matplotlib, and none of the user's; missing glyphs are drawn as boxes."""
+    with warnings.catch_warnings(), rc_context():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        rcdefaults()  # a matplotlibrc of the user does not count
+        with rc_context(_RC):
+            yield
+
+
+def image(picture: Picture, suffix: str) -> bytes:
+    """A figure as a file: ``svg``, ``png`` or ``pdf``."""
+    with drawing_style():
+        buffer = io.BytesIO()
+        picture.draw().savefig(buffer, format=suffix, dpi=_DPI, metadata={_DATES[suffix]: None})
+        return buffer.getvalue()
+
+
+def short(text: str, most: int = 18) -> str:
+    """A name cut to so many characters.
+
+    >>> short("bench 1"), short("a stage with a very long name")
+    ('bench 1', 'a stage with a ve…')
+    """
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def stage_ticks(axes: Axes, stages: tuple[str, ...], *, most: int = 14) -> None:
+    """Names of the stages along x, at an angle; of many, every second, third, ..."""
+    every = -(-len(stages) // most)
+    places = range(0, len(stages), every)
+    axes.set_xticks(list(places), [short(stages[k], 14) for k in places])
+    axes.tick_params(axis="x", labelrotation=55)
+    for label in axes.get_xticklabels():
+        label.set_horizontalalignment("right")
+        label.set_rotation_mode("anchor")
+    axes.set_xlim(-0.4, len(stages) - 0.6)
+
+
+def hide_unused(panels: list[Axes], used: int) -> None:
+    """Remove the panels after the used ones."""
+    for axes in panels[used:]:
+        axes.remove()
