@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,20 +55,30 @@ class Actions:
     def forces(self, state: int, values: Values, names: Sequence[str]) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
         current = self._timeline.states[state]
+        total = self.carried(state, current.materials.keys(), values, names)
+        for name, load in current.loads.items():
+            if not isinstance(load, Seismic):
+                total += self._loads[state, name].forces(Point(values, names))
+        return total
+
+    def carried(
+        self, state: int, groups: Collection[int], values: Values, names: Sequence[str]
+    ) -> Floats:
+        """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
+        current = self._timeline.states[state]
+        some = replace(current, materials={g: current.materials[g] for g in groups})
         point = Point(values, names)
         total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
         if self._case.gravity is not None:
-            total += self._weight(current, self._case.gravity, point)
-        for group in current.materials:
+            total += self._weight(some, self._case.gravity, point)
+        for group in groups:
             for edge in self._edges.get(group, ()):
                 total += edge.forces(values, names)
-        for name, load in current.loads.items():
+        for load in current.loads.values():
             if isinstance(load, Seismic):
-                total += self._shaking(current, load, point)
-            else:
-                total += self._loads[state, name].forces(point)
+                total += self._shaking(some, load, point)
         if current.water is not None:
-            total += self._pore_forces(state, current.water, point)
+            total += self._pore_forces(state, groups, current.water, point)
         return total
 
     def _weight(self, state: State, gravity: Sequence[float], point: Point) -> Floats:
@@ -89,8 +100,10 @@ class Actions:
             mass += np.outer(self._shares[group], density.columns)
         return Jet(mass)
 
-    def _pore_forces(self, state: int, water: Water, point: Point) -> Floats:
-        """C^T V p over the points with water in their pores."""
+    def _pore_forces(
+        self, state: int, groups: Collection[int], water: Water, point: Point
+    ) -> Floats:
+        """C^T V p over the points of some groups with water in their pores."""
         points = self._systems.points
         if id(water) not in self._pores:
             self._pores[id(water)] = PorePressure(water, self._mesh, points.position)
@@ -98,7 +111,9 @@ class Actions:
         stress = np.zeros((points.n_strain, *pressure.shape))
         stress[:NORMAL_COMPONENTS] = pressure
         volume = self._systems[state].volume
-        wet = _wet(water, self._timeline.group_of[points.element], self._timeline)
+        group_of_point = self._timeline.group_of[points.element]
+        wet = _wet(water, group_of_point, self._timeline)
+        wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
 

@@ -40,6 +40,7 @@ from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
 from geoident.forward.actions import Actions
 from geoident.forward.in_situ import InSituStress
 from geoident.forward.materials import elasticity, elasticity_slopes
+from geoident.forward.release import PartialRelease
 from geoident.forward.stage_systems import StageSystem, StageSystems
 from geoident.forward.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.timeline import State, Timeline
@@ -137,6 +138,7 @@ class March:
         points = systems.points
         groups = timeline.group_of[points.element]
         self._virgin = InSituStress(case, mesh, points.position, groups, timeline.groups)
+        self._release = PartialRelease(timeline, systems, actions)
         self._last_factor = _LastFactor()
         self.imbalance = 0.0
 
@@ -182,6 +184,7 @@ class March:
             if n == 0:
                 self._begin(system, state, values, names, stress, forces)
             else:
+                forces += self._release.forces(n, stress, values, names)
                 self._clear(system, state, stress, u)
                 strain = self._thermal.change(n, values, names)
                 u += self._step(system, state, values, names, stress, forces, strain)

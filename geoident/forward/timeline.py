@@ -13,6 +13,7 @@ from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
 
 _SHOWN = 5
 
@@ -29,6 +30,8 @@ class State:
         base: index of the state on which this one builds; of the virgin state, 0.
         water: in the pores, or None for none.
         temperature: group index to change of temperature.
+        left: group indices that leave at this stage.
+        release: group index to the part of its stress that is released so far, where it is told.
     """
 
     name: str
@@ -38,6 +41,8 @@ class State:
     base: int = 0
     water: Water | None = None
     temperature: Mapping[int, Temperature] = field(default_factory=dict)
+    left: frozenset[int] = frozenset()
+    release: Mapping[int, Scalar] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -116,9 +121,14 @@ def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int
     loads = {k: v for k, v in before.loads.items() if k not in stage.remove} | dict(stage.loads)
     stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
     warmed = {index[g]: t for g, t in stage.temperature.items()}
+    left = frozenset(gone & before.materials.keys())
+    # A group that leaves again with nothing said of its release is released whole.
+    release = {g: part for g, part in before.release.items() if g not in left}
+    release |= {index[g]: part for g, part in stage.release.items()}
     return State(
-        stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed
-    )
+        stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
+        left, release,
+    )  # fmt: skip
 
 
 def group_faults(case: Case, mesh: Mesh) -> list[Fault]:

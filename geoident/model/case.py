@@ -99,6 +99,8 @@ class Stage:
             that is present is replaced: its old stress is released.
         change: group to material: the material changes, the stress stays (hardening of
             shotcrete, softening of rock).
+        release: group to the part (0 to 1) of its stress that is released, for a group that leaves
+            now or left before with part of it; the rest acts on until a later stage says more.
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
         water: water in the pores from this stage on; None: as before.
@@ -113,6 +115,7 @@ class Stage:
     excavate: tuple[str, ...] = ()
     install: Mapping[str, str] = field(default_factory=dict)
     change: Mapping[str, str] = field(default_factory=dict)
+    release: Mapping[str, Scalar] = field(default_factory=dict)
     loads: Mapping[str, Load] = field(default_factory=dict)
     remove: tuple[str, ...] = ()
     water: Water | None = None
