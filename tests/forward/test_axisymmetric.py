@@ -18,7 +18,7 @@ from support.meshes import KINDS_2D, box, from_grid, opening, regroup
 
 from geoident.errors import InputError, ModelError
 from geoident.fem.elements import reference_element
-from geoident.model.actions import Pressure, Traction
+from geoident.model.actions import PointForce, Pressure, Seismic, Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.gauges import Channel
 from geoident.model.in_situ import ConstantStress, HeimStress
@@ -305,6 +305,38 @@ def test_hoop_stress_is_the_out_of_plane_component():
     np.testing.assert_allclose(axial, -3e6, rtol=2e-3)
 
 
+@kinds
+@pytest.mark.parametrize("inner", [0.0, 1.0])
+def test_free_ground_expands_with_temperature_by_alpha_in_every_direction(kind, inner):
+    mesh = section(kind, (3, 3), (2.0, 1.0), inner=inner)
+    result = fields(
+        mesh,
+        materials={"rock": replace(ROCK, expansion=Scalar(1e-5))},
+        groups={"all": "rock"},
+        supports=(Support("y0", (1,)),),
+        stages=(Stage("summer", temperature={"all": Scalar(20.0)}),),
+    )
+    np.testing.assert_allclose(result.displacement[-1], 2e-4 * mesh.points, atol=1e-15)
+    np.testing.assert_allclose(result.stress[-1], 0.0, atol=1e-5)
+
+
+def test_a_force_is_that_of_the_whole_turn():
+    """A force on the axis of a long column: its mean axial stress is the force per round area."""
+    mesh = section("quad8", (6, 24), (1.0, 8.0), inner=0.0)
+    result = fields(
+        mesh,
+        materials={"rock": ROCK},
+        groups={"all": "rock"},
+        supports=(Support("y0", (1,)),),
+        stages=(Stage("load", loads={"P": PointForce((0.0, 8.0), (Scalar(0.0), Scalar(-6e6)))}),),
+    )
+    centre = mesh.points[mesh.blocks[0].nodes[:, :4]].mean(axis=1)
+    low = centre[:, 1] < 2
+    axial, share = result.stress[-1][low, 1], centre[low, 0]
+    assert np.average(axial, weights=share) == pytest.approx(-6e6 / np.pi, rel=1e-6)
+    np.testing.assert_allclose(axial, -6e6 / np.pi, rtol=1e-3)
+
+
 def test_convergence_across_the_axis_is_twice_the_radial_motion():
     ends = (-1.0, 6.5), (1.0, 6.5)
     across = Channel("CV", "CV", "convergence", *ends, (1.0, 0.0), 1e-4, "virgin", ("gauges", "CV"))
@@ -353,6 +385,10 @@ def test_rounding_at_the_axis_is_the_axis():
         ({"gravity": (0.1, -9.81)}, "gravity: gravity has a part across the axis"),
         ({"in_situ": constant(-9e6, -6e6, -8e6)}, "in_situ.zz: xx (radial) and zz (hoop)"),
         ({"in_situ": constant(-9e6, -6e6, -9e6, 1e5)}, "in_situ.xy: xy (rz)"),
+        (
+            {"loads": {"quake": Seismic((Scalar(0.1), Scalar(0.0)))}},
+            "loads.quake: shaking across the axis",
+        ),
         (
             {"in_situ": HeimStress(K0=Scalar(1.0), vertical=Scalar(1e6), K0_across=Scalar(1.5))},
             "in_situ.K0: the horizontal in-situ stresses",
