@@ -240,7 +240,9 @@ IN_SITU = {
         )
     ),
     "heim": HeimStress(K0=Scalar(1.0, "K0"), vertical=Scalar(1.0, "sv")),
-    "heim-depth": HeimStress(K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(50.0)),
+    "heim-depth": HeimStress(
+        K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(50.0)
+    ),
     "heim-free": HeimStress(
         K0=Scalar(1.0, "K0"), unit_weight=Scalar(1.0, "gamma"), surface=Scalar(9.0), held=False
     ),

@@ -1,0 +1,34 @@
+"""Exact derivatives against Richardson's extrapolation of central differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+def assert_exact(
+    response, p: np.ndarray, names: tuple[str, ...], *, step: float = 2e-3, rtol: float = 1e-7
+) -> None:
+    """The Jacobian of a response at p agrees with differences, and every parameter acts."""
+    v, jacobian = response.evaluate(p)
+    np.testing.assert_allclose(response.readings(p), v, rtol=1e-12)
+    for h, name in enumerate(names):
+        numeric = richardson(response.readings, p, h, step * abs(p[h]))
+        scale = np.abs(jacobian[:, h]).max()
+        assert scale > 0, f"{name} acts on nothing in this test"
+        np.testing.assert_allclose(jacobian[:, h], numeric, atol=rtol * scale, err_msg=name)
+
+
+def richardson(
+    function: Callable[[np.ndarray], np.ndarray], p: np.ndarray, h: int, step: float
+) -> np.ndarray:
+    """Derivative of a function of p by p[h]."""
+    unit = step * np.eye(len(p))[h]
+
+    def slope(k: int) -> np.ndarray:
+        return (function(p + unit / k) - function(p - unit / k)) / (2 * step / k)
+
+    coarse, middle, fine = slope(1), slope(2), slope(4)
+    once = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
+    return (16 * once[1] - once[0]) / 15
