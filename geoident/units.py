@@ -20,6 +20,7 @@ DIMENSIONS: Mapping[str, str] = {
     "density": "kg/m3",
     "unit weight": "N/m3",
     "acceleration": "m/s2",
+    "velocity": "m/s",
     "force": "N",
     "line load": "N/m",
     "angle": "rad",
@@ -29,6 +30,8 @@ DIMENSIONS: Mapping[str, str] = {
 }
 """Dimension to its SI unit."""
 
+_DAY = 86400.0  # s
+_YEAR = 365.25 * _DAY  # Julian; a month is its twelfth part
 _PSI = 6894.757293168361  # Pa, 1 lbf/in2
 
 _TABLE: Mapping[str, Mapping[str, float]] = {
@@ -68,6 +71,15 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "lbf/ft3": 157.08746384624,
     },
     "acceleration": {"m/s2": 1.0, "cm/s2": 1e-2},
+    "velocity": {
+        "m/s": 1.0,
+        "mm/day": 1e-3 / _DAY,
+        "mm/week": 1e-3 / (7 * _DAY),
+        "mm/month": 12e-3 / _YEAR,
+        "mm/year": 1e-3 / _YEAR,
+        "cm/year": 1e-2 / _YEAR,
+        "m/day": 1.0 / _DAY,
+    },
     "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605},
     "line load": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6},
     "angle": {"rad": 1.0, "deg": math.pi / 180},

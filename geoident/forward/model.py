@@ -17,6 +17,7 @@ from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions import Actions
 from geoident.forward.fields import FieldRecorder
 from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
+from geoident.forward.instruments import Instruments
 from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
 from geoident.forward.observation import Observation, format_point, observe
@@ -77,6 +78,7 @@ class StagedModel:
         )
         self.observation, faults = observe(case, mesh, locator, self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
+        self.instruments = Instruments(case, self.observation.zero)
         fixed = fixed_dofs(case, mesh)
         _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
@@ -152,9 +154,16 @@ class StagedModel:
         """Why a channel can't be read at a stage, or None if it can."""
         return self.observation.unreadable(channel, self.case.stage_names.index(stage))
 
-    def response(self, pairs: Sequence[tuple[str, str]]) -> StagedResponse:
-        """The response in the readings of some (channel, stage) pairs."""
-        return StagedResponse(self, pairs)
+    def response(
+        self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
+    ) -> StagedResponse:
+        """The response in the readings of some (channel, stage) pairs.
+
+        Args:
+            pairs: what was read.
+            times: when each was read, seconds since 1970; None for what is known of its stage.
+        """
+        return StagedResponse(self, pairs, times)
 
     def survey(self, p: Floats, *, fields: bool) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
@@ -168,7 +177,10 @@ class StagedModel:
             observed.append(self.observation.operator @ standing.u)
             if recorder is not None:
                 recorder.add(standing)
-        table = self.relative(np.stack(observed))[1:].swapaxes(0, 1)
+        table = self.relative(np.stack(observed))
+        states, rows = np.indices(table.shape[:2]).reshape(2, -1)
+        added = self.instruments.added(self.values(p), self.names, rows, states)
+        table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
         return Survey(
             table[..., 0], table[..., 1:], None if recorder is None else recorder.series()
         )
@@ -210,7 +222,7 @@ def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fau
     faults = []
     for reading in case.readings:
         reason = observation.unreadable(reading.channel, names.index(reading.stage))
-        if reading.value is not None and reason:
+        if reading.value is not None and reason and not reading.bad:
             faults.append(
                 Fault(
                     "unreadable-gauge",

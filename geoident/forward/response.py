@@ -28,12 +28,19 @@ class StagedResponse:
     the last stage that a reading needs.
     """
 
-    def __init__(self, model: StagedModel, pairs: Sequence[tuple[str, str]]) -> None:
+    def __init__(
+        self,
+        model: StagedModel,
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None] = (),
+    ) -> None:
         observation = model.observation
         self._model = model
         stages = model.case.stage_names
         self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
         self._state = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
+        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        self._times = np.array(given, dtype=np.float64)
         self._last = int(self._state.max(initial=0))
 
     @property
@@ -98,11 +105,13 @@ class StagedResponse:
         """Readings (g, 1 + n + k)."""
         self._model.count_evaluation()
         operator = self._model.observation.operator
-        march = self._model.march.run(
-            self._model.values(p), names=names, last=self._last, push=push
-        )
+        values = self._model.values(p)
+        march = self._model.march.run(values, names=names, last=self._last, push=push)
         observed = np.stack([operator @ standing.u for standing in march])
-        return self._pick(observed)
+        table = self._pick(observed)
+        added = self._model.instruments.added(values, names, self._row, self._state, self._times)
+        table[:, : added.shape[1]] += added
+        return table
 
     def _pick(self, observed: Floats) -> Floats:
         zero = self._model.observation.zero[self._row]

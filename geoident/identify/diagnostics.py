@@ -130,5 +130,5 @@ def _removed(B: Floats, e: Floats, C: Floats, rows: Ints) -> _Removal:
         z = np.linalg.solve(np.eye(len(rows)) - H, e[rows])
         moved = C @ B[rows].T @ z
         change = np.divide(moved, sd, out=np.zeros_like(sd), where=sd > 0.0)
-        distance = float(z @ H @ z) / max(1, np.count_nonzero(sd))
+        distance = float(z @ H @ z) / max(1, int(np.count_nonzero(sd)))
     return _Removal(int(rows[worst]), float(t[worst]), float(h.sum()), change, distance)

@@ -9,6 +9,7 @@ from geoident.io.case_actions import LoadBuilder, build_temperature, build_water
 from geoident.io.case_gauges import build_channels, vector
 from geoident.io.case_in_situ import build_in_situ
 from geoident.io.case_materials import build_materials
+from geoident.io.case_readings import ReadReadings
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_sequence import ABSENT
 from geoident.io.case_values import Given
@@ -21,7 +22,6 @@ from geoident.model.case import (
     Stage,
     Support,
 )
-from geoident.model.gauges import Reading
 from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
@@ -29,9 +29,7 @@ from geoident.model.parameter import Parameter, Prior, Scalar
 _AXES = "xyz"
 
 
-def build_case(
-    section: CaseSection, readings: tuple[Reading, ...], mesh_file: str, faults: Faults
-) -> Case:
+def build_case(section: CaseSection, read: ReadReadings, mesh_file: str, faults: Faults) -> Case:
     """The case; what does not fit its number of axes is noted as a fault."""
     in_situ, zones = build_in_situ(section.in_situ, _dim(section), faults)
     builder = LoadBuilder(
@@ -50,11 +48,13 @@ def build_case(
         loads=builder.build(section.loads, ("loads",)),
         stages=_stages(section, builder, faults),
         channels=build_channels(section, faults),
-        readings=readings,
+        readings=read.readings,
         fit=_fit(section),
         source=faults.places.source(),
         in_situ_of=zones,
         water=build_water(section.water),
+        dates=read.dates,
+        notes=read.notes,
     )
 
 

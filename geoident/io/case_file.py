@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from geoident.errors import InputError
 from geoident.io.blanks import refuse_blanks
 from geoident.io.case_build import build_case
-from geoident.io.case_readings import check_readings, inline_readings
+from geoident.io.case_readings import read_all
 from geoident.io.case_references import check_references
 from geoident.io.case_resolve import resolved_text
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_values import kind_of
 from geoident.io.faults import Faults, Places
 from geoident.io.overrides import apply_overrides
-from geoident.io.readings_file import PlacedReading, read_readings
 from geoident.io.schema_faults import add_schema_faults
 from geoident.io.text_file import STDIN, decode, read_bytes
 from geoident.io.wording import shorten
@@ -41,14 +40,14 @@ class LoadedCase:
         text: the file verbatim.
         resolved: the same as YAML with overrides and defaults filled in, without comments.
         mesh_path: path of the mesh, relative paths against the folder of the case.
-        readings_path: path of the readings file, or None if there is none.
+        readings_paths: paths of the files of readings, in their order.
     """
 
     case: Case
     text: str
     resolved: str
     mesh_path: str
-    readings_path: str | None
+    readings_paths: tuple[str, ...]
 
 
 def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
@@ -81,12 +80,12 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     section = _validate(places)
     faults = Faults(places)
     folder = Path() if path == STDIN else Path(path).parent
-    mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults)
+    mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
-    readings_path, readings = _readings(section, folder, faults)
-    case = build_case(section, tuple(r.reading for r in readings), mesh_path, faults)
+    read = read_all(section, partial(_find, folder, faults=faults), faults)
+    case = build_case(section, read, mesh_path, faults)
     faults.raise_any()
-    return LoadedCase(case, text, resolved_text(section), mesh_path, readings_path)
+    return LoadedCase(case, text, resolved_text(section), mesh_path, read.paths)
 
 
 def _shown(path: str) -> str:
@@ -110,30 +109,7 @@ def _validate(places: Places) -> CaseSection:
         raise
 
 
-def _readings(
-    section: CaseSection, folder: Path, faults: Faults
-) -> tuple[str | None, tuple[PlacedReading, ...]]:
-    """Path of the readings file, and the readings from there or from the case."""
-    path = None
-    if isinstance(section.readings, str):
-        before = len(faults.found)
-        path = _find(folder, section.readings, ("readings",), faults)
-        readings = _read_file(path, faults) if len(faults.found) == before else ()
-    else:
-        readings = inline_readings(section, faults)
-    check_readings(section, readings, faults)
-    return path, readings
-
-
-def _read_file(path: str, faults: Faults) -> tuple[PlacedReading, ...]:
-    try:
-        return read_readings(path)
-    except InputError as error:
-        faults.extend(error.faults)
-        return ()
-
-
-def _find(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
+def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
     """Path of a file that the case names; a fault if it is not there."""
     path = folder / name
     try:

@@ -17,6 +17,7 @@ from geoident.io.case_values import Given
 from geoident.io.faults import Faults
 from geoident.model.case import Analysis, KeyPath
 from geoident.model.gauges import Channel
+from geoident.model.parameter import Scalar
 
 Vector = tuple[float, ...]
 _AXES = "xyz"
@@ -150,7 +151,14 @@ class _Gauge:
             accuracy=section.accuracy.factor,
             zero=section.zero,
             key=(*self.path, *key),
+            offset=_scalar(section.offset),
+            drift=_scalar(section.drift),
+            drift_per_stage=_scalar(section.drift_per_stage),
         )
+
+
+def _scalar(given: Given | None) -> Scalar | None:
+    return None if given is None else given.scalar
 
 
 def _unit(components: Vector) -> Vector | None:

@@ -16,11 +16,12 @@ from geoident.io.case_values import (
     Acceleration,
     Accelerations,
     Accuracy,
+    Drift,
     Flag,
-    Length,
     Line,
     Name,
     Numbers,
+    Offset,
     ParameterName,
     Point,
     Text,
@@ -30,6 +31,7 @@ from geoident.io.fit_schema import FitSection
 from geoident.io.in_situ_schema import InSituSection
 from geoident.io.material_schema import MaterialSection
 from geoident.io.parameter_schema import ParameterSection
+from geoident.io.readings_schema import BadSection, Date, Readings
 from geoident.io.section import Section, Wrongs
 from geoident.io.wording import Refusal
 from geoident.model.case import VIRGIN
@@ -96,6 +98,28 @@ class _Gauge(Section):
     zero: Name = Field(
         VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
     )
+    offset: Offset | None = Field(
+        None,
+        description="Added to all readings after the zero: a misread zero, a head that slipped.",
+        examples=["$off1"],
+    )
+    drift: Drift | None = Field(
+        None,
+        description="What the gauge gains by itself in time since its zero; needs dates.",
+        examples=["$drift1"],
+    )
+    drift_per_stage: Offset | None = Field(
+        None, description="What the gauge gains by itself in every stage since its zero."
+    )
+
+    @model_validator(mode="after")
+    def _one_drift(self) -> _Gauge:
+        if self.drift is not None and self.drift_per_stage is not None:
+            wrongs = Wrongs()
+            message = "found drift and drift_per_stage; one of them is expected"
+            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+            wrongs.raise_any()
+        return self
 
 
 class ExtensometerSection(_Gauge):
@@ -154,15 +178,6 @@ class SettlementSection(_Gauge):
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
 
 
-class ReadingSection(Section):
-    """One reading."""
-
-    gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
-    stage: Name = Field(description="Stage at whose end it was read.")
-    value: Length | None = Field(description="What was read; empty if it is missing.")
-    accuracy: Accuracy | None = Field(None, description="Its own standard deviation.")
-
-
 GaugeSection = Annotated[
     ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
     Field(discriminator="kind"),
@@ -175,10 +190,6 @@ SupportValue = Annotated[
 ]
 Gravity = Annotated[
     Annotated[Acceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
-    Discriminator(shape_of),
-]
-Readings = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[list[ReadingSection], Tag("list")],
     Discriminator(shape_of),
 ]
 
@@ -214,7 +225,17 @@ class CaseSection(Section):
     loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
     stages: list[StageSection] = Field([], description="Construction, step by step.")
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
+    dates: dict[Name, Date] = Field(
+        {},
+        description="Stage (or 'virgin') to the date of its end, for dated readings and drift.",
+        examples=[{"heading": "2024-03-01", "bench 1": "2024-04-15"}],
+    )
     readings: Readings | None = Field(
-        None, description="Path of a CSV file (gauge,stage,value,unit), or a list."
+        None,
+        description="Path of a CSV file (gauge,stage,value,unit), a description of a file, or a "
+        "list of files and readings.",
+    )
+    bad: list[BadSection] = Field(
+        [], description="Readings known to be wrong: shown with the reason, and not used."
     )
     fit: FitSection = Field(default_factory=FitSection)

@@ -46,6 +46,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "density": "2650 kg/m3",
     "unit weight": "26 kN/m3",
     "acceleration": "9.81 m/s2",
+    "velocity": "0.5 mm/month",
     "force": "100 kN",
     "line load": "100 kN/m",
     "angle": "30 deg",
@@ -351,6 +352,8 @@ Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
 Density = Annotated[Given, Of("density", tied=True)]
 Angle = Annotated[Given, Of("angle", tied=True)]
 UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
+Offset = Annotated[Given, Of("length", tied=True)]
+Drift = Annotated[Given, Of("velocity", tied=True)]
 Factor = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
 Level = Annotated[Given, Of("length", tied=True)]
 Force = Annotated[Given, Of("force", tied=True)]

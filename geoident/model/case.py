@@ -161,6 +161,8 @@ class Case:
         source: where the keys stand in the file.
         in_situ_of: element group to its own in-situ stress, where it differs.
         water: water in the pores of the virgin ground, or None for none.
+        dates: stage to the date of its end, seconds since 1970, where dates are given.
+        notes: what is to be known of how the readings were understood.
     """
 
     title: str
@@ -180,6 +182,8 @@ class Case:
     source: Source = Source()
     in_situ_of: Mapping[str, InSitu] = field(default_factory=dict)
     water: Water | None = None
+    dates: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def stage_names(self) -> tuple[str, ...]:

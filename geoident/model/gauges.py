@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geoident.errors import Location
+from geoident.model.parameter import Scalar
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class Channel:
         accuracy: standard deviation of one reading, m.
         zero: name of the stage at whose end the channel reads zero.
         key: path of keys in the case where the channel is written.
+        offset: added to every reading after the zero, m (a zero that was itself misread, a head
+            that slipped); None for none.
+        drift: what a reading gains by itself in time since the zero, m/s; None for none.
+        drift_per_stage: the same for every stage since the zero, m.
     """
 
     name: str
@@ -38,6 +43,9 @@ class Channel:
     accuracy: float
     zero: str
     key: tuple[str | int, ...] = ()
+    offset: Scalar | None = None
+    drift: Scalar | None = None
+    drift_per_stage: Scalar | None = None
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,8 @@ class Reading:
         value: in m; None where the field sheet is blank (counted, not used).
         accuracy: standard deviation in m where the reading has its own, else None.
         location: where it is written.
+        time: when it was taken, seconds since 1970; None where only the stage is known.
+        bad: why it is not to be used; empty for a good one.
     """
 
     channel: str
@@ -57,3 +67,5 @@ class Reading:
     value: float | None
     accuracy: float | None = None
     location: Location = Location("")
+    time: float | None = None
+    bad: str = ""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.model.parameter import Parameter
-from geoident.model.result import Counts, Grid, Iteration, ParameterTable, Result
+from geoident.model.result import Counts, GaugeTable, Grid, Iteration, ParameterTable, Result
 from geoident.report.influence import influence_text, influence_title
 from geoident.report.layout import (
     bullets,
@@ -123,7 +123,7 @@ def fit_text(result: Result) -> str:
             gauges.channels[i],
             gauges.stages[j],
             *_comparison(result, i, j),
-            "" if gauges.used[i, j] else "not used",
+            _use(gauges, i, j),
         ]
         for j, i in np.argwhere(shown.T)
     ]
@@ -131,6 +131,12 @@ def fit_text(result: Result) -> str:
         return ""
     header = ["gauge", "stage", "measured", "computed", "residual", "in sd", ""]
     return table(header, rows, right="llrrrrl")
+
+
+def _use(gauges: GaugeTable, i: int, j: int) -> str:
+    if gauges.bad is not None and gauges.bad[i, j]:
+        return "bad"
+    return "" if gauges.used[i, j] else "not used"
 
 
 def _comparison(result: Result, i: int, j: int) -> list[str]:

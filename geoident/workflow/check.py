@@ -10,6 +10,7 @@ from geoident.model.case import Case
 from geoident.model.methods import method_name
 from geoident.model.summary import CaseSummary, GaugeSummary, GroupSummary, StageSummary
 from geoident.workflow.estimate import require_possible
+from geoident.workflow.finished import bad_notes
 from geoident.workflow.inputs import Inputs, build_model, load_inputs
 from geoident.workflow.selection import Selection, require_enough, select_readings
 
@@ -47,7 +48,7 @@ def summarize(inputs: Inputs, model: StagedModel, selection: Selection) -> CaseS
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=len(selection.used),
         unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
-        notes=tuple(model.notes),
+        notes=(*case.notes, *model.notes, *bad_notes(selection)),
     )
 
 

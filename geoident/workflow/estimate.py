@@ -103,7 +103,8 @@ def _how_to_go_on(job: Job) -> str:
 def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     """The readings of a setup and its model, whose evaluations are logged."""
     selection = setup.selection
-    response = Remembered(setup.model.response(selection.pairs), log, before=control.stop.check)
+    staged = setup.model.response(selection.pairs, selection.times)
+    response = Remembered(staged, log, before=control.stop.check)
     parameters = selection.case.parameters
     loss = selection.case.fit.loss
     return Problem(response, selection.measured, selection.sd, parameters, loss)
@@ -120,12 +121,26 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     return outcome
 
 
-def used_readings(setup: Setup, survey: Survey) -> tuple[Floats, Floats]:
-    """The used readings (g,) and their derivatives (g, n), out of those of the whole survey."""
+def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floats]:
+    """The used readings (g,) and their derivatives (g, n) at p (n,), from those of the survey.
+
+    The survey has one reading of a gauge in a stage. What drift adds between that and the times of
+    several is added here.
+    """
     place = places(setup.selection.case)
     at = [place[pair] for pair in setup.selection.pairs]
     rows, columns = np.array(at, dtype=np.int64).reshape(len(at), 2).T
-    return survey.computed[rows, columns], survey.sensitivity[rows, columns]
+    model = setup.model
+    times = np.array([np.nan if t is None else t for t in setup.selection.times])
+    own, common = (
+        model.instruments.added(model.values(p), model.names, rows, columns + 1, each)
+        for each in (times, None)
+    )
+    more = own - common
+    return (
+        survey.computed[rows, columns] + more[:, 0],
+        survey.sensitivity[rows, columns] + more[:, 1:],
+    )
 
 
 def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:

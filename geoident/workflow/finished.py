@@ -50,5 +50,15 @@ def tell_readings(setup: Setup, control: Control) -> None:
 
 def unused_notes(selection: Selection) -> tuple[str, ...]:
     """One sentence for every reason for which readings are not used."""
-    reasons = Counter(unused.reason for unused in selection.unused)
-    return tuple(f"{number} readings are not used: {why}." for why, number in reasons.items())
+    reasons = Counter(u.reason for u in selection.unused if not u.reading.bad)
+    counted = (f"{number} readings are not used: {why}." for why, number in reasons.items())
+    return (*counted, *bad_notes(selection))
+
+
+def bad_notes(selection: Selection) -> tuple[str, ...]:
+    """One sentence for every reading that is known to be wrong, with the reason."""
+    return tuple(
+        f"{unused.reading.channel} at {unused.reading.stage} is not used, {unused.reason}."
+        for unused in selection.unused
+        if unused.reading.bad and unused.reading.value is not None
+    )

@@ -71,7 +71,7 @@ def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
     """One survey of the model at the end of the search says everything else."""
     before = setup.model.counts
     survey = setup.model.survey(outcome.values, fields=True)
-    readings, jacobian = used_readings(setup, survey)
+    readings, jacobian = used_readings(setup, survey, outcome.values)
     assessment = assess_robustly(problem, outcome.values, readings, jacobian)
     diagnostics = diagnostics_table(
         problem, setup.selection, outcome.values, assessment, readings, jacobian
@@ -115,7 +115,12 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         fields=survey.fields,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
-        notes=(*setup.model.notes, *unused_notes(setup.selection), *score(gauges, prediction)),
+        notes=(
+            *case.notes,
+            *setup.model.notes,
+            *unused_notes(setup.selection),
+            *score(gauges, prediction),
+        ),
     )
 
 

@@ -37,7 +37,7 @@ class Inputs:
         loaded: the case, its text, and the files that it names.
         case_sha256: of the case after overrides.
         mesh_sha256: of the bytes of the mesh.
-        readings_sha256: of the bytes of the readings file; of nothing if there is none.
+        readings_sha256: of the bytes of the readings; empty if there is no file of them.
     """
 
     path: str
@@ -106,6 +106,7 @@ def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:
             gauges.stages[j],
             float(gauges.measured[i, j]),
             float(gauges.sd[i, j]),
+            bad="in the fit" if gauges.bad is not None and gauges.bad[i, j] else "",
         )
         for j, i in np.argwhere(np.isfinite(gauges.measured).T)
     )
@@ -117,10 +118,14 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
         loaded,
         case_sha256=sha256(loaded.resolved.encode()),
         mesh_sha256=_hash_file(str(loaded.mesh_path), "mesh"),
-        readings_sha256=(
-            _hash_file(str(loaded.readings_path), "readings") if loaded.readings_path else ""
-        ),
+        readings_sha256=_hash_readings(loaded.readings_paths),
     )
+
+
+def _hash_readings(paths: Sequence[str]) -> str:
+    """Of the one file of readings, of the hashes of several, of nothing."""
+    hashes = [_hash_file(path, "readings") for path in paths]
+    return hashes[0] if len(hashes) == 1 else sha256("".join(hashes).encode()) if hashes else ""
 
 
 def sha256(content: bytes) -> str:

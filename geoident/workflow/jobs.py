@@ -72,7 +72,7 @@ class Job:
         """Paths of all files that the job reads."""
         loaded = self.inputs.loaded
         paths = [str(loaded.mesh_path)]
-        paths += [str(loaded.readings_path)] if loaded.readings_path else []
+        paths += loaded.readings_paths
         paths += [self.request.case] if self.request.case != STDIN else []
         return tuple(paths)
 

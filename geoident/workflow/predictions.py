@@ -50,7 +50,7 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
     """One sentence for every predicted stage that was read: how well the prediction came true."""
     sentences = []
     for column, stage in enumerate(gauges.stages):
-        error = gauges.measured[:, column] - prediction.mean[:, column]
+        error = _good(gauges)[:, column] - prediction.mean[:, column]
         sd = prediction.sd[:, column]
         read = np.isfinite(error) & np.isfinite(sd)
         if np.any(read):
@@ -62,6 +62,11 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
                 f" RMS of the standardized residuals {rms:.2f}."
             )
     return tuple(sentences)
+
+
+def _good(gauges: GaugeTable) -> Floats:
+    """The measured readings without those that are known to be wrong."""
+    return gauges.measured if gauges.bad is None else np.where(gauges.bad, np.nan, gauges.measured)
 
 
 def _inside(gauges: GaugeTable, prediction: Prediction, column: int) -> Bools:

@@ -61,5 +61,5 @@ def _result(
         counts=counts,
         history=outcome.iterations,
         grid=outcome.grid,
-        notes=(*setup.model.notes, *unused_notes(setup.selection)),
+        notes=(*job.inputs.case.notes, *setup.model.notes, *unused_notes(setup.selection)),
     )

@@ -49,6 +49,11 @@ class Selection:
         return tuple((reading.channel, reading.stage) for reading in self.used)
 
     @property
+    def times(self) -> tuple[float | None, ...]:
+        """When each used reading was taken, seconds since 1970, where it is known."""
+        return tuple(reading.time for reading in self.used)
+
+    @property
     def measured(self) -> Floats:
         """The (g,) used readings, m."""
         return np.array([reading.value for reading in self.used], dtype=np.float64)
@@ -96,6 +101,8 @@ def select_readings(case: Case, model: Readable) -> Selection:
 def _why_unused(case: Case, reading: Reading, model: Readable) -> str | None:
     if reading.value is None:
         return "no value was read"
+    if reading.bad:
+        return f"flagged as bad: {reading.bad}"
     if case.fit.stages is not None and reading.stage not in case.fit.stages:
         return "the stage is not in fit.stages"
     return model.unreadable(reading.channel, reading.stage)

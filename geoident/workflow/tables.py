@@ -8,8 +8,9 @@ from itertools import product
 import numpy as np
 
 from geoident.identify.uncertainty import Assessment
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.model.case import Case
+from geoident.model.gauges import Reading
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.result import GaugeTable, ParameterTable
 from geoident.workflow.selection import Selection
@@ -77,12 +78,11 @@ def gauge_table(selection: Selection, computed: Floats) -> GaugeTable:
     place = places(case)
     measured = np.full(computed.shape, np.nan)
     sd = np.full(computed.shape, np.nan)
-    used: Bools = np.zeros(computed.shape, dtype=np.bool_)
-    for reading in case.readings:
-        at = place.get((reading.channel, reading.stage))
-        if reading.value is not None and at is not None:
-            measured[at] = reading.value
-            sd[at] = selection.accuracy(reading)
+    used, bad = (np.zeros(computed.shape, dtype=np.bool_) for _ in range(2))
+    for pair, readings in _together(case).items():
+        if pair in place:
+            measured[place[pair]], sd[place[pair]] = _combined(readings, selection)
+            bad[place[pair]] = bool(readings[0].bad)
     for pair in selection.pairs:
         used[place[pair]] = True
     return GaugeTable(
@@ -94,7 +94,28 @@ def gauge_table(selection: Selection, computed: Floats) -> GaugeTable:
         used=used,
         first=_points([channel.first for channel in case.channels], case),
         second=_points([channel.second for channel in case.channels], case),
+        bad=bad,
     )
+
+
+def _together(case: Case) -> dict[tuple[str, str], list[Reading]]:
+    """The good readings of each channel and stage; where there is none, the bad ones."""
+    found: dict[tuple[str, str], list[Reading]] = {}
+    taken = [reading for reading in case.readings if reading.value is not None]
+    for reading in sorted(taken, key=lambda reading: bool(reading.bad)):
+        group = found.setdefault((reading.channel, reading.stage), [])
+        if not group or not reading.bad or group[0].bad:
+            group.append(reading)
+    return found
+
+
+def _combined(readings: Sequence[Reading], selection: Selection) -> tuple[float, float]:
+    """The weighted mean of readings, m, and its standard deviation."""
+    values = np.array([reading.value for reading in readings], dtype=np.float64)
+    if len(readings) == 1:
+        return float(values[0]), selection.accuracy(readings[0])
+    weight = np.array([selection.accuracy(reading) for reading in readings]) ** -2.0
+    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5)
 
 
 def places(case: Case) -> dict[tuple[str, str], tuple[int, int]]:

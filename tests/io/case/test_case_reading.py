@@ -120,7 +120,7 @@ def test_readings_may_stand_in_the_case(project, changed):
     entries = "[{gauge: CV1, stage: bench 1, value: -3 mm, accuracy: 1 mm}, "
     entries += "{gauge: EX1.a5, stage: heading, value: }]"
     loaded = project.read(changed("readings.csv", entries))
-    assert loaded.readings_path is None
+    assert loaded.readings_paths == ()
     assert loaded.case.readings == (
         Reading("CV1", "bench 1", -3e-3, 1e-3, Location(project.file, 23, 20)),
         Reading("EX1.a5", "heading", None, None, Location(project.file, 23, 80)),
@@ -217,7 +217,7 @@ def test_stdin_is_read_and_files_are_sought_in_the_working_folder(project, monke
     monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(text.encode())))
     monkeypatch.chdir(project.folder)
     loaded = read_case("-")
-    assert (loaded.mesh_path, loaded.readings_path) == ("cavern.msh", "readings.csv")
+    assert (loaded.mesh_path, loaded.readings_paths) == ("cavern.msh", ("readings.csv",))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(b"title: [")))
     with pytest.raises(InputError, match="<stdin>:2:1"):
         read_case("-")

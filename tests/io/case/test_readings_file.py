@@ -9,7 +9,10 @@ from geoident.model.gauges import Reading
 
 def readings(text):
     content = text if isinstance(text, bytes) else text.encode()
-    return [placed.reading for placed in parse_readings(content, "r.csv")]
+    return [
+        Reading(row.channel, row.stage, row.value, row.accuracy, row.location)
+        for row in parse_readings(content, "r.csv")
+    ]
 
 
 def refused(text):

@@ -1,0 +1,104 @@
+"""What gauges add to the motion by themselves: an offset since the zero, and a drift.
+
+A reading of channel a in state j, taken at time t, with the zero in state j0 at t0, is
+
+    v = G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage (j - j0)        for j > j0
+
+All three are linear in their parameters, so their derivatives are exact. Where the time of a
+reading is not known, it is that of the end of its stage; without a date there, it is NaN if the
+channel drifts in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
+from geoident.model.parameter import Scalar
+
+
+class Instruments:
+    """Offsets and drifts of the channels of a case.
+
+    Args:
+        case: channels, dates and readings.
+        zero: (n_channels,) state at which each channel reads zero.
+
+    Attributes:
+        times: (n_states, n_channels) seconds since 1970 of the readings, of the ends of stages
+            where nothing was read; NaN where there is no date.
+    """
+
+    def __init__(self, case: Case, zero: Ints) -> None:
+        self._channels = case.channels
+        self._zero = zero
+        ends = np.array([case.dates.get(name, np.nan) for name in case.stage_names])
+        self._start = ends[zero]
+        self.times: Floats = np.repeat(ends[:, None], len(case.channels), axis=1)
+        for place, times in _read_at(case).items():
+            self.times[place] = np.mean(times)
+
+    @property
+    def silent(self) -> bool:
+        """No channel adds anything."""
+        return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
+
+    def added(
+        self,
+        values: Mapping[str, float],
+        names: Sequence[str],
+        rows: Ints,
+        states: Ints,
+        times: Floats | None = None,
+    ) -> Floats:
+        """What is added to some readings, m, and its derivatives.
+
+        Args:
+            values: parameters by name, SI.
+            names: the n of them by which to differentiate.
+            rows: (g,) channels.
+            states: (g,) states.
+            times: (g,) when they were read; NaN (or no array) for what is known of their stage.
+
+        Returns:
+            (g, 1 + n).
+        """
+        table = np.zeros((len(rows), 1 + len(names)))
+        if self.silent:
+            return table
+        known = self.times[states, rows]
+        if times is not None:
+            known = np.where(np.isnan(times), known, times)
+        since = states - self._zero[rows]
+        elapsed = known - self._start[rows]
+        for k, row in enumerate(rows):
+            channel = self._channels[row]
+            later = float(since[k] > 0)
+            table[k] += _part(channel.offset, later, values, names)
+            table[k] += _part(channel.drift, float(elapsed[k]), values, names)
+            table[k] += _part(channel.drift_per_stage, max(0.0, float(since[k])), values, names)
+        return table
+
+
+def _part(
+    scalar: Scalar | None, factor: float, values: Mapping[str, float], names: Sequence[str]
+) -> Floats:
+    """A linear term and its derivatives (1 + n,)."""
+    if scalar is None:
+        return np.zeros(1 + len(names))
+    return factor * np.array([scalar.value(values), *(scalar.slope(name) for name in names)])
+
+
+def _read_at(case: Case) -> dict[tuple[int, int], list[float]]:
+    """State and channel to the times of its good readings, where they are known."""
+    states = {name: n for n, name in enumerate(case.stage_names)}
+    rows = {channel.name: n for n, channel in enumerate(case.channels)}
+    found: dict[tuple[int, int], list[float]] = {}
+    for reading in case.readings:
+        if reading.time is not None and reading.value is not None and not reading.bad:
+            place = states[reading.stage], rows[reading.channel]
+            found.setdefault(place, []).append(reading.time)
+    return found

@@ -1,0 +1,76 @@
+"""Dates as field sheets have them: ISO unless another format is declared, never guessed.
+
+A date is kept as seconds since 1970 without time zone: construction sites live in one.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+
+ISO = "YYYY-MM-DD"
+_TOKENS = {"YYYY": "%Y", "MM": "%m", "DD": "%d", "hh": "%H", "mm": "%M", "ss": "%S"}
+_TOKEN = re.compile("|".join(_TOKENS))
+_FORMAT = re.compile(r"(?:YYYY|MM|DD|hh|mm|ss|[-./: T])+")
+_LONGEST = 40
+
+
+class DateError(ValueError):
+    """A text that is no date of the format."""
+
+
+def format_problem(pattern: str) -> str | None:
+    """Why a text is no date format, or None if it is one.
+
+    >>> format_problem("DD.MM.YYYY hh:mm")
+    >>> format_problem("DD.MM.YY")
+    'a year has four digits: write YYYY'
+    """
+    if not _FORMAT.fullmatch(pattern):
+        year = "YY" in pattern and "YYYY" not in pattern
+        return (
+            "a year has four digits: write YYYY"
+            if year
+            else "it is made of YYYY, MM, DD, hh, mm, ss and separators"
+        )
+    for token in ("YYYY", "MM", "DD"):
+        if pattern.count(token) != 1:
+            return f"{token} must stand in it once"
+    return None
+
+
+def read_date(text: str, pattern: str = ISO) -> float:
+    """Seconds since 1970 of a date in a format of YYYY, MM, DD, hh, mm, ss.
+
+    In the ISO format a time of day may follow.
+
+    >>> read_date("1970-01-02"), read_date("02.01.1970 00:01", "DD.MM.YYYY hh:mm")
+    (86400.0, 86460.0)
+
+    Raises:
+        DateError: it is none.
+    """
+    text = text.strip()
+    if len(text) > _LONGEST or not text.isascii():
+        raise DateError(f"found no date of the form {pattern}")
+    try:
+        if pattern == ISO:
+            if not re.match(r"\d{4}-\d{2}-\d{2}", text):
+                raise ValueError
+            found = datetime.fromisoformat(text).replace(tzinfo=None)
+        else:
+            code = _TOKEN.sub(lambda match: _TOKENS[match[0]], pattern)
+            found = datetime.strptime(text, code)
+    except ValueError:
+        raise DateError(f"'{text}' is no date of the form {pattern}") from None
+    return found.replace(tzinfo=UTC).timestamp()
+
+
+def date_text(seconds: float) -> str:
+    """A date for messages, with the time of day where there is one.
+
+    >>> date_text(86460.0)
+    '1970-01-02 00:01'
+    """
+    found = datetime.fromtimestamp(round(seconds), tz=UTC)
+    return found.strftime("%Y-%m-%d %H:%M").removesuffix(" 00:00")
