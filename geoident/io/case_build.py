@@ -112,6 +112,7 @@ def _stages(section: CaseSection, builder: LoadBuilder, faults: Faults) -> tuple
             excavate=tuple(stage.excavate),
             install=dict(stage.install),
             change=dict(stage.change),
+            release={group: part.scalar for group, part in stage.release.items()},
             loads=builder.build(stage.loads, ("stages", n, "loads")),
             remove=tuple(stage.remove),
             water=build_water(stage.water),

@@ -17,6 +17,7 @@ from geoident.io.case_values import (
     Accelerations,
     Accuracy,
     Drift,
+    Factor,
     Flag,
     Line,
     Name,
@@ -66,6 +67,14 @@ class StageSection(Section):
     )
     change: dict[Name, Name] = Field(
         {}, description="Element group to material: the material changes, the stress stays."
+    )
+    release: dict[Name, Factor] = Field(
+        {},
+        description="Element group to the part of its stress, 0 to 1, that is released so far: of "
+        "a group that this stage excavates, or that an earlier one excavated with part of it. The "
+        "rest goes on supporting the ground until a later stage releases more "
+        "(convergence-confinement).",
+        examples=[{"heading": 0.4}],
     )
     loads: dict[Name, LoadSection] = Field(
         {}, description="Loads by name, from this stage on; a name used again replaces."

@@ -48,6 +48,7 @@ class _Site:
         self.installed: dict[str, str] = {}
         self.loads = set(section.loads)
         self.left: dict[str, str] = {}
+        self.partly: set[str] = set()
         self.known = set(section.groups)
         self.known.update(group for stage in section.stages for group in stage.install)
 
@@ -56,11 +57,13 @@ class _Site:
         other = copy(self)
         other.present, other.installed = dict(self.present), dict(self.installed)
         other.loads, other.left = set(self.loads), dict(self.left)
+        other.partly = set(self.partly)
         return other
 
     def build(self, path: KeyPath, stage: StageSection) -> None:
         """Go through one stage."""
         self._excavate(path, stage)
+        self._release(path, stage)
         self._install(path, stage)
         self._change(path, stage)
         self._load(path, stage)
@@ -86,6 +89,20 @@ class _Site:
                 del self.present[group]
                 self.installed.pop(group, None)
             self.left[group] = stage.name
+
+    def _release(self, path: KeyPath, stage: StageSection) -> None:
+        """Groups that leave with part of their stress, or release more of it later."""
+        self.partly -= set(stage.excavate) - stage.release.keys()
+        for group, part in stage.release.items():
+            place = (*path, "release", group)
+            if group not in stage.excavate and group not in self.partly:
+                message = f"nothing of '{group}' is held that could be released"
+                hint = "Release is told from the stage on that excavates the group."
+                self.faults.add(place, "nothing-held", message, hint, key=True)
+            elif part.parameter is None and not 0 <= part.factor <= 1:
+                message = f"'{part.text}' is not between 0 (nothing released) and 1 (all of it)"
+                self.faults.add(place, "out-of-range", message, "Give a part, such as 0.4.")
+            self.partly.add(group)
 
     def _install(self, path: KeyPath, stage: StageSection) -> None:
         for group, material in stage.install.items():

@@ -16,6 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Reading
+from geoident.model.plan import Identifiability
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
 from geoident.report.influence import diagnostics_object
@@ -64,6 +65,17 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
+    }
+
+
+def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
+    """What planned gauges could determine, at the start values."""
+    return {
+        "case": case,
+        "readings": plan.readings,
+        "parameters": parameters_object(plan.parameters),
+        "findings": plan.findings,
+        "singular_values": plan.singular_values,
     }
 
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.model.parameter import Parameter
+from geoident.model.plan import Identifiability
 from geoident.model.result import Counts, GaugeTable, Grid, Iteration, ParameterTable, Result
 from geoident.report.influence import influence_text, influence_title
 from geoident.report.layout import (
@@ -47,6 +48,16 @@ def result_text(result: Result, *, title: str = "") -> str:
         section("Notes", bullets(result.notes)),
         cost(result.counts),
     )
+
+
+def plan_text(case: str, plan: Identifiability) -> str:
+    """What planned gauges could determine, at the start values."""
+    return sections(
+        f"{case}: {plan.readings} planned readings",
+        section("Parameters at their start values, as the gauges could know them",
+                parameters_text(plan.parameters)),
+        section("Findings", bullets(plan.findings)),
+    )  # fmt: skip
 
 
 def summary_text(result: Result) -> str:

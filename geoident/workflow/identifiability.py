@@ -7,7 +7,6 @@ theory 6 needs: covariance and singular values do not depend on what is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,27 +15,10 @@ from geoident.identify.problem import Problem
 from geoident.identify.uncertainty import assess
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.result import ParameterTable
+from geoident.model.plan import Identifiability
 from geoident.workflow.inputs import NO_READINGS, build_model, load_inputs
 from geoident.workflow.simulate import start_values
 from geoident.workflow.tables import parameter_table
-
-
-@dataclass(frozen=True)
-class Identifiability:
-    """What the planned readings could determine.
-
-    Args:
-        parameters: the parameters at their start values, with the intervals to expect.
-        findings: sentences on what would stay undetermined.
-        singular_values: (min(g, n),) of the scaled sensitivities of the readings.
-        readings: number g of planned readings: all channels at all stages of the fit.
-    """
-
-    parameters: ParameterTable
-    findings: tuple[str, ...]
-    singular_values: Floats
-    readings: int
 
 
 def identifiability(

@@ -14,18 +14,42 @@ Examples:
   geoident check case.yaml
   geoident check cases/*.yaml -q
   geoident check case.yaml --set mesh.file=fine.msh --json
+  geoident check case.yaml --identifiability
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
+@click.option(
+    "--identifiability",
+    is_flag=True,
+    help="Compute what the planned gauges can determine; readings need not exist.",
+)
 @takes("overrides", "solver", "as_json")
-def command(cases: tuple[str, ...], options: Options) -> int:
+def command(cases: tuple[str, ...], identifiability: bool, options: Options) -> int:
     """Tell everything that is wrong with a case, before computing.
 
-    Prints what the case amounts to: groups, stages, gauges, and which readings are used.
+    Prints what the case amounts to: groups, stages, gauges, and which readings are used. With
+    --identifiability it solves the model once, at the start values, and prints to what 95 %
+    interval each parameter could be known if every gauge were read at every stage of the fit, and
+    what no reading would tell apart.
     """
-    return each(cases, lambda case: _check(case, options))
+    run = _identifiability if identifiability else _check
+    return each(cases, lambda case: run(case, options))
+
+
+def _identifiability(case: str, options: Options) -> int:
+    from geoident.report.json import dumps, plan_object
+    from geoident.report.text import plan_text
+    from geoident.workflow.identifiability import identifiability
+
+    with failures_as_json(case, options):
+        plan = identifiability(case, overrides=options.overrides, solver=options.solver)
+    if options.as_json:
+        click.echo(dumps(plan_object(case, plan)))
+    elif not options.quiet:
+        click.echo(plan_text(case, plan))
+    return 0
 
 
 def _check(case: str, options: Options) -> int:

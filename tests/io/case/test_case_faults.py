@@ -23,6 +23,18 @@ FAULTS = {
     "tie where none may be": ("0.1 mm", "«$K0", "gauges.EX1.accuracy", ["parameter cannot stand"]),
     "malformed tie": ("$K0", "«$K0*2", "in_situ.K0", ["not a tie", "0.6 $E_rock"]),
     "accuracy of zero": ("0.1 mm", "«0 mm", "gauges.EX1.accuracy", ["must be positive"]),
+    "more released than there is": (
+        BENCH,
+        "excavate: [bench], release: {bench: «1.2}, install: {lining: shotcrete}}",
+        "stages[1].release.bench",
+        ["not between 0", "such as 0.4"],
+    ),
+    "nothing held to release": (
+        BENCH,
+        "excavate: [bench], release: {«heading: 0.5}, install: {lining: shotcrete}}",
+        "stages[1].release.heading",
+        ["nothing of 'heading' is held"],
+    ),
     # keys
     "unknown key": ("title:", "«titel:", "titel", ["'titel' is not known", "mean 'title'?"]),
     "unknown inner key": (
