@@ -20,9 +20,9 @@ from geoident.io.mesh_file import read_mesh
 from geoident.units import read_quantity
 
 CASES = Path(__file__).parents[2] / "cases"
-NAMES = ("cavern", "dam", "shaft", "stratified-tunnel", "tunnel-3d")
+NAMES = ("cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel", "tunnel-3d")
 SLOW = pytest.param("tunnel-3d", marks=pytest.mark.slow)
-FITS = ("cavern", "dam", "shaft", "stratified-tunnel", SLOW)
+FITS = ("cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel", SLOW)
 LEAST_DOFS = {"tunnel-3d": 60_000}
 LEAST_ELEMENTS = {"cavern": 5_000}
 LARGEST_MESH = 6_000_000  # bytes
