@@ -11,6 +11,7 @@ from support.closed_forms import (
     circular_load,
     lame_cylinder,
     lift_settlement,
+    rigid_plate,
     spherical_cavity,
 )
 from support.meshes import KINDS_2D, from_grid, opening, regroup
@@ -21,7 +22,7 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support
 from geoident.model.elastic import Axes, TransverselyIsotropic
 from geoident.model.in_situ import ConstantStress
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Scalar
 
 E, NU = 10e9, 0.22
@@ -194,6 +195,57 @@ def test_flexible_plate_on_a_half_space_within_one_percent(kind):
     at = [np.linalg.norm(mesh.points - p, axis=1).argmin() for p in ([0.0, 0.0], [1.0, 0.0])]
     assert w[at[0]] == pytest.approx(centre, rel=0.01)
     assert w[at[1]] == pytest.approx(rim, rel=0.02)
+
+
+def plated(n: int, layers: int) -> Mesh:
+    """The half-space of quad8 with a plate of 0.5 m on it, pressed on its outer face ``top``."""
+    ground = half_space("quad8", n, layers)
+    under = ground.facets[0].nodes[ground.facet_groups["plate"]]
+    ends, every = np.unique(under[:, :2]), np.unique(under)
+    first = len(ground.points)
+    top, middle = np.zeros(first, int), np.zeros(first, int)
+    top[every] = first + np.arange(len(every))
+    middle[ends] = first + len(every) + np.arange(len(ends))
+    a, b, between = under.T
+    plate = np.stack([top[a], top[b], b, a, top[between], middle[b], between, middle[a]], axis=1)
+    above = ground.points[every] - [0.0, 0.5], ground.points[ends] - [0.0, 0.25]
+    nodes = np.vstack([ground.blocks[0].nodes, plate])
+    lines = np.vstack([ground.facets[0].nodes, top[under]])
+    return replace(
+        ground,
+        points=np.vstack([ground.points, *above]),
+        blocks=(ElementBlock("quad8", nodes, np.arange(1, len(nodes) + 1)),),
+        facets=(ElementBlock("line3", lines, np.arange(1, len(lines) + 1)),),
+        groups={
+            "rock": np.arange(ground.n_elements),
+            "plate": np.arange(ground.n_elements, len(nodes)),
+        },
+        facet_groups={
+            "far": ground.facet_groups["far"],
+            "top": np.arange(len(lines) - len(under), len(lines)),
+        },
+    )
+
+
+def test_rigid_plate_on_a_half_space_within_one_percent():
+    """The stress at the rim is singular, so the error falls as the element size: extrapolated."""
+    settled = []
+    for n in (8, 16):
+        mesh = plated(n, 5 * n)
+        result = fields(
+            mesh,
+            materials={"rock": ROCK, "steel": material("steel", 1e5 * E, 0.0)},
+            groups={"rock": "rock", "plate": "steel"},
+            supports=(Support("far", (0, 1)),),
+            stages=(Stage("load", loads={"q": Pressure("top", Scalar(2e6))}),),
+        )
+        w = result.displacement[-1][:, 1]
+        loaded = np.unique(mesh.facets[0].nodes[mesh.facet_groups["top"]])
+        np.testing.assert_allclose(w[loaded], w[loaded[0]], rtol=1e-4)
+        settled.append(w[loaded[0]])
+    exact = rigid_plate(radius=1.0, force=2e6 * np.pi, E=E, nu=NU)
+    assert 2 * settled[1] - settled[0] == pytest.approx(exact, rel=0.01)
+    assert settled[1] == pytest.approx(exact, rel=0.02)
 
 
 @kinds

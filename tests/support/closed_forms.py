@@ -113,3 +113,13 @@ def lekhnitskii(
     q = b[0, 1] * mu + b[1, 1] / mu - b[1, 2]
     inverse = np.exp(-1j * np.arctan2(x[:, 1], x[:, 0]))
     return np.stack([2 * np.real(inverse * (c @ A)) for c in (p, q)], axis=1)
+
+
+def rigid_plate(*, radius: float, force: float, E: float, nu: float) -> float:
+    """Settlement of a rigid round plate that sticks to a half-space, m.
+
+    Mossakovskii (1954); D. A. Spence (1968), Self similar solutions to adhesive contact problems
+    with incremental loading, Proc. R. Soc. A 305: P = 4 G a w ln(3 - 4 nu) / (1 - 2 nu).
+    """
+    G = E / (2 * (1 + nu))
+    return force * (1 - 2 * nu) / (4 * G * radius * np.log(3 - 4 * nu))
