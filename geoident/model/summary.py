@@ -27,6 +27,9 @@ class StageSummary:
         removed: names of loads that end here.
         dofs: unknowns of its system of equations.
         used: readings that take part in the fit.
+        base: the stage on which it builds, where that is not the one before.
+        warmed: groups whose temperature changes.
+        water: whether the water in the pores changes.
     """
 
     name: str
@@ -37,6 +40,9 @@ class StageSummary:
     removed: tuple[str, ...]
     dofs: int
     used: int
+    base: str | None = None
+    warmed: tuple[str, ...] = ()
+    water: bool = False
 
 
 @dataclass(frozen=True)

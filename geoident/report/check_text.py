@@ -40,11 +40,14 @@ def _stages(stages: tuple[StageSummary, ...]) -> str:
 
 
 def _events(stage: StageSummary) -> str:
-    events = [f"-{name}" for name in stage.leaves]
+    events = [f"builds on {stage.base}"] if stage.base else []
+    events += [f"-{name}" for name in stage.leaves]
     events += [f"+{name}: {material}" for name, material in stage.enters]
     events += [f"{name} becomes {material}" for name, material in stage.changes]
     events += [f"load {name}" for name in stage.loads]
     events += [f"end of load {name}" for name in stage.removed]
+    events += [f"temperature of {name}" for name in stage.warmed]
+    events += ["water in the pores"] if stage.water else []
     return ", ".join(events)
 
 

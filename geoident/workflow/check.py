@@ -71,8 +71,13 @@ def _stages(case: Case, model: StagedModel, selection: Selection) -> tuple[Stage
             removed=stage.remove,
             dofs=dofs,
             used=used[stage.name],
+            base=None if state.base == n else case.stage_names[state.base],
+            warmed=tuple(stage.temperature),
+            water=stage.water is not None,
         )
-        for stage, dofs in zip(case.stages, model.n_dofs[1:], strict=True)
+        for n, (stage, state, dofs) in enumerate(
+            zip(case.stages, model.timeline.states[1:], model.n_dofs[1:], strict=True)
+        )
     )
 
 
