@@ -3,8 +3,8 @@
 Shipped mesh:        python make_mesh.py
 Mesh of the truth:   python make_mesh.py --size 0.6 --order 2 --output fine.msh
 
-The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x across, y upwards,
-origin half-way between the tubes at the level of their axes.
+The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x across, y
+upwards, origin half-way between the tubes at the level of their axes.
 """
 
 import argparse

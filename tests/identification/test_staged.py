@@ -11,7 +11,8 @@ from geoident.identify import identify
 from geoident.identify.problem import Problem
 from geoident.identify.uncertainty import assess
 from geoident.model.actions import Pressure
-from geoident.model.case import Isotropic, Material, Stage, Support
+from geoident.model.case import Material, Stage, Support
+from geoident.model.elastic import Isotropic
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar
