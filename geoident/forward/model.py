@@ -94,6 +94,11 @@ class StagedModel:
         return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
 
     @property
+    def solver_name(self) -> str:
+        """Name of the sparse solver."""
+        return self._solver.name
+
+    @property
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
         states = range(len(self.timeline.states))

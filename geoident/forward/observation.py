@@ -62,7 +62,7 @@ def observe(
                 continue
             place, turned = kinematics.in_section(point)
             sites = locator.sites(place)
-            site, last = _best_site(sites, present, zero)
+            site, last = best_site(sites, present, zero)
             if site is None:
                 faults.append(_point_fault(case, mesh, timeline, channel, point, sites))
                 continue
@@ -80,7 +80,7 @@ def observe(
     return found, faults
 
 
-def _best_site(sites: tuple[Site, ...], present: Bools, zero: int) -> tuple[Site | None, int]:
+def best_site(sites: tuple[Site, ...], present: Bools, zero: int) -> tuple[Site | None, int]:
     """The site that stays longest from the zero stage on, the best-lying one among equals."""
     best, until = None, -1
     for site in sites:

@@ -7,11 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class GroupSummary:
-    """An element group: its material at stage 0 (None: absent) and its number of elements."""
+    """An element group.
+
+    Args:
+        name: of the group.
+        material: at stage 0; None: absent.
+        elements: their number.
+        volume: m3; of a unit thickness in plane strain, of the whole turn in a body of revolution.
+    """
 
     name: str
     material: str | None
     elements: int
+    volume: float
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,59 @@ class GaugeSummary:
 
 
 @dataclass(frozen=True)
+class PlaceSummary:
+    """A point of gauges on the mesh.
+
+    Args:
+        channels: names of the channels that end there.
+        point: coordinates, m.
+        element: number of its element in the mesh file.
+        group: of the element.
+        distance: from the excavation, m; None if nothing is excavated.
+    """
+
+    channels: tuple[str, ...]
+    point: tuple[float, ...]
+    element: int
+    group: str
+    distance: float | None
+
+
+@dataclass(frozen=True)
+class ReadingSummary:
+    """The readings at the end of a stage.
+
+    Args:
+        stage: its name.
+        used: channels whose readings take part in the fit.
+        unused: reason and the channels whose readings do not, for it.
+    """
+
+    stage: str
+    used: tuple[str, ...]
+    unused: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+@dataclass(frozen=True)
+class CostEstimate:
+    """What one evaluation of the model costs: all stages, with the derivatives.
+
+    Args:
+        solver: name of the sparse solver.
+        factor_entries: of the largest factor, counted on its pattern.
+        factor_flops: multiplications and additions of all factorizations, counted likewise.
+        memory: estimate of the peak, bytes.
+        seconds: estimate of the time.
+    """
+
+    solver: str
+    factor_entries: int
+    factor_flops: float
+    memory: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class CaseSummary:
     """A case that is ready to be computed.
 
@@ -70,10 +131,13 @@ class CaseSummary:
         groups: the element groups.
         stages: of construction.
         gauges: the channels.
+        places: where the points of the gauges stand.
+        readings: which are used at which stage, and why the others are not.
         parameters: names of the unknowns.
         methods: names of the identifiers in their order.
         used: number of readings that take part.
         unused: reason to number of readings that do not, for it.
+        cost: estimate of what the computation needs.
         notes: what else the user should know.
     """
 
@@ -86,8 +150,11 @@ class CaseSummary:
     groups: tuple[GroupSummary, ...]
     stages: tuple[StageSummary, ...]
     gauges: tuple[GaugeSummary, ...]
+    places: tuple[PlaceSummary, ...]
+    readings: tuple[ReadingSummary, ...]
     parameters: tuple[str, ...]
     methods: tuple[str, ...]
     used: int
     unused: tuple[tuple[str, int], ...]
+    cost: CostEstimate
     notes: tuple[str, ...]

@@ -4,18 +4,40 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 from geoident.forward.model import StagedModel
+from geoident.forward.placement import placements
 from geoident.model.case import Case
+from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
-from geoident.model.summary import CaseSummary, GaugeSummary, GroupSummary, StageSummary
+from geoident.model.summary import (
+    CaseSummary,
+    GaugeSummary,
+    GroupSummary,
+    PlaceSummary,
+    ReadingSummary,
+    StageSummary,
+)
+from geoident.workflow.cost import estimate_cost
 from geoident.workflow.estimate import require_possible
 from geoident.workflow.finished import bad_notes
 from geoident.workflow.inputs import Inputs, build_model, load_inputs
 from geoident.workflow.selection import Selection, require_enough, select_readings
 
 
-def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> CaseSummary:
+@dataclass(frozen=True)
+class Checked:
+    """A case in which nothing wrong was found, its mesh, and what it amounts to."""
+
+    case: Case
+    mesh: Mesh
+    summary: CaseSummary
+
+
+def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
     """Read a case and build its model, without solving anything.
 
     Raises:
@@ -28,7 +50,7 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
     if inputs.case.readings:
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
-    return summarize(inputs, model, selection)
+    return Checked(inputs.case, model.mesh, summarize(inputs, model, selection))
 
 
 def summarize(inputs: Inputs, model: StagedModel, selection: Selection) -> CaseSummary:
@@ -44,17 +66,23 @@ def summarize(inputs: Inputs, model: StagedModel, selection: Selection) -> CaseS
         groups=_groups(case, model),
         stages=_stages(case, model, selection),
         gauges=_gauges(case, selection),
+        places=_places(case, model),
+        readings=_readings(case, selection),
         parameters=tuple(parameter.name for parameter in case.parameters),
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=len(selection.used),
         unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
+        cost=estimate_cost(model, solver=model.solver_name),
         notes=(*case.notes, *model.notes, *bad_notes(selection)),
     )
 
 
 def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
+    points = model.systems.points
+    volume = np.bincount(points.element, points.volume, minlength=model.mesh.n_elements)
+    members = model.mesh.groups
     return tuple(
-        GroupSummary(name, material, len(model.mesh.groups[name]))
+        GroupSummary(name, material, len(members[name]), float(volume[members[name]].sum()))
         for name, material in case.groups.items()
     )
 
@@ -94,4 +122,31 @@ def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
             unused=unused[channel.name],
         )
         for channel in case.channels
+    )
+
+
+def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
+    return tuple(
+        PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
+        for p in placements(case, model.mesh, model.timeline)
+    )
+
+
+def _readings(case: Case, selection: Selection) -> tuple[ReadingSummary, ...]:
+    """Stage by stage; stages without readings are left out."""
+    used: dict[str, list[str]] = {}
+    for channel, stage in selection.pairs:
+        used.setdefault(stage, []).append(channel)
+    unused: dict[str, dict[str, list[str]]] = {}
+    for one in selection.unused:
+        reasons = unused.setdefault(one.reading.stage, {})
+        reasons.setdefault(one.reason, []).append(one.reading.channel)
+    return tuple(
+        ReadingSummary(
+            stage,
+            tuple(used.get(stage, ())),
+            tuple((why, tuple(names)) for why, names in unused.get(stage, {}).items()),
+        )
+        for stage in case.stage_names
+        if stage in used or stage in unused
     )

@@ -51,6 +51,9 @@ class TestCheck:
         assert "plane-strain, 35 nodes, 24 elements" in told.stdout
         assert "-lower" in told.stdout
         assert "3 not used: the stage is not in fit.stages" in told.stdout
+        assert "- first: CV S X.a used" in told.stdout
+        assert "    not used: CV S X.a: the stage is not in fit.stages" in told.stdout
+        assert "X.a       1, 3            13  rock              1.00" in told.stdout
 
     def test_it_tells_all_faults_at_once(self, trench, run):
         told = run("check", "case.yaml", "--set", "groups.rock=granite", "--set", "fit.stages=[x]")
@@ -72,7 +75,14 @@ class TestCheck:
     def test_objects(self, trench, run_json):
         good, bad = run_json("check", "case.yaml", "nothing.yaml")
         assert good["status"] == "valid"
-        assert good["groups"][0] == {"name": "rock", "material": "rock", "elements": 20}
+        group = {"name": "rock", "material": "rock", "elements": 20, "volume": 20.0}
+        assert good["groups"][0] == pytest.approx(group)
+        heads = [place for place in good["places"] if place["point"] == [2.0, 3.0]]
+        assert [place["channels"] for place in heads] == [["X.a"]]
+        assert heads[0]["distance"] == pytest.approx(0.0)
+        assert {"stage": "first", "used": ["CV", "S", "X.a"], "unused": []} in good["readings"]
+        assert good["cost"]["factor_entries"] > 300
+        assert good["cost"]["seconds"] > 0
         assert bad["status"] == "failed"
 
     def test_some_of_several_cases(self, trench, run):

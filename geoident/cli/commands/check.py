@@ -58,9 +58,9 @@ def _check(case: str, options: Options) -> int:
     from geoident.workflow.check import check
 
     with failures_as_json(case, options):
-        summary = check(case, overrides=options.overrides, solver=options.solver)
+        checked = check(case, overrides=options.overrides, solver=options.solver)
     if options.as_json:
-        click.echo(dumps(summary_object(summary)))
+        click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:
-        click.echo(summary_text(summary))
+        click.echo(summary_text(checked.summary))
     return 0

@@ -1,0 +1,57 @@
+"""What a case will cost in memory and time, told from the patterns of its stages."""
+
+from __future__ import annotations
+
+from geoident.fem.symbolic import FactorCost, factor_cost
+from geoident.forward.model import StagedModel
+from geoident.model.summary import CostEstimate
+
+_FLOPS = {"cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
+"""Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
+
+_BYTES = {"cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
+"""Memory for an entry of the factor; splu keeps L and U with an index each."""
+
+_SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
+_POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
+_PROGRAM = 120e6  # bytes of Python and its libraries
+
+
+def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
+    """The cost of one evaluation: all stages with the derivatives, and the memory for it.
+
+    The entries of the factors and the operations are exact counts, the seconds are those of the
+    computer on which the rates were measured.
+    """
+    costs = _stage_costs(model)
+    columns, points = 1 + len(model.names), model.systems.points.n_points
+    flops, entries = sum(c.flops for c in costs), sum(c.entries for c in costs)
+    seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
+    seconds += _POINT_SECONDS * points * columns * len(costs)
+    largest = max((c.entries for c in costs), default=0)
+    stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
+    state = 8 * points * columns * (model.systems.points.n_strain + 2)
+    memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
+    return CostEstimate(solver, largest, flops, float(memory), seconds)
+
+
+def _states(model: StagedModel) -> range:
+    return range(1, len(model.timeline.states))
+
+
+def _stage_costs(model: StagedModel) -> list[FactorCost]:
+    """The cost of each stage; stages with the same ground have the same."""
+    known: dict[frozenset[int], FactorCost] = {}
+    costs = []
+    for n in _states(model):
+        system = model.systems[n]
+        if system.groups not in known:
+            node = system.pattern.dofs // model.mesh.dim
+            known[system.groups] = factor_cost(system.pattern.lower, node)
+        costs.append(known[system.groups])
+    return costs
+
+
+def _pattern_bytes(model: StagedModel, state: int) -> int:
+    pattern = model.systems[state].pattern
+    return pattern.lower.indices.nbytes + sum(s.nbytes for s in pattern.slots.values())

@@ -1,0 +1,52 @@
+"""Costs told from the pattern are those of a factorization that is done."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from geoident.fem.distance import distance_to_faces
+from geoident.fem.faces import FacetPatch
+from geoident.fem.solvers.protocol import LowerPattern
+from geoident.fem.symbolic import factor_cost
+from geoident.model.mesh import Mesh
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_entries_and_operations_are_those_of_a_dense_cholesky_factor(seed):
+    rng = np.random.default_rng(seed)
+    n_nodes = 40
+    size = rng.integers(1, 4, n_nodes)  # some nodes have fixed directions
+    node = np.repeat(np.arange(n_nodes), size)
+    links = np.eye(n_nodes, dtype=bool) | (rng.random((n_nodes, n_nodes)) < 0.05)
+    pattern = (links | links.T)[np.ix_(node, node)]
+    values = np.where(pattern, rng.random(pattern.shape) + 0.1, 0.0)
+    values = values + values.T + 1e3 * np.eye(len(node))
+    factor = np.abs(np.linalg.cholesky(values)) > 0
+    lower = sp.csc_array(np.tril(pattern))
+    cost = factor_cost(LowerPattern(lower.indptr, lower.indices), node)
+    assert cost.entries == np.count_nonzero(factor)
+    assert cost.flops == (factor.sum(axis=0).astype(float) ** 2).sum()
+
+
+def test_nothing_to_factorize_costs_nothing():
+    empty = LowerPattern(np.zeros(1, np.int64), np.empty(0, np.int64))
+    assert factor_cost(empty, np.empty(0, np.int64)).entries == 0
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [((0.2, 0.2, 3.0), 3.0), ((-1.0, 0.5, 0.0), 1.0), ((2.0, 2.0, 0.0), 2**0.5), ((1, 1, 0), 0.0)],
+)
+def test_distance_from_a_square(point, expected):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    square = FacetPatch("quad4", np.array([[0, 1, 2, 3]]), np.array([0]))
+    mesh = Mesh(corners, ())
+    assert distance_to_faces(mesh, (square,), np.array(point)) == pytest.approx(expected)
+
+
+def test_distance_from_a_segment():
+    mesh = Mesh(np.array([[0, 0], [2, 0.0]]), ())
+    line = (FacetPatch("line2", np.array([[0, 1]]), np.array([0])),)
+    for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
+        assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
+    assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
