@@ -19,6 +19,7 @@ from geoident.io.case_values import (
     Pressures,
     TemperatureChange,
     TemperatureValues,
+    Text,
     UnitWeight,
 )
 from geoident.io.section import Section, Wrongs
@@ -123,17 +124,26 @@ class WaterSection(Section):
 class TemperatureFieldSection(Section):
     """Changes of temperature at points: linear between them, the nearest beyond them."""
 
-    points: list[Point] = Field(min_length=1, description="Coordinates of the points.")
-    values: TemperatureValues = Field(description="Change at each point.")
+    points: list[Point] | None = Field(None, description="Coordinates of the points.")
+    values: TemperatureValues | None = Field(None, description="Change at each point.")
+    file: Text | None = Field(
+        None,
+        description="In place of points and values: a CSV file whose first line names the columns "
+        "with their units, such as 'x [m], y [m], change [K]' (and z [m] in a solid).",
+    )
     factor: Factor | None = Field(None, description="Multiplies all changes; 1 if missing.")
 
     @model_validator(mode="after")
     def _as_many(self) -> TemperatureFieldSection:
-        if len(self.points) != len(self.values):
-            wrongs = Wrongs()
+        wrongs = Wrongs()
+        if self.file is not None or not self.points or not self.values:
+            given = [key for key in ("points", "values", "file") if getattr(self, key) is not None]
+            message = f"found {' and '.join(given) or 'neither'}; points with values, or a file, is"
+            wrongs.add((), "wrong-pair", f"{message} expected")
+        elif len(self.points) != len(self.values):
             message = f"{len(self.values)} values for {len(self.points)} points"
             wrongs.add(("values",), "wrong-number", message, "Write one value for each point.")
-            wrongs.raise_any()
+        wrongs.raise_any()
         return self
 
 

@@ -130,7 +130,8 @@ def _field(
 ) -> TemperatureField:
     points = [
         vector(point, dim, (*path, "points", n), faults, what="the point") or ()
-        for n, point in enumerate(section.points)
+        for n, point in enumerate(section.points or ())
     ]
     factor = section.factor.scalar if section.factor else Scalar(1.0)
-    return TemperatureField(tuple(points), tuple(v.factor for v in section.values), factor)
+    values = tuple(value.factor for value in section.values or ())
+    return TemperatureField(tuple(points), values, factor)

@@ -23,6 +23,7 @@ from geoident.io.case_values import kind_of
 from geoident.io.faults import Faults, Places
 from geoident.io.overrides import apply_overrides
 from geoident.io.schema_faults import add_schema_faults
+from geoident.io.temperature_file import with_temperatures
 from geoident.io.text_file import STDIN, decode, read_bytes
 from geoident.io.wording import shorten
 from geoident.io.yaml_reader import MAX_BYTES, parse_yaml
@@ -77,9 +78,10 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     """
     places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
     refuse_blanks(places)
+    folder = Path() if path == STDIN else Path(path).parent
+    places = with_temperatures(places, folder)
     section = _validate(places)
     faults = Faults(places)
-    folder = Path() if path == STDIN else Path(path).parent
     mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)

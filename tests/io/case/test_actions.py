@@ -247,3 +247,51 @@ def test_a_bench_may_be_excavated_on_two_branches(project, changed):
     again = "\n  - {name: other, base: heading, excavate: [bench], independent: true}"
     case = project.read(changed(BENCH, BENCH + again)).case
     assert case.stages[2].base == "heading"
+
+
+# Temperatures from a file -----------------------------------------------------------------------
+
+WARM = "\n  - {name: warm, temperature: {lining: {file: warm.csv, factor: $K0}}}"
+
+
+def warm(changed):
+    text = changed(SHOTCRETE, "shotcrete: {K: 8 GPa, G: 6 GPa, expansion: 1e-5 1/K}")
+    return text.replace(BENCH, BENCH + WARM)
+
+
+TABLES = {
+    "commas": "x [m],y [cm],change [K]\n0,100,4\n2,300,-5.5\n\n",
+    "semicolons": "change (degC); x (m); y (m)\n4; 0; 1\n-5.5; 2; 3\n",
+}
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+def test_a_file_of_temperatures_becomes_part_of_the_case(table, project, changed):
+    (project.folder / "warm.csv").write_text(table)
+    loaded = project.read(warm(changed))
+    expected = TemperatureField(((0.0, 1.0), (2.0, 3.0)), (4.0, -5.5), Scalar(1.0, "K0"))
+    assert loaded.case.stages[2].temperature == {"lining": expected}
+    (project.folder / "warm.csv").unlink()
+    assert project.read(loaded.resolved).case.stages == loaded.case.stages
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (None, "cannot be read"),
+        ("", "no table of temperatures"),
+        ("x,y,change\n1,2,3\n", "no table of temperatures"),
+        ("x [m],y [m],change [MPb]\n1,2,3\n", "no table of temperatures"),
+        ("x [m],y [m],change [K]\n1,2\n", "line 2: found 2 cells"),
+        ("x [m],y [m],change [K]\n1,2,warm\n", "'warm K' is not a number"),
+        ("x [m],y [m],change [kPa]\n1,2,3\n", "a pressure; a temperature"),
+        ("x [m],y [m],z [m],change [K]\n1,2,3,4\n", "3 components; 2 expected"),
+    ],
+)
+def test_a_faulty_file_of_temperatures_is_said(table, words, project, changed):
+    if table is not None:
+        (project.folder / "warm.csv").write_text(table)
+    text = warm(changed)
+    faults = project.faults(text)
+    assert words in str(faults[0])
+    assert "name: warm" in text.splitlines()[faults[0].location.line - 1]
