@@ -5,7 +5,7 @@ readings and the covariance C of the parameters x (readings and priors, bounds h
 
     standardized  e   = (v* - v) / s
     leverage      H   = B C B^T ,  h_i its diagonal: 0 does not bear, 1 decides alone
-    studentized   t_i = sqrt(w_i) e_i / sqrt(1 - h_i) :  the residual in its own standard deviation
+    studentized   t_i = e_i / sqrt(1 - h_i) :  the residual in its own standard deviation
     influence     D_I = C B_I^T (1 - H_II)^-1 sqrt(w) e_I  in standard deviations of x   (DFBETAS)
     distance          = D_I^T C^+ D_I / n                                       (Cook's distance)
 
@@ -86,7 +86,7 @@ def diagnose(
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
     C = assessment.covariance_x
-    removals = [_removed(B, np.sqrt(w) * e, C, np.flatnonzero(sets == k)) for k in _each(sets)]
+    removals = [_removed(B, e, np.sqrt(w) * e, C, np.flatnonzero(sets == k)) for k in _each(sets)]
     n, m = C.shape[0], len(removals)
     worst = np.array([removal.worst for removal in removals], dtype=np.int64)
     return Influence(
@@ -115,8 +115,8 @@ def _each(sets: Ints) -> range:
     return range(int(sets.max(initial=-1)) + 1)
 
 
-def _removed(B: Floats, e: Floats, C: Floats, rows: Ints) -> _Removal:
-    """The removal of some rows of B (g, n) with weighted residuals e (g,), covariance C (n, n)."""
+def _removed(B: Floats, e: Floats, weighted: Floats, C: Floats, rows: Ints) -> _Removal:
+    """The removal of some rows of B (g, n), with residuals e (g,), also weighted, and C (n, n)."""
     H = B[rows] @ C @ B[rows].T
     h = np.diag(H)
     spare = np.where(h < ALONE, 1.0 - h, np.nan)
@@ -127,7 +127,7 @@ def _removed(B: Floats, e: Floats, C: Floats, rows: Ints) -> _Removal:
         pull = np.abs(C @ B[rows].T).max(axis=1, initial=0.0) > 1e-9 * sd
         change, distance = np.where(pull, np.inf, 0.0), np.inf
     else:
-        z = np.linalg.solve(np.eye(len(rows)) - H, e[rows])
+        z = np.linalg.solve(np.eye(len(rows)) - H, weighted[rows])
         moved = C @ B[rows].T @ z
         change = np.divide(moved, sd, out=np.zeros_like(sd), where=sd > 0.0)
         distance = float(z @ H @ z) / max(1, int(np.count_nonzero(sd)))

@@ -209,13 +209,13 @@ class BadSection(Section):
 
 def _entry_shape(value: object) -> str:
     if isinstance(value, ReadingsFileSection) or (isinstance(value, Mapping) and "file" in value):
-        return "file"
+        return "<file>"
     return "text" if isinstance(value, str) else "reading"
 
 
 Entry = Annotated[
     Annotated[Text, Tag("text")]
-    | Annotated[ReadingsFileSection, Tag("file")]
+    | Annotated[ReadingsFileSection, Tag("<file>")]
     | Annotated[ReadingSection, Tag("reading")],
     Discriminator(_entry_shape),
 ]
@@ -224,12 +224,12 @@ Entry = Annotated[
 def _readings_shape(value: object) -> str:
     if isinstance(value, list | tuple):
         return "list"
-    return "file" if isinstance(value, Mapping | ReadingsFileSection) else "text"
+    return "<file>" if isinstance(value, Mapping | ReadingsFileSection) else "text"
 
 
 Readings = Annotated[
     Annotated[Text, Tag("text")]
-    | Annotated[ReadingsFileSection, Tag("file")]
+    | Annotated[ReadingsFileSection, Tag("<file>")]
     | Annotated[list[Entry], Tag("list")],
     Discriminator(_readings_shape),
 ]

@@ -120,7 +120,7 @@ class Diagnostics:
         squares: plain weighted squares (and the prior's part) at the estimate, whatever the loss.
         scale: robust scatter of the standardized residuals: near 1 if the accuracies are right.
         standardized: (n_channels, n_stages) measured minus computed, in accuracies.
-        studentized: the same in its own standard deviation (root weight by root 1 - leverage).
+        studentized: the same in its own standard deviation, by root of 1 - leverage.
         weight: what the loss leaves of the reading, 0 to 1.
         leverage: diagonal of the hat matrix: 1 decides alone.
         distance: Cook's distance.
