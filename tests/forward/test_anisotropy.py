@@ -123,6 +123,15 @@ SOLID_KINDS = {
     "love": LoveModuli(**ties(LOVE), frame=ANGLES),
     "orthotropic": Orthotropic(**ties(ORTHOTROPIC), frame=ANGLES),
     "anisotropic": Anisotropic(ties(ENTRIES)),
+    # One modulus and one angle behind several numbers; the fill shares the modulus.
+    "tied": TransverselyIsotropic(
+        E_p=Scalar(1.0, "E_p"),
+        nu_p=Scalar(0.2),
+        E_n=Scalar(0.4, "E_p"),
+        nu_np=Scalar(0.15),
+        G_np=Scalar(0.2, "E_p"),
+        frame=Attitude(Scalar(1.0, "dip"), Scalar(2.5, "dip")),
+    ),
 }
 IN_PLANE = Attitude(Scalar(1.0, "dip"), Scalar(np.pi / 2))
 PLANE_KINDS = {
@@ -142,7 +151,7 @@ NO_EFFECT = {
 
 
 def staged_in(elastic, dim: int):
-    """Three stages, a lining of the same constants times a factor, and gauges all around."""
+    """Two stages: an opening, and its fill; gauges near a corner of the block."""
     mesh = block("hex8" if dim == 3 else "tri6")
     mesh = regroup(
         mesh,
@@ -151,6 +160,7 @@ def staged_in(elastic, dim: int):
     )
     names = sorted({s.parameter for s in numbers_of(elastic).values() if s.parameter})
     rng = np.random.default_rng(2)
+    fill = Scalar(0.25, "E_p") if "E_p" in names else Scalar(5e9)
     channels = tuple(
         displacement(f"c{k}", tuple(rng.uniform(0.0, 0.2, dim)), tuple(rng.normal(size=dim)))
         for k in range(4)
@@ -165,7 +175,7 @@ def staged_in(elastic, dim: int):
         ),
         materials={
             "rock": Material("rock", elastic),
-            "fill": Material("fill", Isotropic(E=Scalar(5e9), nu=Scalar(0.2))),
+            "fill": Material("fill", Isotropic(E=fill, nu=Scalar(0.2))),
         },
         groups=dict.fromkeys(("rock", "upper", "lower"), "rock"),
         supports=rollers(dim),
