@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import warnings
 from importlib import import_module
@@ -89,4 +90,6 @@ def main() -> NoReturn:
     """Entry point of the command ``geoident``."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # ours are said in words; those of libraries are noise
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be any bytes
     geoident.main(prog_name="geoident")

@@ -79,7 +79,12 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         help="Replace a value of the case; may be repeated.",
     ),
     "seed": click.option(
-        "--seed", type=int, default=0, show_default=True, help="Seed of random numbers."
+        "--seed",
+        type=click.IntRange(0, 2**63 - 1),
+        default=0,
+        show_default=True,
+        metavar="N",
+        help="Seed of random numbers.",
     ),
     "max_time": click.option(
         "--max-time", type=Duration(), help="Stop searching after this time, such as 10min."

@@ -69,7 +69,7 @@ from scipy.linalg import qr
 
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.bounded import bounded_least_squares
-from geoident.identify.discrepancy import Discrepancy
+from geoident.identify.discrepancy import CHECK_UNITS, Discrepancy
 from geoident.identify.history import History
 from geoident.identify.problem import Observer, Outcome, Problem
 from geoident.identify.protocols import AffineElastic, Condensed, Response
@@ -235,7 +235,7 @@ class _Iteration:
         model = self.response.condense(p, self.problem.measured, self.problem.sd)
         phi = self.discrepancy.objective_of(p, model.readings)
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
-            raise ModelError("The discrepancy is not a finite number here.")
+            raise ModelError("The discrepancy is not a finite number here.", CHECK_UNITS)
         return _Point(p, model, phi)
 
     def next(self) -> Floats:

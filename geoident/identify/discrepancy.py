@@ -25,6 +25,8 @@ from geoident.identify.problem import Problem
 from geoident.identify.scaling import Scaling
 from geoident.model.arrays import Floats
 
+CHECK_UNITS = "Check the units of stresses, moduli and accuracies, and the start values."
+
 
 @dataclass(frozen=True)
 class Linearization:
@@ -73,7 +75,8 @@ class Discrepancy:
     def objective_of(self, p: Floats, readings: Floats) -> float:
         """The discrepancy phi where the model's answer is known already; infinite where NaN."""
         r = self.residuals(p, readings)
-        return float(r @ r) if np.all(np.isfinite(r)) else np.inf
+        with np.errstate(over="ignore"):  # infinite is right for what overflows
+            return float(r @ r) if np.all(np.isfinite(r)) else np.inf
 
     def objective(self, p: Floats) -> float:
         """The discrepancy phi at p (n,), SI; infinite where the model has no solution.
@@ -103,6 +106,16 @@ class Discrepancy:
         found = Linearization(
             self.residuals(p, v), np.concatenate([rows, self.scaling.prior_jacobian(p)])
         )
-        if not (np.all(np.isfinite(found.residual)) and np.all(np.isfinite(found.jacobian))):
-            raise ModelError("The readings that the model answers are not finite numbers.")
+        _require_finite(found)
         return found
+
+
+def _require_finite(found: Linearization) -> None:
+    """Refuse numbers whose squares overflow: every step from there would look like the last."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = found.objective + float(np.sum(found.jacobian**2))
+    if not np.isfinite(squares):
+        raise ModelError(
+            "The readings that the model answers, or their discrepancy, are too large for numbers.",
+            CHECK_UNITS,
+        )

@@ -9,6 +9,7 @@ Per point: one call of the model, without derivatives.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -21,6 +22,9 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter
 from geoident.model.result import Grid
+
+MOST_POINTS = 1_000_000
+"""More are a slip of the pen: they would take days, and their history more memory than there is."""
 
 
 def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
@@ -64,6 +68,10 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
     }
     known = {q.name: q for q in parameters}
     faults = [fault for name, axis in chosen.items() for fault in _faults(known, name, axis)]
+    points = math.prod(axis.points for axis in chosen.values())
+    if points > MOST_POINTS:
+        message = f"the scan has {points:,} points; {MOST_POINTS:,} are the most"
+        faults.append(Fault("scan-size", message, "Lower 'points' in fit.scan.", path="fit.scan"))
     if faults:
         raise InputError(faults)
     return {name: _values(known[name], axis) for name, axis in chosen.items()}

@@ -25,6 +25,7 @@ Node: TypeAlias = "dict[str, Node] | list[Node] | str | None"
 MAX_BYTES = 5_000_000
 _MAX_DEPTH = 32
 _MAX_NODES = 200_000
+_MOST_FAULTS = 100
 _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -194,6 +195,9 @@ class _Builder:
         """Note a fault at an event."""
         location = Location(self.file, *_position(event))
         self.faults.append(Fault(code, message, hint, location, format_path(path)))
+        if len(self.faults) > _MOST_FAULTS:
+            last = Fault("more-faults", "there are more faults after this one", location=location)
+            raise InputError([*self.faults, last])
 
 
 def _position(event: yaml.Event) -> Position:

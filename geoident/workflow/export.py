@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from geoident.errors import UsageError
+from geoident.errors import InputError, UsageError
 from geoident.io.atomic import atomic_output, output_error
 from geoident.io.hdf5 import refusal
-from geoident.io.vtkhdf import REFIT, copy_fields, sidecar_path
+from geoident.io.vtkhdf import REFIT, copy_fields, sidecar_path, sidecar_target, write_sidecar
 from geoident.io.vtu import write_pvd, write_vtu
 from geoident.model.result import FieldSeries, Result
 
@@ -85,19 +85,28 @@ def state_names(result: Result) -> tuple[str, ...]:
 
 
 def export_vtkhdf(path: str, *, folder: Path, overwrite: bool) -> tuple[str, ...]:
-    """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it."""
+    """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
+
+    In the folder of the result it is the sidecar that every fit has, a link to the result.
+    """
     file = folder / f"{stem(path)}.vtkhdf"
-    sidecar = sidecar_path(path)
-    if sidecar is not None and file.resolve() == sidecar.resolve():
-        msg = f"{file}: is the sidecar of the result already; it opens in ParaView as it is"
-        raise UsageError(msg)
-    return _write_all({file: lambda part: copy_fields(path, part)}, overwrite=overwrite)
+    sidecar, name = sidecar_path(path), Path(path).name
+    if sidecar is None or file.resolve() != sidecar.resolve():
+        return _write_all({file: lambda part: copy_fields(path, part)}, overwrite=overwrite)
+    own = sidecar_target(sidecar) == name
+    writers: dict[Path, Writer] = {file: lambda part: write_sidecar(part, name)}
+    return _write_all(writers, overwrite=overwrite or own)
 
 
 def _fields(path: str, result: Result) -> FieldSeries:
     if result.fields is None:
-        raise refusal(path, "no-fields", "holds no displacements and stresses", REFIT)
+        raise no_fields(path)
     return result.fields
+
+
+def no_fields(path: str) -> InputError:
+    """The refusal of a result without fields."""
+    return refusal(path, "no-fields", "holds no displacements and stresses", REFIT)
 
 
 def _write_all(writers: Mapping[Path, Writer], *, overwrite: bool) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.model import StagedModel
 from geoident.io.case_file import LoadedCase, parse_case, read_case
 from geoident.io.mesh_file import read_mesh
-from geoident.model.case import Case
+from geoident.model.case import Case, Source
 from geoident.model.gauges import Reading
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
@@ -83,10 +83,15 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
         result: holds the case and its readings.
         path: where the case stood.
     """
-    loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+    try:
+        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+    except InputError as error:
+        unplaced = [replace(fault, location=Location(path)) for fault in error.faults]
+        raise InputError(unplaced) from error
+    nowhere = Source(path)  # the lines of the resolved case are not those of the file
     loaded = replace(
         loaded,
-        case=replace(loaded.case, readings=readings_of(result.gauges)),
+        case=replace(loaded.case, readings=readings_of(result.gauges), source=nowhere),
         text=result.case_text,
         resolved=result.case_resolved,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from geoident.errors import Fault, InputError
+from geoident.model.case import Case
 from geoident.model.methods import MethodOptions
 from geoident.workflow.inputs import STDIN, Inputs, load_inputs
 from geoident.workflow.outputs import (
@@ -98,6 +100,7 @@ def plan_scan(request: Request) -> Job:
 
 
 def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[MethodOptions]) -> Job:
+    _require_parameters(inputs.case, command)
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
     found = standing(place, identity)
@@ -106,3 +109,11 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
         require_free(found, place, force=request.force)
         require_writable(place, inputs=job.files_read)
     return job
+
+
+def _require_parameters(case: Case, command: str) -> None:
+    if not case.parameters:
+        message = f"there are no parameters, so there is nothing to {command}"
+        hint = "Write what is unknown under 'parameters'; `geoident simulate` needs none."
+        place = case.source.locate(("parameters",))
+        raise InputError([Fault("no-parameters", message, hint, place, "parameters")])

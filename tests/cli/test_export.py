@@ -152,10 +152,16 @@ def test_states_for_paraview(fitted, run):
         np.testing.assert_array_equal(one["CellData/stress"], other["CellData/stress"])
 
 
-def test_the_sidecar_is_not_replaced_by_a_copy(fitted, run):
-    before = (fitted / "case.fit.vtkhdf").read_bytes()
-    assert run("export", "case.fit.h5", "--format", "vtkhdf", "-o", ".", "--force").exit_code == 2
-    assert (fitted / "case.fit.vtkhdf").read_bytes() == before
+def test_beside_the_result_the_sidecar_stays_one_and_comes_back_when_lost(fitted, run):
+    sidecar = fitted / "case.fit.vtkhdf"
+    before = sidecar.read_bytes()
+    for lose in (lambda: None, sidecar.unlink):
+        lose()
+        assert run("export", "case.fit.h5", "--format", "vtkhdf", "-o", ".").exit_code == 0
+        assert sidecar.read_bytes() == before
+    sidecar.write_text("mine")
+    assert run("export", "case.fit.h5", "--format", "vtkhdf", "-o", ".").exit_code == 6
+    assert sidecar.read_text() == "mine"
 
 
 def test_several_results(fitted, run):

@@ -104,4 +104,6 @@ def _write(kind: str, path: str, result: Result, options: Options) -> tuple[str,
         return export.export_texts(path, texts, folder=folder, overwrite=options.force)
     if kind == "vtu":
         return export.export_vtu(path, result, folder=folder, overwrite=options.force)
+    if result.fields is None:
+        raise export.no_fields(path)
     return export.export_vtkhdf(path, folder=folder, overwrite=options.force)

@@ -1,0 +1,213 @@
+"""Sound cases and readings, spoiled at random: what is said is an error of ours, soon and cheaply.
+
+The whole values of shipped cases are deleted, doubled, replaced, moved and nested, so that the text
+stays YAML and the checks behind are reached; ``tests/io/case/test_case_fuzz.py`` spoils characters.
+The long run: pytest -m slow tests/fuzz (GEOIDENT_FUZZ_EXAMPLES sets the examples of each test).
+"""
+
+import contextlib
+import copy
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from geoident.errors import GeoidentError, InputError
+from geoident.io.case_file import parse_case
+from geoident.io.readings_file import parse_readings
+from geoident.workflow.check import check
+from tests.support.trench import CASE, READINGS, write_case
+
+SECONDS = 5
+MEMORY = 1_000_000  # kB
+EXAMPLES = int(os.environ.get("GEOIDENT_FUZZ_EXAMPLES", "40"))
+FUZZ = settings(
+    max_examples=EXAMPLES,
+    deadline=None,  # `within` measures, and stops
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(ROOT.glob("cases/*/case.yaml"))
+
+numbers = (
+    st.integers() | st.floats() | st.sampled_from(["1e9", "-0", "1e400", "0x10", "1_000", "\u0661"])
+)
+quantities = st.builds(
+    "{} {}".format, numbers, st.sampled_from(["m", "mm", "GPa", "MPa", "deg", "kg/m3", "Mpas", "%"])
+)
+words = st.sampled_from(
+    [
+        *(
+            "no",
+            "on",
+            "~",
+            "",
+            "$x",
+            "$K0",
+            "0.5 $E",
+            "$",
+            "virgin",
+            "absent",
+            "rock",
+            "x",
+            "[",
+            "<<",
+        ),
+        *("ground", "..", "/dev/zero", "\x00", "\u202e", "\U0001f600", "é", "!!python/object:os.x"),
+    ]
+)
+scalars = numbers | quantities | words | st.text(max_size=12) | st.booleans() | st.none()
+small = st.recursive(
+    scalars,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
+    max_leaves=6,
+)
+
+
+class TooSlow(Exception):
+    """A limit of time was passed."""
+
+
+@contextlib.contextmanager
+def within(seconds):
+    """Stop what takes longer."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def stop(number, frame):
+        raise TooSlow
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def places(node, path=()):
+    """Paths of all nodes of a tree."""
+    yield path
+    if isinstance(node, (dict, list)):
+        for key, value in node.items() if isinstance(node, dict) else enumerate(node):
+            yield from places(value, (*path, key))
+
+
+def spoil(data, tree):
+    """One change somewhere in a tree."""
+    path = data.draw(st.sampled_from([path for path in places(tree) if path]))
+    holder = tree
+    for key in path[:-1]:
+        holder = holder[key]
+    how = data.draw(st.sampled_from(["delete", "replace", "rename", "double", "nest", "move"]))
+    value = holder[path[-1]]
+    if how == "delete":
+        del holder[path[-1]]
+    elif how == "rename" and isinstance(holder, dict):
+        holder[data.draw(words | st.text(max_size=8))] = holder.pop(path[-1])
+    elif how == "double" and isinstance(holder, list):
+        holder.insert(path[-1], copy.deepcopy(value))
+    elif how == "nest":
+        for _ in range(data.draw(st.sampled_from([1, 2, 40, 200]))):
+            value = [value] if data.draw(st.booleans()) else {"a": value}
+        holder[path[-1]] = value
+    elif how == "move":
+        other = data.draw(st.sampled_from([p for p in places(tree) if p]))
+        place = tree
+        for key in other[:-1]:
+            place = place[key]
+        holder[path[-1]] = copy.deepcopy(place[other[-1]])
+    else:
+        holder[path[-1]] = data.draw(small)
+
+
+def spoiled(data, text):
+    """The text of a case with up to four changes."""
+    tree = yaml.safe_load(text)
+    for _ in range(data.draw(st.integers(1, 4))):
+        if isinstance(tree, (dict, list)) and tree:
+            spoil(data, tree)
+    return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
+def test_shipped_cases(path):
+    text = path.read_text(encoding="utf-8")
+
+    @FUZZ
+    @given(st.data())
+    def run(data):
+        with contextlib.suppress(InputError), within(SECONDS):
+            parse_case(spoiled(data, text), str(path))
+
+    run()
+
+
+def test_a_case_with_its_mesh(tmp_path):
+    """To the end of the check: stages, gauges, loads and mechanisms are looked at too."""
+    case = write_case(tmp_path)
+
+    @FUZZ
+    @given(st.data())
+    def run(data):
+        case.write_text(spoiled(data, CASE), encoding="utf-8", errors="surrogatepass")
+        with contextlib.suppress(GeoidentError), within(SECONDS):
+            check(str(case))
+
+    run()
+
+
+@FUZZ
+@given(st.data())
+def test_readings(data):
+    rows = [line.split(",") for line in READINGS.splitlines()]
+    for _ in range(data.draw(st.integers(1, 6))):
+        row = data.draw(st.sampled_from(rows))
+        cell = data.draw(st.integers(0, len(row)))
+        value = str(data.draw(scalars))
+        row[cell:] = data.draw(
+            st.sampled_from([[value, *row[cell + 1 :]], [value, *row[cell:]], row[cell + 1 :], []])
+        )
+        rows += [list(row)] * data.draw(st.sampled_from([0, 0, 1, 1000]))
+    join = data.draw(st.sampled_from([",", ",", ";", "\t", " , "]))
+    ends = data.draw(st.sampled_from(["\n", "\n", "\r\n", "\r", "\n\n"]))
+    text = ends.join(join.join(row) for row in rows)
+    content = text.encode(data.draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16"])), "replace")
+    with contextlib.suppress(InputError), within(SECONDS):
+        parse_readings(content, "r.csv")
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "{a: " * 100_000, "- " * 100_000, "a:\n" * 200_000]
+)
+def test_nothing_is_so_deep_or_long_that_it_hangs(text):
+    with pytest.raises(InputError), within(SECONDS):
+        parse_case(text, "case.yaml")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
+def test_long_run_in_bounded_memory():
+    import resource  # noqa: PLC0415 - POSIX only
+
+    number = os.environ.get("GEOIDENT_FUZZ_EXAMPLES", "2000")
+    told = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__],
+        env={**os.environ, "GEOIDENT_FUZZ_EXAMPLES": number},
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert told.returncode == 0, told.stdout
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    assert peak < MEMORY * (1024 if sys.platform == "darwin" else 1)

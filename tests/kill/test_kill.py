@@ -1,0 +1,178 @@
+"""kill -9 at random moments: what stood there stays readable, and the next run completes.
+
+The runs are forks of one process that has imported everything, so that the moments fall into the
+work and not into the start of Python.
+"""
+
+import json
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from geoident.io.result_file import read_result
+from geoident.io.vtkhdf import sidecar_target
+from tests.support.commands import run_command
+from tests.support.trench import write_case
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+
+MOMENTS = [pytest.param(6), pytest.param(50, marks=pytest.mark.slow)]
+INPUTS = {"case.yaml", "readings.csv", "trench.inp"}
+RESULTS = {"case.fit.h5", "case.fit.vtkhdf"}
+
+NURSERY = """
+import json, os, signal, sys, time
+import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case_file
+import geoident.forward.model, geoident.io.result_file, geoident.io.mesh_file, geoident.fem.solvers
+from geoident.cli.app import geoident
+if sys.argv[1:] == ["report"]:
+    import geoident.report.html
+for line in sys.stdin:
+    seconds, words = json.loads(line)
+    begun = time.monotonic()
+    pid = os.fork()
+    if pid == 0:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(nothing, stream)
+        try:
+            geoident.main(words, prog_name="geoident")
+        except SystemExit as end:
+            os._exit(int(end.code or 0))
+        os._exit(99)
+    if seconds is not None:
+        time.sleep(seconds)
+        os.kill(pid, signal.SIGKILL)
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    print(json.dumps([code, time.monotonic() - begun]), flush=True)
+"""
+
+
+class Nursery:
+    """A process that forks runs and kills them.
+
+    Args:
+        folder: in which they run.
+        kind: ``report`` to have its parts imported.
+    """
+
+    def __init__(self, folder, *kind):
+        one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", NURSERY, *kind], cwd=folder, text=True, bufsize=1,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, **one_thread},
+        )  # fmt: skip
+
+    def run(self, words, *, seconds=None):
+        """Exit code (-9 if killed) and duration of a run that is killed after some seconds."""
+        self._process.stdin.write(json.dumps([seconds, words]) + "\n")
+        return json.loads(self._process.stdout.readline())
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._process.stdin.close()
+        self._process.stdout.close()
+        self._process.wait()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    write_case(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(folder):
+    """Names of all files, and those of temporaries apart."""
+    found = {path.name for path in folder.iterdir() if path.is_file()}
+    parts = {name for name in found if name.startswith(".") and name.endswith(".part")}
+    return found - parts, parts
+
+
+def values(path):
+    return tuple(read_result(path).parameters.values)
+
+
+def moments(count, duration):
+    """Seconds after which to kill: most of them late, where files are written."""
+    chance = random.Random(4)
+    return [duration * chance.uniform(0.0, 1.05) ** 0.5 for _ in range(count)]
+
+
+@pytest.mark.parametrize("count", MOMENTS)
+def test_fit(here, count):
+    words = ["fit", "case.yaml", "--force"]
+    other = [*words, "--set", "in_situ.vertical=1.1 MPa"]
+    with Nursery(here) as nursery:
+        duration = max(nursery.run([*words, "--fresh"])[1] for _ in range(2))
+        first = values("case.fit.h5")
+        assert nursery.run(other)[0] == 0
+        second = values("case.fit.h5")
+        assert first != second
+        killed = 0
+        for number, seconds in enumerate(moments(count, duration)):
+            fresh = ["--fresh"] if number % 3 else []
+            code, _ = nursery.run([*(words, other)[number % 2], *fresh], seconds=seconds)
+            killed += code == -9
+            assert code in (-9, 0)
+            whole, _ = names(here)
+            assert INPUTS | RESULTS <= whole <= INPUTS | RESULTS | {"case.fit.checkpoint"}
+            assert values("case.fit.h5") in (first, second)
+            assert sidecar_target("case.fit.vtkhdf") == "case.fit.h5"
+        assert killed >= count // 2
+        for last, expected in ((words, first), (other, second)):
+            assert nursery.run(last)[0] == 0
+            assert values("case.fit.h5") == expected
+    assert names(here) == (INPUTS | RESULTS, set())
+
+
+@pytest.mark.parametrize("count", MOMENTS)
+def test_first_fit(here, count):
+    """Nothing stands there before: there is a whole result or none."""
+    words = ["fit", "case.yaml"]
+    with Nursery(here) as nursery:
+        duration = nursery.run(words)[1]
+        expected = values("case.fit.h5")
+        for seconds in moments(count, duration):
+            for name in (*RESULTS, "case.fit.checkpoint"):
+                (here / name).unlink(missing_ok=True)
+            nursery.run(words, seconds=seconds)
+            if (here / "case.fit.h5").exists():
+                assert values("case.fit.h5") == expected
+            assert nursery.run(words)[0] == 0
+            assert values("case.fit.h5") == expected
+    assert names(here) == (INPUTS | RESULTS, set())
+
+
+@pytest.mark.slow
+def test_report(here):
+    pytest.importorskip("matplotlib", reason="needs matplotlib")
+    assert run_command("fit", "case.yaml", "-q").exit_code == 0
+    words = ["report", "case.fit.h5", "--figures", "figures", "--force"]
+    page = Path("case.fit.html")
+    with Nursery(here, "report") as nursery:
+        code, duration = nursery.run(words)
+        assert code == 0
+        expected = page.read_bytes()
+        figures = {path.name for path in Path("figures").iterdir()}
+        killed = 0
+        for seconds in moments(50, duration):
+            page.write_bytes(b"the old page")
+            killed += nursery.run(words, seconds=seconds)[0] == -9
+            assert page.read_bytes() in (b"the old page", expected)
+            whole, _ = names(Path("figures"))
+            assert whole == figures
+            for name in whole:
+                ElementTree.parse(Path("figures") / name)
+        assert killed > 25
+        assert nursery.run(words)[0] == 0
+    assert page.read_bytes() == expected
+    assert names(Path("figures")) == (figures, set())
+    assert names(here)[1] == set()
