@@ -75,6 +75,13 @@ class Scene:
         return 1 + int(used.max()) if used.size else self.n_states - 1
 
     @property
+    def since(self) -> str:
+        """From when on displacements count."""
+        present = self.fields.present
+        placed = bool((present & ~present[0]).any() or (present[1:] & ~present[:-1]).any())
+        return "since the virgin state" + (", or since the place was filled" if placed else "")
+
+    @property
     def n_states(self) -> int:
         """The virgin state and those after every stage."""
         return len(self.fields.displacement)

@@ -73,7 +73,7 @@ def field_pictures(scene: Scene) -> tuple[Picture, ...]:
 
 
 def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[Picture]:
-    total = "Size of the displacement since the virgin state."
+    total = f"Size of the displacement {scene.since}."
     displacement = Quantity("displacement (mm)", partial(displacement_size, scene), LENGTHS)
     found = [
         _contours(scene, sheet, f"{tag}displacement", f"Displacement{where}", total, displacement)
@@ -197,7 +197,7 @@ def bands(shown: Floats, colours: str) -> dict[str, Any]:
     scale: dict[str, Any] = {"levels": levels, "extend": ends.get((below, above), "neither")}
     if low < 0 < high and min(-low, high) > 0.15 * max(-low, high):
         reach = max(-low, high)
-        return {**scale, "cmap": DIVERGING, "norm": Normalize(-reach, reach)}
+        return {**scale, "cmap": colormaps[DIVERGING], "norm": Normalize(-reach, reach)}
     shades = colormaps[colours if high > -low else f"{colours}_r"]
     return {**scale, "cmap": shades, "norm": BoundaryNorm(levels, shades.N, extend=scale["extend"])}
 
@@ -284,7 +284,7 @@ def _deformed_picture(scene: Scene, sheet: Sheet, tag: str, where: str) -> Pictu
     return Picture(
         f"{tag}deformed",
         f"Deformed mesh{where}, displacements {factor:g} times magnified",
-        "Blue and black: moved by the displacement since the virgin state, "
+        f"Blue and black: moved by the displacement {scene.since}, "
         f"{factor:g} times magnified. Orange: the outline as it was.",
         lambda: deformed_figure(scene, sheet, factor),
     )
@@ -316,8 +316,8 @@ def _vector_picture(scene: Scene, sheet: Sheet, tag: str, where: str) -> Picture
     return Picture(
         f"{tag}vectors",
         f"Displacement vectors at the gauges{where}",
-        "Computed displacement of the points between which the gauges measure, since the virgin "
-        f"state. Lines: the gauges.{only}",
+        "Computed displacement of the points between which the gauges measure, "
+        f"{scene.since}. Lines: the gauges.{only}",
         lambda: vector_figure(scene, sheet),
     )
 
@@ -350,13 +350,19 @@ def vector_figure(scene: Scene, sheet: Sheet) -> Figure:
         axes.quiverkey(
             shown,
             0.86,
-            1.035,
+            1 + 0.12 / _panel_height(figure, panels),
             key,
             f"{key:g} mm",
             labelpos="W",
             fontproperties={"size": SMALL},
         )
     return figure
+
+
+def _panel_height(figure: Figure, panels: list[Axes]) -> float:
+    """About how high a panel is, inches."""
+    grid = panels[0].get_gridspec()
+    return figure.get_figheight() / (grid.nrows if grid is not None else 1) - 0.6
 
 
 def draw_gauge_lines(axes: Axes, scene: Scene, sheet: Sheet) -> None:

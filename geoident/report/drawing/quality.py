@@ -129,7 +129,7 @@ def residual_figure(result: Result) -> Figure:
         _name_outliers(axes, residual[row], table, y)
     reach = 1.1 * max(3.5, float(np.nanmax(np.abs(residual))))
     named = bool(np.nanmax(np.abs(residual)) > OUTLIER)
-    axes.set_xlim(-reach, 1.35 * reach if named else reach)
+    axes.set_xlim(-reach, 1.5 * reach if named else reach)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_yticks(range(len(rows)), [short(table.channels[row], 22) for row in rows])
     axes.set_xlabel("(measured - computed) / standard deviation; grey: within 2; hollow: not used")
@@ -141,8 +141,8 @@ def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable, y: int) -> N
     """Names of the stages beyond the limit, beside the last dot of the channel."""
     out = np.flatnonzero(np.abs(np.nan_to_num(residual)) > OUTLIER)
     if out.size:
-        names = ", ".join(short(table.stages[stage], 12) for stage in out[:3])
-        more = f" and {out.size - 3} more" if out.size > 3 else ""
+        names = ", ".join(short(table.stages[stage], 12) for stage in out[:2])
+        more = f" and {out.size - 2} more" if out.size > 2 else ""
         axes.annotate(
             names + more,
             (float(np.nanmax(residual)), y),

@@ -29,7 +29,7 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
     sheet = _opening(scene)
     low, high = _near(scene)
     factor = scene.magnification(float((high - low).max()))
-    colours = "Colours: size of the displacement since the virgin state."
+    colours = f"Colours: size of the displacement {scene.since}."
     return (
         Picture(
             "surface",
@@ -95,7 +95,7 @@ def _kept(scene: Scene, state: int, opened: Sheet | None) -> Bools:
         low, high = _near(scene)
         kept &= ((centres >= low) & (centres <= high)).all(axis=1)
         offset = centres[:, opened.plane.axis] - opened.plane.value
-        kept &= _side(scene, opened.plane) * offset > 0
+        kept &= _side(scene, opened.plane) * offset > -1e-9
     return np.asarray(kept)
 
 

@@ -1,0 +1,230 @@
+"""Figures as an engineer wants them: nothing cut, nothing on top of another, equal scales."""
+
+import io
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.collections import LineCollection
+from matplotlib.image import imread
+from matplotlib.text import Text
+
+from geoident.report import figures as figures_module
+from geoident.report.drawing.fields import bands
+from geoident.report.drawing.style import image
+from geoident.report.figures import album, figure_files
+from geoident.report.scene import Scene
+from geoident.report.svg import inline_svg
+from tests.support.results import STAGES, example_result, small_result
+
+SLACK = 1.0  # pixels of 1/100 inch
+NAMES = [
+    ("plane", name)
+    for name in ("overview", "parameters", "readings-1", "profiles-1", "displacement",
+                 "stress-minimum", "stress-maximum", "yielded", "deformed", "vectors",
+                 "one-to-one", "residuals", "history", "correlation")
+] + [
+    ("solid", name)
+    for name in ("overview", "section-1-displacement", "section-2-deformed", "section-2-vectors",
+                 "surface", "cut-away", "cut-away-deformed")
+]  # fmt: skip
+
+
+def visible_texts(figure):
+    """Texts that are drawn: tick labels only inside the limits of their axis."""
+    hidden = set()
+    for axes in figure.axes:
+        for axis in filter(None, (axes.xaxis, axes.yaxis, getattr(axes, "zaxis", None))):
+            low, high = sorted(axis.get_view_interval())
+            for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+                if not low - 1e-9 <= tick.get_loc() <= high + 1e-9:
+                    hidden |= {tick.label1, tick.label2}
+                if not tick.label1.get_visible():
+                    hidden.add(tick.label1)
+                if not tick.label2.get_visible():
+                    hidden.add(tick.label2)
+    return [
+        text
+        for text in figure.findobj(Text)
+        if text.get_text().strip() and text.get_visible() and text not in hidden
+    ]
+
+
+def boxes(figure):
+    figure.set_layout_engine("none")
+    figure.draw_without_rendering()
+    return [(text, text.get_window_extent()) for text in visible_texts(figure)]
+
+
+@pytest.mark.parametrize(("kind", "name"), NAMES)
+def test_no_text_is_cut(kind, name, figures):
+    figure = figures[kind][name]
+    inside = figure.bbox.padded(SLACK)
+    for text, box in boxes(figure):
+        assert inside.contains(box.x0, box.y0), text.get_text()
+        assert inside.contains(box.x1, box.y1), text.get_text()
+
+
+@pytest.mark.parametrize(("kind", "name"), NAMES)
+def test_no_text_lies_on_another(kind, name, figures):
+    figure = figures[kind][name]
+    found = [(text, box) for text, box in boxes(figure) if text.get_rotation() in (0, 90)]
+    for (one, a), (other, b) in itertools.combinations(found, 2):
+        width = min(a.x1, b.x1) - max(a.x0, b.x0)
+        height = min(a.y1, b.y1) - max(a.y0, b.y0)
+        apart = width < SLACK or height < SLACK
+        assert apart, f"{one.get_text()!r} on {other.get_text()!r}"
+
+
+@pytest.mark.parametrize(("kind", "name"), NAMES)
+def test_slanted_names_of_stages_have_room(kind, name, figures):
+    figure = figures[kind][name]
+    for axes in figure.axes:
+        labels = [label for label in axes.get_xticklabels() if label.get_rotation() not in (0, 90)]
+        if len(labels) > 1 and name != "correlation":
+            places = axes.transData.transform([(x, 0) for x in axes.get_xticks()])[:, 0]
+            apart = np.diff(places).min() * np.sin(np.radians(labels[0].get_rotation()))
+            assert apart > labels[0].get_fontsize() * figure.dpi / 72
+
+
+@pytest.mark.parametrize(("kind", "name"), NAMES)
+def test_axes_say_what_they_show_in_which_unit(kind, name, figures):
+    figure = figures[kind][name]
+    labels = " ".join(t.get_text() for t in visible_texts(figure))
+    if name in ("correlation", "parameters", "history", "residuals"):
+        wanted = {"correlation": "correlation", "parameters": "E_rock (GPa)",
+                  "history": "discrepancy", "residuals": "standard deviation"}[name]  # fmt: skip
+        assert wanted in labels
+    else:
+        assert "mm" in labels or "MPa, tension positive" in labels or "(m)" in labels
+
+
+FIELDS = [pair for pair in NAMES if any(
+    word in pair[1] for word in ("displacement", "stress", "yielded", "deformed", "vectors"))
+    and "cut" not in pair[1]]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "name"), FIELDS)
+def test_fields_have_equal_scales(kind, name, figures):
+    figure = figures[kind][name]
+    panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
+    assert len(panels) >= 2
+    for axes in panels:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        box = axes.get_window_extent()
+        assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=1e-6)
+
+
+def test_every_stage_has_its_panel_and_predictions_are_named(figures):
+    panels = [axes.get_title(loc="left") for axes in figures["plane"]["displacement"].axes]
+    assert panels[:3] == ["drift", "bench 1", "bench 2 (predicted)"]
+
+
+def test_the_magnification_is_stated_and_true(plane):
+    scene = Scene(plane, plane.fields)
+    (picture,) = [p for p in album(plane).fields if p.name == "deformed"]
+    factor = scene.magnification(scene.window(scene.sheets[0]).size)
+    assert f"{factor:g} times magnified" in picture.title
+    lines = [c for c in picture.draw().axes[1].collections if isinstance(c, LineCollection)]
+    drawn = np.concatenate(lines[0].get_segments())
+    points, moved = plane.fields.mesh.points, plane.fields.displacement[-1]
+    expected = points + factor * moved
+    gone = np.setdiff1d(np.arange(len(points)), np.unique(
+        plane.fields.mesh.blocks[0].nodes[plane.fields.present[-1]]))  # fmt: skip
+    distance = np.linalg.norm(drawn[:, None] - expected[None], axis=2)
+    assert distance.min(axis=1).max() < 1e-9
+    assert set(range(len(points))) - set(distance.argmin(axis=1)) == set(gone.tolist())
+
+
+def test_colours_do_not_follow_single_extremes():
+    values = np.stack([np.r_[np.linspace(0, 10, 999), 1e6], np.ones(1000)])
+    values[1, -1] = 0.1
+    scale = bands(values, "YlGnBu")
+    assert scale["levels"][-1] <= 10
+    assert scale["extend"] == "max"
+
+
+def test_dark_is_far_from_zero():
+    def darkness(scale, value):
+        return 1 - np.mean(scale["cmap"](scale["norm"](value))[:3])
+
+    compression = bands(np.array([[-20.0, -1.0], [1.0, 1.0]]), "YlOrBr")
+    assert darkness(compression, -19.0) > darkness(compression, -2.0)
+    length = bands(np.array([[0.0, 20.0], [1.0, 1.0]]), "YlGnBu")
+    assert darkness(length, 19.0) > darkness(length, 1.0)
+    both = bands(np.array([[-5.0, 4.0], [1.0, 1.0]]), "YlOrBr")
+    assert darkness(both, -4.0) > darkness(both, 0.0)
+    assert darkness(both, 4.0) > darkness(both, 0.0)
+
+
+@pytest.mark.parametrize("name", ["deformed", "residuals"])
+@pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
+def test_the_same_result_gives_the_same_file(name, suffix, plane):
+    (picture,) = [p for p in album(plane).all if p.name == name]
+    first, second = image(picture, suffix), image(picture, suffix)
+    assert first == second
+    assert len(first) > 5000
+
+
+def test_a_matplotlibrc_of_the_user_changes_nothing(plane):
+    (picture,) = [p for p in album(plane).all if p.name == "history"]
+    plain = image(picture, "svg")
+    with rc_context({"font.size": 20, "axes.grid": True, "svg.fonttype": "none"}):
+        assert image(picture, "svg") == plain
+
+
+def test_pictures_are_not_blank(plane):
+    (picture,) = [p for p in album(plane).all if p.name == "displacement"]
+    pixels = imread(io.BytesIO(image(picture, "png")))[..., :3]
+    assert (pixels < 0.95).any(axis=2).mean() > 0.2
+
+
+def test_files_are_named_by_figure_and_result(monkeypatch):
+    scan = small_result()
+    monkeypatch.setattr(figures_module, "image", lambda picture, suffix: b"\x89PNG")
+    one = figure_files([("a", scan)], ["png"])
+    assert "scan.png" in one
+    assert all(content.startswith(b"\x89PNG") for content in one.values())
+    names = set(figure_files([("a", scan), ("b", scan)], ["svg"]))
+    assert {"1-scan.svg", "2-scan.svg", "compared-parameters.svg"} <= names
+
+
+def test_long_names_and_many_stages_stay_readable():
+    base = example_result(2)
+    long = tuple(f"a stage of construction with the number {k}" for k in range(30))
+    table = base.gauges
+
+    def wide(array):
+        return np.repeat(array, 10, axis=1)
+
+    many = replace(
+        table, stages=long, measured=wide(table.measured), computed=wide(table.computed),
+        sd=wide(table.sd), used=wide(table.used),
+        channels=tuple(name.replace("EX-1", "a-gauge-with-a-long-name") for name in table.channels),
+    )  # fmt: skip
+    result = replace(base, gauges=many, fields=None, prediction=None, history=())
+    for picture in album(result).all:
+        if picture.name.startswith(("readings", "residuals")):
+            figure = picture.draw()
+            figure.set_layout_engine("constrained")
+            figure.draw_without_rendering()
+            test_no_text_is_cut("many", picture.name, {"many": {picture.name: figure}})
+            test_slanted_names_of_stages_have_room(
+                "many", picture.name, {"many": {picture.name: figure}}
+            )
+
+
+def test_inlined_figures_lose_styles_and_keep_references(plane):
+    (picture,) = [p for p in album(plane).all if p.name == "correlation"]
+    text = inline_svg(image(picture, "svg"), name="x", text="a < b")
+    assert "style=" not in text
+    assert "<style" not in text
+    assert "xmlns" not in text
+    assert 'aria-label="a &lt; b"' in text
+    assert 'fill="none"' in text or 'fill="#' in text
+
+
+def test_stages_are_those_of_the_result(plane):
+    assert plane.gauges.stages == STAGES

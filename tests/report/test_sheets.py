@@ -1,0 +1,146 @@
+"""Cuts, outlines and averages against what is known of squares and cubes."""
+
+import numpy as np
+import pytest
+
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.report.scene import Scene, gauge_planes, round_down
+from geoident.report.sheets import Plane, SheetMaker
+from tests.support.meshes import KINDS_2D, KINDS_3D, box
+from tests.support.results import example_result, grid_mesh
+
+
+def area(sheet, keep=slice(None)):
+    corners = sheet.xy[sheet.triangles[keep]]
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return float(0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum())
+
+
+def length(trace, points):
+    ends = trace.at(points)
+    return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+
+
+@pytest.mark.parametrize("height", [0.1, 0.5, 0.8])
+def test_a_tetrahedron_is_cut_in_a_triangle_similar_to_its_base(height):
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    mesh = Mesh(points, (ElementBlock("tet4", np.array([[0, 1, 2, 3]]), np.array([1])),))
+    sheet = SheetMaker(mesh).cut(Plane(2, height))
+    assert area(sheet) == pytest.approx(0.5 * (1 - height) ** 2)
+
+
+def test_a_plane_between_two_edges_cuts_a_tetrahedron_in_a_quadrilateral():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [0, -1, 1]], dtype=float)
+    mesh = Mesh(points, (ElementBlock("tet4", np.array([[0, 1, 2, 3]]), np.array([1])),))
+    sheet = SheetMaker(mesh).cut(Plane(2, 0.5))
+    assert len(sheet.triangles) == 2
+    assert area(sheet) == pytest.approx(0.5)  # 0.5 along x by 1 along y
+
+
+@pytest.mark.parametrize("kind", KINDS_3D)
+@pytest.mark.parametrize("plane", [Plane(0, 0.37), Plane(1, 0.5), Plane(2, 1e-6)])
+def test_a_cut_through_a_box_has_its_area_outline_and_linear_fields(kind, plane):
+    mesh = box(kind, (2, 3, 4), size=(1.0, 2.0, 3.0), distortion=0.1)
+    sheet = SheetMaker(mesh).cut(plane)
+    sides = [(1.0, 2.0, 3.0)[axis] for axis in plane.axes]
+    everything = np.ones(mesh.n_elements, dtype=bool)
+    if kind.startswith("tet") or plane.value < 1e-3:  # distorted hexahedra have no flat faces
+        assert area(sheet) == pytest.approx(sides[0] * sides[1])
+    assert length(sheet.outline(everything), mesh.points) == pytest.approx(2 * sum(sides))
+    found = sheet.of_nodes(mesh.points @ [1.0, 2.0, 3.0] + 4.0)
+    across, up = plane.axes
+    at = np.empty((len(found), 3))
+    at[:, [across, up]], at[:, plane.axis] = sheet.xy, plane.value
+    np.testing.assert_allclose(found, at @ [1.0, 2.0, 3.0] + 4.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS_2D)
+def test_a_plane_mesh_is_its_own_sheet(kind):
+    mesh = box(kind, (3, 2), size=(3.0, 2.0), distortion=0.1)
+    sheet = SheetMaker(mesh).flat()
+    assert area(sheet) == pytest.approx(6.0)
+    assert length(sheet.outline(np.ones(mesh.n_elements, dtype=bool)), mesh.points) == (
+        pytest.approx(10.0)
+    )
+
+
+def test_the_outline_follows_what_is_dug():
+    mesh = grid_mesh(2)  # 20 m square of 2 m elements
+    present = np.ones(mesh.n_elements, dtype=bool)
+    present[mesh.groups["upper"]] = False  # from 6 m to 14 m, 4 m deep
+    sheet = SheetMaker(mesh).flat()
+    assert length(sheet.outline(present), mesh.points) == pytest.approx(80.0 + 2 * 4.0)
+    assert area(sheet, present[sheet.element]) == pytest.approx(400.0 - 8.0 * 4.0)
+
+
+def test_groups_meet_at_borders_and_only_there():
+    mesh = grid_mesh(2)
+    maker = SheetMaker(mesh)
+    borders = maker.flat().borders(maker.label)
+    assert length(borders, mesh.points) == pytest.approx(8.0 + 2 * 4.0 + 2 * 4.0 + 8.0)
+    assert length(maker.flat().borders(np.zeros(mesh.n_elements)), mesh.points) == 0.0
+
+
+def test_averages_jump_between_groups_and_nowhere_else():
+    mesh = grid_mesh(2)
+    maker = SheetMaker(mesh)
+    values = np.full(mesh.n_elements, 5.0)
+    values[mesh.groups["upper"]] = 1.0
+    present = np.ones(mesh.n_elements, dtype=bool)
+    found = maker.corners.average(values, present)
+    assert set(found) == {1.0, 5.0}
+    present[mesh.groups["upper"]] = False
+    assert np.isnan(maker.corners.average(values, present)).sum() == 5 * 3
+
+
+def test_principal_stresses_are_those_of_mohrs_circle():
+    result = example_result(2)
+    scene = Scene(result, result.fields)
+    xx, yy, zz, xy = np.moveaxis(result.fields.stress[1, :, :4], -1, 0)
+    centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    known = np.isfinite(xx)
+    expected = np.sort(np.stack([centre - radius, centre + radius, zz], axis=1)[known], axis=1)
+    np.testing.assert_allclose(scene.principal[1][known], expected, rtol=1e-10)
+
+
+def test_the_stress_of_ground_that_is_gone_is_not_shown():
+    result = example_result(2)
+    scene = Scene(result, result.fields)
+    (sheet,) = scene.sheets
+    for state in range(scene.n_states):
+        gone = ~result.fields.present[state][sheet.element]
+        inside = sheet.triangles[~gone]
+        values = scene.stress_at(sheet, state, 0)
+        assert np.isfinite(values[inside]).all()
+        assert gone.any() == np.isnan(values).any()
+
+
+def test_sections_go_through_the_gauges():
+    result = example_result(3)
+    scene = Scene(result, result.fields)
+    planes = gauge_planes(result.gauges, scene.box)
+    assert str(planes[0]) == "y = 10 m"
+    assert len(scene.sheets) == 2
+
+
+def test_gauge_points_move_with_the_ground_and_not_where_it_is_gone():
+    result = example_result(2)
+    scene = Scene(result, result.fields)
+    points, motion = scene.gauge_motion
+    mesh = result.fields.mesh
+    for point, moved in zip(points, np.moveaxis(motion, 1, 0), strict=True):
+        node = np.flatnonzero(np.linalg.norm(mesh.points - point, axis=1) < 1e-9)
+        if node.size:
+            np.testing.assert_allclose(moved, scene.fields.displacement[:, node[0]], atol=1e-15)
+    present = np.zeros_like(result.fields.present)
+    present[0] = True
+    fields = type(result.fields)(
+        mesh, result.fields.displacement, result.fields.stress, present, result.fields.yielded
+    )
+    assert np.isnan(Scene(result, fields).gauge_motion[1][1:]).all()
+
+
+def test_magnifications_are_round():
+    assert [round_down(v) for v in (1.0, 1.99, 2.0, 4.9, 5.0, 99.0, 0.5)] == [
+        1.0, 1.0, 2.0, 2.0, 5.0, 50.0, 0.5,
+    ]  # fmt: skip

@@ -1,0 +1,178 @@
+"""Results put together in code: a plane and a solid ground with a hole dug in stages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.result import (
+    Counts,
+    FieldSeries,
+    GaugeTable,
+    Grid,
+    Iteration,
+    ParameterTable,
+    Prediction,
+    Provenance,
+    Result,
+)
+
+STAGES = ("drift", "bench 1", "bench 2")
+NAMES = ("E_rock", "sigma_v", "K0")
+CHANNELS = ("EX-1.a2", "EX-1.a4", "EX-1.a8", "CV-1", "ST-1")
+
+
+def grid_mesh(dim: int, n: int = 10, *, size: float = 20.0) -> Mesh:
+    """A square or cube of quads or hexes, the middle of its top in two groups to be dug."""
+    line = np.linspace(0.0, size, n + 1)
+    axes = np.meshgrid(*[line] * dim, indexing="ij")
+    points = np.stack([a.ravel() for a in axes], axis=1)
+    number = np.arange((n + 1) ** dim).reshape((n + 1,) * dim)
+    corner = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    if dim == 3:
+        corner = [(*c, k) for k in (0, 1) for c in corner]
+    nodes = np.stack(
+        [number[tuple(slice(c, n + c) for c in place)].ravel() for place in corner], axis=1
+    )
+    centre = points[nodes].mean(axis=1) / size
+    inside = (np.abs(centre[:, :-1] - 0.5) < 0.2).all(axis=1)
+    upper, lower = inside & (centre[:, -1] > 0.8), inside & (np.abs(centre[:, -1] - 0.7) < 0.1)
+    groups = {
+        "rock": np.flatnonzero(~(upper | lower)),
+        "upper": np.flatnonzero(upper),
+        "lower": np.flatnonzero(lower),
+    }
+    block = ElementBlock("quad4" if dim == 2 else "hex8", nodes, np.arange(1, len(nodes) + 1))
+    return Mesh(points, (block,), groups=groups)
+
+
+def fields_of(mesh: Mesh, *, yielded: bool = False) -> FieldSeries:
+    """Ground that closes towards the hole as stages go, under its own weight."""
+    present = np.ones((4, mesh.n_elements), dtype=bool)
+    present[1:, mesh.groups["upper"]] = False
+    present[3:, mesh.groups["lower"]] = False
+    from_hole = np.full(mesh.dim, 10.0)
+    from_hole[-1] = 16.0
+    away = mesh.points - from_hole
+    closing = -away / (1.0 + (away**2).sum(axis=1, keepdims=True))
+    displacement = np.array([0.0, 4e-3, 7e-3, 12e-3])[:, None, None] * closing
+    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
+    vertical = -25e3 * (21.0 - centre[:, -1])
+    normal = np.stack([0.5 * vertical, vertical if mesh.dim == 2 else 0.5 * vertical, vertical])
+    stress = np.zeros((4, mesh.n_elements, 6))
+    stress[:, :, :3] = normal.T
+    stress[:, :, 3] = 0.1 * vertical
+    stress[~present] = np.nan
+    flags = np.zeros_like(present)
+    if yielded:
+        flags[2:, ::7] = True
+    return FieldSeries(mesh, displacement, stress, present, flags & present)
+
+
+def parameters() -> ParameterTable:
+    """One known, one at its bound, one that only its prior knows."""
+    nan = np.nan
+    return ParameterTable(
+        names=NAMES,
+        values=np.array([1.234e10, 6.5432e6, 3.0]),
+        sd=np.array([4e8, nan, 0.1]),
+        lower95=np.array([1.16e10, nan, 2.8]),
+        upper95=np.array([1.31e10, nan, 3.0]),
+        lower=np.array([2e9, 2e6, 0.3]),
+        upper=np.array([8e10, 2e7, 3.0]),
+        start=np.array([2e10, 8e6, 1.0]),
+        at_bound=np.array([False, False, True]),
+        determined=np.array([True, False, True]),
+        priors=("lognormal(1.4e+10, 2.5e+09)", "normal(8e+06, 800000)", ""),
+        units=("GPa", "MPa", ""),
+        dimensions=("pressure", "pressure", "dimensionless"),
+        covariance=np.diag([1.6e17, nan, 1e-2]),
+        correlation=np.array([[1.0, nan, -0.8], [nan, nan, nan], [-0.8, nan, 1.0]]),
+    )
+
+
+def gauges(dim: int) -> GaugeTable:
+    """Three anchors of an extensometer, a convergence, a settlement; one reading is off."""
+    back = (10.0,) * (dim - 2)
+
+    def at(x: float, z: float) -> tuple[float, ...]:
+        return (x, *back, z)
+
+    computed = 1e-3 * np.array(
+        [[0, 0.4, 0.8], [0, 0.7, 1.5], [0, 1.1, 2.4], [0, -4, -9], [1, 2, 3.5]], dtype=float
+    )
+    noise = 1e-4 * np.array(
+        [[0, 1, -1], [0, -1, 1], [0, 8, 1], [0, 2, -1], [-1, 1, 0]], dtype=float
+    )
+    measured = computed + noise
+    measured[:4, 0] = np.nan
+    sd = np.where(np.isfinite(measured), 1e-4, np.nan)
+    used = np.isfinite(measured)
+    used[:, 2] = False
+    nowhere = (np.nan,) * dim
+    return GaugeTable(
+        channels=CHANNELS,
+        stages=STAGES,
+        measured=measured,
+        computed=computed,
+        sd=sd,
+        used=used,
+        first=np.array([at(14, 16), at(14, 16), at(14, 16), at(6, 18), nowhere]),
+        second=np.array([at(16, 16), at(17, 16), at(19, 16), at(14, 18), at(4, 20)]),
+    )
+
+
+def history() -> tuple[Iteration, ...]:
+    """A search of four trials, one rejected."""
+    trials = [(900.0, "start", 2e10), (950.0, "rejected", 9e9), (40.0, "accepted", 1.3e10),
+              (12.5, "accepted", 1.234e10)]  # fmt: skip
+    return tuple(
+        Iteration("gauss-newton", k, phi, np.array([E, 6.5e6, 2.9]), 0.3, Counts(k, 1, k, k), note)
+        for k, (phi, note, E) in enumerate(trials)
+    )
+
+
+def example_result(dim: int = 2, *, yielded: bool = False, title: str = "Trial pit") -> Result:
+    """A fit of the ground, with everything that a result can hold."""
+    table = gauges(dim)
+    mean = np.where(np.arange(3) == 2, table.computed, np.nan)
+    sd = np.where(np.isfinite(mean), 1.5e-4, np.nan)
+    sd[4, 2] = np.inf  # the settlement is predicted without being determined
+    return Result(
+        kind="fit",
+        status="not-determined",
+        exit_code=4,
+        method="gauss-newton",
+        reason="The next step would lower the discrepancy by no more than 1e-07.",
+        objective=12.5,
+        findings=("The readings do not determine sigma_v; what is known is its prior.",),
+        case_text=f"title: {title}\n",
+        case_resolved=f"title: {title}\n",
+        provenance=Provenance(
+            "fit case.yaml", {"geoident": "0.1.0"}, 7, "case.yaml", "a" * 64, "b" * 64, "c" * 64,
+            "d" * 64, "2026-01-02T03:04:05+00:00",
+        ),
+        parameters=parameters(),
+        gauges=table,
+        counts=Counts(5, 1, 12, 40),
+        prediction=Prediction(mean, sd, mean - 1.96 * sd, mean + 1.96 * sd),
+        history=history(),
+        fields=fields_of(grid_mesh(dim, 10 if dim == 2 else 5), yielded=yielded),
+        notes=("One reading was blank.",),
+    )  # fmt: skip
+
+
+def small_result(**changes: object) -> Result:
+    """A scan over two parameters with the readings of one gauge: few figures, quickly drawn."""
+    values = np.array([[9.0, 4.0, 5.0], [6.0, 2.0, np.inf]])
+    grid = Grid(("E_rock", "K0"), (np.array([1e10, 2e10]), np.array([0.5, 1.0, 2.0])), values)
+    table = gauges(2)
+    arrays = ("measured", "computed", "sd", "used", "first", "second")
+    one = replace(table, channels=("CV-1",), **{k: getattr(table, k)[3:4] for k in arrays})
+    few = replace(
+        example_result(), kind="scan", status="done", fields=None, prediction=None, history=(),
+        grid=grid, gauges=one,
+    )  # fmt: skip
+    return replace(few, **changes)
