@@ -12,6 +12,7 @@ from support.meshes import box, regroup
 
 from geoident.errors import InputError
 from geoident.forward.in_situ import in_situ_stress
+from geoident.forward.surfaces import Topography
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import ConstantStress, HeimStress, ProfileStress
 from geoident.model.parameter import Parameter, Scalar
@@ -222,6 +223,19 @@ def test_surfaces_of_solids_and_ground_beside_their_footprint():
     rim = 8 * (1 + 0.05 * 4 + 0.02 * where[beside, 1])
     assert np.abs(level - rim).max() < 8 * 0.02 * 1.0 + 1e-9  # of the node nearest in plan
     assert any("beside the faces" in note for note in staged.notes)
+
+
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "tri3", "quad8"])
+def test_every_kind_of_face_gives_the_level_all_over_its_plan(kind):
+    dim = 2 if kind in ("tri3", "quad8") else 3
+    mesh = box(kind, (3,) * dim)
+    slope = np.array([0.3, -0.2])[: dim - 1]
+    lift = mesh.points[:, :-1] @ slope
+    mesh = replace(mesh, points=mesh.points + np.outer(lift, np.eye(dim)[-1]))
+    places = np.random.default_rng(3).uniform(0, 1, (500, dim))
+    levels, outside = Topography(mesh, f"{'xyz'[dim - 1]}1").levels(places)
+    assert not outside.any()
+    np.testing.assert_allclose(levels, 1 + places[:, :-1] @ slope, rtol=1e-9)
 
 
 # What is refused ---------------------------------------------------------------------------------

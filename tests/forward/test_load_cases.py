@@ -144,6 +144,18 @@ def test_condensed_equations_follow_the_tree():
     assert np.abs(at_truth).max() < 0.1 * np.abs(at_p).max()
 
 
+def test_flexibility_adds_the_paths_to_a_reading_and_to_its_zero():
+    """From one load case to another a reading moves along both branches."""
+    pairs = [("c0", "half"), ("c2", "half")]
+    sd = np.full(2, 1e-4)
+    S = {}
+    for zero in ("build", "full"):
+        response = dam(BUILD, *CASES, names=("E",), zero=zero).response(pairs)
+        S[zero] = response.condense(np.array([20e9]), np.zeros(2), sd).flexibility
+    np.testing.assert_allclose(S["full"], 2 * S["build"], rtol=1e-9)
+    np.testing.assert_allclose(S["full"], S["full"].T, rtol=1e-9)
+
+
 def test_the_obstacle_is_a_modulus_times_the_expansion():
     staged = dam(BUILD, *CASES, names=("E", "alpha"))
     assert "product of E and alpha" in staged.response([("c0", "full")]).obstacle()

@@ -89,6 +89,19 @@ def test_water_only_in_the_named_groups():
     np.testing.assert_allclose(survey.fields.displacement[1][top, 1], expected, rtol=1e-9)
 
 
+def test_held_edges_bear_the_water_too():
+    """Ground as heavy as water under a constant effective stress: the water carries its weight."""
+    staged = column(
+        materials={"soil": material("soil", E, NU, GAMMA_W / 9.81)},
+        supports=(Support("y0", (0, 1)),),
+        in_situ=HeimStress(K0=Scalar(1.3), vertical=Scalar(2e5)),
+        water=still(Scalar(30.0)),
+        stages=(Stage("nothing"),),
+    )
+    staged.survey(np.empty(0), fields=False)
+    assert staged.march.imbalance < 1e-12
+
+
 # On faces ---------------------------------------------------------------------------------------
 
 
