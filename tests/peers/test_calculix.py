@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support import calculix
+from support.anisotropy import every_symmetry, random_rotation
 from support.cases import material, model, rollers
 from support.meshes import KINDS_2D, KINDS_3D, box, regroup
 
 from geoident.model.actions import Pressure, Traction
-from geoident.model.case import Analysis, Stage, Support
+from geoident.model.case import Analysis, Material, Stage, Support
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
@@ -72,3 +73,31 @@ def test_squeezed_cylinder_equals_calculix(kind, tmp_path):
     node = peer[:, 0].astype(int) - 1
     difference = np.abs(ours[node] - peer[:, 1:3]).max() / np.abs(ours).max()
     assert difference < AXISYMMETRIC_DIFFERENCE[kind]
+
+
+@pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
+@pytest.mark.parametrize("symmetry", ["orthotropic", "anisotropic"])
+def test_anisotropic_block_equals_calculix(symmetry, tmp_path):
+    """Inclined axes, which CalculiX turns by its own means, and entries without any symmetry."""
+    rock = every_symmetry(random_rotation(np.random.default_rng(6)))[symmetry]
+    staged = model(
+        box("hex20", (4, 3, 3), distortion=0.1),
+        materials={"rock": Material("rock", rock)},
+        groups={"all": "rock"},
+        supports=(Support("z0", (0, 1, 2)),),
+        stages=(
+            Stage(
+                "load",
+                loads={
+                    "top": Traction("z1", (Scalar(1e6), Scalar(-2e6), Scalar(-3e6))),
+                    "side": Pressure("x1", Scalar(2e6)),
+                },
+            ),
+        ),
+    )
+    calculix.write_first_stage(staged, tmp_path / "stage.inp")
+    peer = calculix.solve(tmp_path / "stage.inp", threads=1)
+    ours = staged.survey(np.empty(0), fields=True).fields.displacement[-1]
+    assert len(peer) == staged.mesh.n_nodes
+    node = peer[:, 0].astype(int) - 1
+    np.testing.assert_allclose(ours[node], peer[:, 1:], atol=2e-6 * np.abs(ours).max())

@@ -18,7 +18,7 @@ from geoident.fem.elements import reference_element
 from geoident.forward.in_situ import in_situ_stress
 from geoident.forward.model import StagedModel
 from geoident.forward.supports import fixed_dofs
-from geoident.model.elastic import constants
+from geoident.model.elastic import Anisotropic, Elastic, Orthotropic, constants
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
@@ -43,10 +43,7 @@ def write_first_stage(staged: StagedModel, path: Path) -> None:
             out.write(f"{n + 1}," + ",".join(f"{x:.12e}" for x in staged.mesh.points[n]) + "\n")
         _write_elements(staged, present, out)
         for group, material in state.materials.items():
-            pair = constants(staged.case.materials[material].elastic)
-            E, nu = (scalar.value(values) for scalar in pair.values())
-            out.write(f"*MATERIAL, NAME=M{group}\n*ELASTIC\n{E!r},{nu!r}\n")
-            out.write(f"*SOLID SECTION, ELSET=G{group}, MATERIAL=M{group}\n")
+            _write_material(group, staged.case.materials[material].elastic, values, out)
         out.write("*BOUNDARY\n")
         touched = staged.systems[1].touched
         for dof in np.flatnonzero(fixed_dofs(staged.case, staged.mesh) & touched):
@@ -70,6 +67,35 @@ def solve(path: Path, *, threads: int) -> np.ndarray:
     lines = path.with_suffix(".dat").read_text().splitlines()
     rows = [line.split() for line in lines if line and line.split()[0].isdigit()]
     return np.array([[float(x) for x in row] for row in rows if len(row) == 4])
+
+
+def _write_material(group: int, elastic: Elastic, values: dict[str, float], out) -> None:
+    """E and nu; nine constants with the axes, which CalculiX turns itself; or the 21 entries."""
+    numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
+    section = f"*SOLID SECTION, ELSET=G{group}, MATERIAL=M{group}"
+    out.write(f"*MATERIAL, NAME=M{group}\n")
+    if isinstance(elastic, Orthotropic):
+        axes = ",".join(f"{x:.12e}" for x in (*elastic.frame.first, *elastic.frame.second))
+        order = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "G_23")
+        out.write("*ELASTIC, TYPE=ENGINEERING CONSTANTS\n")
+        _write_eight([numbers[name] for name in order], out)
+        section += f", ORIENTATION=O{group}"
+        out.write(f"*ORIENTATION, NAME=O{group}, SYSTEM=RECTANGULAR\n{axes}\n")
+    elif isinstance(elastic, Anisotropic):
+        # CalculiX numbers 11, 22, 33, 12, 13, 23 and goes down the columns of the upper triangle.
+        order = (1, 2, 3, 4, 6, 5)
+        pairs = [sorted((order[i], order[j])) for j in range(6) for i in range(j + 1)]
+        out.write("*ELASTIC, TYPE=ANISO\n")
+        _write_eight([numbers.get(f"c{i}{j}", 0.0) for i, j in pairs], out)
+    else:
+        out.write("*ELASTIC\n")
+        _write_eight([numbers["E"], numbers["nu"]], out)
+    out.write(section + "\n")
+
+
+def _write_eight(numbers: list[float], out) -> None:
+    for first in range(0, len(numbers), 8):
+        out.write(",".join(f"{x!r}" for x in numbers[first : first + 8]) + "\n")
 
 
 def _write_elements(staged: StagedModel, present: np.ndarray, out) -> None:
