@@ -113,6 +113,12 @@ def write_text(text: str, path: str, *, force: bool) -> None:
         Path(temporary).write_text(text, encoding="utf-8", newline="")
 
 
+def write_bytes(content: bytes, path: str, *, force: bool) -> None:
+    """Write a binary file, whole or not at all."""
+    with atomic_output(path, overwrite=force) as temporary:
+        Path(temporary).write_bytes(content)
+
+
 class _Probe(Exception):
     """Ends a trial of writing before anything is put in place."""
 

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import click
 
 from geoident.cli.options import Options, takes
@@ -15,7 +17,10 @@ Examples:
   geoident check cases/*.yaml -q
   geoident check case.yaml --set mesh.file=fine.msh --json
   geoident check case.yaml --identifiability
+  geoident check case.yaml --picture case.svg
 """
+
+_SUFFIXES = (".svg", ".png", ".pdf")
 
 
 @click.command(epilog=EPILOG)
@@ -25,8 +30,16 @@ Examples:
     is_flag=True,
     help="Compute what the planned gauges can determine; readings need not exist.",
 )
-@takes("overrides", "solver", "as_json")
-def command(cases: tuple[str, ...], identifiability: bool, options: Options) -> int:
+@click.option(
+    "--picture",
+    metavar="FILE",
+    type=click.Path(),
+    help="Draw mesh, stages, supports and gauges into FILE.svg, .png or .pdf.",
+)
+@takes("overrides", "solver", "force", "as_json")
+def command(
+    cases: tuple[str, ...], identifiability: bool, picture: str | None, options: Options
+) -> int:
     """Tell everything that is wrong with a case, before computing.
 
     Prints what the case amounts to: groups, stages, gauges, and which readings are used. With
@@ -34,8 +47,22 @@ def command(cases: tuple[str, ...], identifiability: bool, options: Options) -> 
     interval each parameter could be known if every gauge were read at every stage of the fit, and
     what no reading would tell apart.
     """
-    run = _identifiability if identifiability else _check
-    return each(cases, lambda case: run(case, options))
+    if picture is not None:
+        _refuse_picture(cases, picture, identifiability)
+    if identifiability:
+        return each(cases, lambda case: _identifiability(case, options))
+    return each(cases, lambda case: _check(case, picture, options))
+
+
+def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool) -> None:
+    """Raise a usage error where a picture cannot be drawn."""
+    if len(cases) > 1 or identifiability:
+        raise click.UsageError("--picture takes one case, and no --identifiability.")
+    if not picture.lower().endswith(_SUFFIXES):
+        message = f"--picture {picture}: the name must end in {', '.join(_SUFFIXES)}."
+        raise click.UsageError(message)
+    if find_spec("matplotlib") is None:
+        raise click.UsageError('Pictures need matplotlib: pip install "geoident[report]".')
 
 
 def _identifiability(case: str, options: Options) -> int:
@@ -52,7 +79,7 @@ def _identifiability(case: str, options: Options) -> int:
     return 0
 
 
-def _check(case: str, options: Options) -> int:
+def _check(case: str, picture: str | None, options: Options) -> int:
     from geoident.report.check_text import summary_text
     from geoident.report.json import dumps, summary_object
     from geoident.workflow.check import check
@@ -63,4 +90,12 @@ def _check(case: str, options: Options) -> int:
         click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:
         click.echo(summary_text(checked.summary))
+    if picture is not None:
+        from geoident.report.case_picture import case_picture
+        from geoident.workflow.outputs import write_bytes
+
+        drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())
+        write_bytes(drawn, picture, force=options.force)
+        if not options.as_json and not options.quiet:
+            click.echo(f"\nPicture: {picture}")
     return 0

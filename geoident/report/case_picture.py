@@ -1,0 +1,220 @@
+"""The picture of a case by matplotlib: mesh, groups, stages in their order, supports and gauges.
+
+In the plane: the whole model with its supports, and the part with the gauges. In space: the outer
+surface with the supports, and what is dug or placed with the gauges.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from geoident.fem.elements import reference_element
+from geoident.fem.faces import face_table, patches
+from geoident.forward.supports import group_nodes
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+from geoident.report.case_parts import Part, centre, gauge_lines, parts_of, window
+from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
+
+_MARKERS = {"x": ">", "y": "^", "z": "v"}
+_MOST_MARKS = 25
+_MOST_LABELS = 40
+_EDGE = (0.35, 0.35, 0.35)
+_HALO = [withStroke(linewidth=2.0, foreground="white")]
+
+
+def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
+    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes."""
+    draw = _solid_figure if mesh.dim == 3 else _plane_figure
+    return image(Picture("case", case.title, "", lambda: draw(case, mesh)), suffix)
+
+
+def _plane_figure(case: Case, mesh: Mesh) -> Figure:
+    parts = parts_of(case, mesh)
+    low, high = window(case, mesh, parts)
+    figure = Figure(figsize=(11.5, _height(np.ptp(mesh.points, axis=0), high - low)))
+    whole, near = figure.subplots(1, 2)
+    for axes, width in ((whole, 0.1), (near, 0.25)):
+        _draw_elements(axes, mesh, parts, width)
+        axes.set_aspect("equal")
+        axes.set_xlabel("x (m)")
+        axes.set_ylabel("y (m)")
+    whole.autoscale_view()
+    supports = _draw_supports(whole, case, mesh)
+    frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
+    whole.plot(*frame.T, color="black", lw=0.8, ls=":")
+    near.set_xlim(low[0], high[0])
+    near.set_ylim(low[1], high[1])
+    _draw_gauges(near, case)
+    _draw_marks(near, mesh, parts)
+    whole.set_title("model and supports")
+    near.set_title("stages in their order, and gauges (the dotted part)")
+    _finish(figure, case, parts, supports)
+    return figure
+
+
+def _height(*extents: Floats) -> float:
+    """Height of the figure, inches, at which two panels of some extents fill it."""
+    steepest = max(float(extent[1] / extent[0]) for extent in extents)
+    return float(np.clip(4.4 * steepest + 1.5, 3.2, 7.5))
+
+
+def _solid_figure(case: Case, mesh: Mesh) -> Figure:
+    parts = parts_of(case, mesh)
+    figure = Figure(figsize=(11.5, 6.4))
+    whole, near = (
+        figure.add_subplot(1, 2, k, projection="3d", computed_zorder=k == 1) for k in (1, 2)
+    )
+    moved = tuple(part for part in parts if part.mark)
+    _draw_surface(whole, mesh, parts, alpha=1.0)
+    _draw_surface(near, mesh, moved, alpha=0.75)
+    _name_supports(whole, case, mesh)
+    _draw_gauges(near, case)
+    _draw_marks(near, mesh, parts)
+    _frame(whole, mesh.points.min(axis=0), mesh.points.max(axis=0))
+    _frame(near, *window(case, mesh, parts))
+    whole.set_title("outer surface; GROUP: directions in which it is held")
+    near.set_title("stages in their order, and gauges")
+    _finish(figure, case, parts, [])
+    return figure
+
+
+def _draw_elements(axes: Axes, mesh: Mesh, parts: tuple[Part, ...], width: float) -> None:
+    colours = np.ones((mesh.n_elements, 3))
+    for part in parts:
+        colours[part.elements] = part.colour
+    first = 0
+    for block in mesh.blocks:
+        corners = block.nodes[:, : reference_element(block.kind).n_corners]
+        face = colours[first : first + len(block)]
+        axes.add_collection(
+            PolyCollection(
+                list(mesh.points[corners]),
+                facecolors=face,
+                edgecolors=_EDGE,
+                linewidths=width,
+                rasterized=len(block) > 3000,
+            )
+        )
+        first += len(block)
+
+
+def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: float) -> None:
+    """The outer surface of some parts."""
+    owner = np.full(mesh.n_elements, -1)
+    for k, part in enumerate(parts):
+        owner[part.elements] = k
+    table = face_table(mesh)
+    colours = np.array([part.colour for part in parts]).reshape(-1, 3)
+    for patch in patches(mesh, table, table.free(owner >= 0)):
+        corners = patch.nodes[:, : reference_element(patch.kind).n_corners]
+        shade = colours[owner[patch.element]] * _light(mesh.points[corners])[:, None]
+        axes.add_collection3d(
+            Poly3DCollection(
+                mesh.points[corners],
+                facecolors=np.c_[shade, np.full(len(shade), alpha)],
+                edgecolors=(*_EDGE, 0.4),
+                linewidths=0.15,
+                rasterized=True,
+            )
+        )
+
+
+def _light(corners: Floats) -> Floats:
+    """(n,) brightness of faces (n, n_corners, 3) by their inclination, 0.75 to 1."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    weights = np.array([0.82, 0.9, 1.0])
+    share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
+    return np.asarray(np.clip((share**2) @ weights, 0.75, 1.0))
+
+
+def _draw_supports(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
+    """Marks along the supported groups; what they mean."""
+    meanings: dict[str, Any] = {}
+    for support in case.supports:
+        names = [("x", "y", "z")[c] for c in support.components]
+        marker = _MARKERS[names[0]] if len(names) == 1 else "s"
+        nodes = _some(group_nodes(mesh, support.group), mesh)
+        style: dict[str, Any] = {
+            "marker": marker,
+            "ls": "",
+            "ms": 4,
+            "mfc": "none",
+            "mec": "black",
+            "mew": 0.7,
+        }
+        axes.plot(*mesh.points[nodes].T, zorder=5, **style)
+        label = f"held along {', '.join(names)}"
+        meanings[label] = Line2D([], [], label=label, **style)
+    return list(meanings.values())
+
+
+def _name_supports(axes: Any, case: Case, mesh: Mesh) -> None:
+    """The name of each supported group at its middle, with the directions that are held."""
+    for support in case.supports:
+        points = mesh.points[group_nodes(mesh, support.group)]
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        held = ", ".join("xyz"[component] for component in support.components)
+        axes.text(*middle, f"{short(support.group)}: {held}", fontsize=SMALL + 1, ha="center",
+                  zorder=9, path_effects=_HALO)  # fmt: skip
+
+
+def _some(nodes: Ints, mesh: Mesh) -> Ints:
+    """Nodes evenly out of many, from one end to the other."""
+    points = mesh.points[nodes]
+    along = points[:, np.ptp(points, axis=0).argmax()]
+    order = nodes[np.argsort(along, kind="stable")]
+    return np.asarray(order[np.unique(np.linspace(0, len(order) - 1, _MOST_MARKS).astype(int))])
+
+
+def _draw_gauges(axes: Any, case: Case) -> None:
+    lines = gauge_lines(case)
+    for k, (name, ends) in enumerate(lines.items()):
+        for line in ends:
+            axes.plot(*line.T, "-o", color=MEASURED, lw=1.0, ms=2.5, zorder=6)
+        if k < _MOST_LABELS:
+            far = np.vstack([line[-1:] for line in ends])
+            axes.text(*far[-1], f" {short(name)}", fontsize=SMALL, color="#7a3300", zorder=7,
+                      clip_on=True, path_effects=_HALO)  # fmt: skip
+
+
+def _draw_marks(axes: Any, mesh: Mesh, parts: tuple[Part, ...]) -> None:
+    """The number of the stage on what it digs or places."""
+    for part in parts:
+        if part.mark:
+            axes.text(*centre(mesh, part.elements), part.mark, fontsize=SMALL + 2, weight="bold",
+                      ha="center", va="center", zorder=8, clip_on=True,
+                      path_effects=_HALO)  # fmt: skip
+
+
+def _frame(axes: Any, low: Floats, high: Floats) -> None:
+    for name, a, b in zip("xyz", low, high, strict=True):
+        getattr(axes, f"set_{name}lim")(a, b)
+        getattr(axes, f"set_{name}label")(f"{name} (m)")
+    axes.set_box_aspect(high - low)
+    axes.view_init(elev=22, azim=-55)
+    axes.grid(visible=False)
+
+
+def _finish(figure: Figure, case: Case, parts: tuple[Part, ...], supports: list[Any]) -> None:
+    """Title and legend."""
+    colours: list[Any] = [
+        Patch(facecolor=part.colour, edgecolor=_EDGE, lw=0.4, label=short(part.label, 34))
+        for part in parts
+    ]
+    gauges = [Line2D([], [], marker="o", color=MEASURED, lw=1.0, ms=2.5, label="gauge")]
+    handles = [*colours, *supports, *(gauges if case.channels else [])]
+    figure.legend(handles=handles, loc="outside right upper", fontsize=SMALL, frameon=False,
+                  ncols=1 + len(handles) // 36)  # fmt: skip
+    figure.suptitle(short(case.title, 90), x=0.01, ha="left", fontsize=11)

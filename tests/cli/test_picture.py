@@ -1,0 +1,71 @@
+"""The picture of a case: every kind of mesh, the same bytes each time, nothing overwritten."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from geoident.io.templates import TEMPLATES
+from geoident.report.case_parts import parts_of, window
+from geoident.workflow.check import check
+
+
+def painted(file: str) -> float:
+    """The share of a picture that is not white."""
+    return float(np.mean(np.any(imread(file)[..., :3] < 0.98, axis=-1)))
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_every_template_is_drawn(tmp_path, monkeypatch, run, name):
+    monkeypatch.chdir(tmp_path)
+    run("init", "--template", name)
+    told = run("check", "case.yaml", "--picture", "case.png")
+    assert told.exit_code == 0, told.stderr
+    assert "Picture: case.png" in told.stdout
+    assert painted("case.png") > 0.1
+
+
+def test_the_same_case_gives_the_same_picture_and_a_file_is_kept(trench, run):
+    for name in ("one.svg", "other.svg"):
+        assert run("check", "case.yaml", "-q", "--picture", name).exit_code == 0
+    assert Path("one.svg").read_bytes() == Path("other.svg").read_bytes()
+    assert run("check", "case.yaml", "--picture", "one.svg").exit_code == 6
+    assert run("check", "case.yaml", "--picture", "one.svg", "--force").exit_code == 0
+    assert re.search(r"<svg[^>]*viewBox", Path("one.svg").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["case.yaml", "case.yaml", "--picture", "a.svg"], "one case"),
+        (["case.yaml", "--picture", "a.gif"], "must end in .svg"),
+        (["case.yaml", "--picture", "a.svg", "--identifiability"], "no --identifiability"),
+    ],
+)
+def test_flags_that_make_no_picture(trench, run, words, said):
+    refused = run("check", *words)
+    assert refused.exit_code == 2
+    assert said in refused.stderr
+
+
+def test_without_matplotlib_the_remedy_is_said(trench, run, monkeypatch):
+    monkeypatch.setattr("geoident.cli.commands.check.find_spec", lambda name: None)
+    refused = run("check", "case.yaml", "--picture", "a.svg")
+    assert refused.exit_code == 2
+    assert 'pip install "geoident[report]"' in refused.stderr
+
+
+def test_stages_are_told_apart_and_in_order(trench):
+    checked = check("case.yaml")
+    parts = parts_of(checked.case, checked.mesh)
+    assert [part.label for part in parts] == ["rock", "1  first: excavated", "2  second: excavated"]
+    assert len({part.colour for part in parts}) == 3
+    light = [sum(part.colour) for part in parts if part.mark]
+    assert light == sorted(light, reverse=True)
+    elements = np.concatenate([part.elements for part in parts])
+    assert sorted(elements) == list(range(checked.mesh.n_elements))
+    low, high = window(checked.case, checked.mesh, parts)
+    assert np.all(low >= 0)
+    assert np.all(high <= [6, 4])
