@@ -108,8 +108,7 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     out.add("residual", table.measured - table.computed, "gauge", "stage", unit="m")
     out.add("sd", table.sd, "gauge", "stage", unit="m")
     out.add("used", table.used, "gauge", "stage")
-    if table.bad is not None:
-        out.add("bad", table.bad, "gauge", "stage")
+    out.add("bad", table.bad, "gauge", "stage")
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
 
@@ -129,7 +128,7 @@ def read_gauges(file: h5py.File) -> GaugeTable:
         used=group.bools("used", *shape),
         first=points[:, 0].copy(),
         second=points[:, 1].copy(),
-        bad=group.bools("bad", *shape) if "bad" in group else None,
+        bad=group.bools("bad", *shape),
     )
 
 

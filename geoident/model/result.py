@@ -81,7 +81,7 @@ class GaugeTable:
         used: the reading took part in the identification.
         first: (n_channels, dim) reference points, NaN for fixed ground.
         second: (n_channels, dim) points whose motion is read.
-        bad: the reading is known to be wrong (the reason is among the notes); None for no such.
+        bad: the reading is known to be wrong; the reason is among the notes.
     """
 
     channels: tuple[str, ...]
@@ -92,7 +92,7 @@ class GaugeTable:
     used: Bools
     first: Floats
     second: Floats
-    bad: Bools | None = None
+    bad: Bools
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools
 from geoident.model.result import Grid, ParameterTable, Result
+from geoident.report.influence import by_distance
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 
 Cell = str | int | float | bool
@@ -131,6 +132,25 @@ def _gauges(result: Result) -> CsvTable:
     return CsvTable(("gauge", "stage", *header), tuple(rows))
 
 
+def _diagnostics(result: Result) -> CsvTable:
+    """How each used reading bears on the answer, the one that bears most first."""
+    header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
+    found = result.diagnostics
+    if found is None:
+        return CsvTable(header, ())
+    names = result.parameters.names
+    rows: list[Row] = [
+        (
+            result.gauges.channels[i],
+            result.gauges.stages[j],
+            *(float(getattr(found, name)[i, j]) for name in header[2:]),
+            *(float(change) for change in found.influence[i, j]),
+        )
+        for i, j in by_distance(found)
+    ]
+    return CsvTable((*header, *(f"influence_{name}" for name in names)), tuple(rows))
+
+
 def _prediction(result: Result) -> CsvTable:
     header = ("gauge", "stage", "predicted", "sd", "lower95", "upper95", "measured", "unit")
     table, gauges = result.prediction, result.gauges
@@ -229,6 +249,7 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
+    "diagnostics": _diagnostics,
     "prediction": _prediction,
     "history": _history,
     "correlation": _correlation,

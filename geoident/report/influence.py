@@ -18,7 +18,7 @@ def influence_text(result: Result) -> str:
     found = result.diagnostics
     if found is None:
         return ""
-    rows = [_row(result, found, i, j) for i, j in _by_distance(found)[:WORST]]
+    rows = [_row(result, found, i, j) for i, j in by_distance(found)[:WORST]]
     header = ["gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd"]
     return table(header, rows, right="llrrrlr")
 
@@ -61,7 +61,7 @@ def diagnostics_object(result: Result) -> dict[str, Any]:
         "loss": found.loss,
         "weighted_squares": found.squares,
         "scale": found.scale,
-        "readings": [_reading(result, found, i, j) for i, j in _by_distance(found)],
+        "readings": [_reading(result, found, i, j) for i, j in by_distance(found)],
     }
 
 
@@ -78,7 +78,7 @@ def _reading(result: Result, found: Diagnostics, i: int, j: int) -> dict[str, An
     }
 
 
-def _by_distance(found: Diagnostics) -> Ints:
+def by_distance(found: Diagnostics) -> Ints:
     """(m, 2) places of the used readings, the one that bears most first."""
     places = np.argwhere(np.isfinite(found.standardized))
     distance = found.distance[places[:, 0], places[:, 1]]

@@ -110,7 +110,7 @@ def gauges_list(result: Result) -> list[dict[str, Any]]:
             "computed": gauges.computed[i, j],
             "sd": gauges.sd[i, j],
             "used": bool(gauges.used[i, j]),
-            "bad": gauges.bad is not None and bool(gauges.bad[i, j]),
+            "bad": bool(gauges.bad[i, j]),
         }
         for j, i in np.argwhere(known.T)
     ]

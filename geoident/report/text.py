@@ -145,7 +145,7 @@ def fit_text(result: Result) -> str:
 
 
 def _use(gauges: GaugeTable, i: int, j: int) -> str:
-    if gauges.bad is not None and gauges.bad[i, j]:
+    if gauges.bad[i, j]:
         return "bad"
     return "" if gauges.used[i, j] else "not used"
 

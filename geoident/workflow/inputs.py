@@ -111,7 +111,7 @@ def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:
             gauges.stages[j],
             float(gauges.measured[i, j]),
             float(gauges.sd[i, j]),
-            bad="in the fit" if gauges.bad is not None and gauges.bad[i, j] else "",
+            bad="in the fit" if gauges.bad[i, j] else "",
         )
         for j, i in np.argwhere(np.isfinite(gauges.measured).T)
     )

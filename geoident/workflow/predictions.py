@@ -66,7 +66,7 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
 
 def _good(gauges: GaugeTable) -> Floats:
     """The measured readings without those that are known to be wrong."""
-    return gauges.measured if gauges.bad is None else np.where(gauges.bad, np.nan, gauges.measured)
+    return np.where(gauges.bad, np.nan, gauges.measured)
 
 
 def _inside(gauges: GaugeTable, prediction: Prediction, column: int) -> Bools:

@@ -167,7 +167,7 @@ def test_one_wrong_reading_in_ten_does_not_move_a_robust_fit(make_problem, loss)
 
 @pytest.mark.parametrize("loss", [HuberOptions(), StudentOptions()])
 def test_intervals_cover_without_wrong_readings_and_nearly_with_them(make_problem, loss):
-    """95 % intervals of 200 repetitions; least squares covers in less than 20 of 100 here."""
+    """95 % intervals of 200 repetitions, none wrong or one in ten (see the next test)."""
     truth = np.array([2.0, 0.8])
     cover = {
         share: np.mean(
@@ -181,7 +181,13 @@ def test_intervals_cover_without_wrong_readings_and_nearly_with_them(make_proble
                 for k in range(200)
             ]
         )
-        for share in (0.0, 0.05)
+        for share in (0.0, 0.1)
     }
     assert 0.91 <= cover[0.0] <= 0.985, cover
-    assert cover[0.05] >= 0.80, cover
+    assert cover[0.1] >= 0.85, cover
+
+
+def test_intervals_of_least_squares_do_not_cover_with_wrong_readings(make_problem):
+    truth, seeds = np.array([2.0, 0.8]), range(100, 150)
+    problems = [make_problem(decay, unknowns(), spoiled(seed), 0.05) for seed in seeds]
+    assert np.mean([_inside(problem, truth) for problem in problems]) < 0.3

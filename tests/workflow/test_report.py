@@ -44,6 +44,7 @@ def result():
         computed=one,
         sd=np.array([[np.nan]]),
         used=np.array([[False]]),
+        bad=np.array([[False]]),
         first=np.zeros((1, 2)),
         second=np.ones((1, 2)),
     )

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
-    "parameters", "gauges", "prediction", "history", "correlation", "sensitivity", "grid",
+    "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
+    "grid",
 )  # fmt: skip
 
 EPILOG = """\b

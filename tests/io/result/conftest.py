@@ -9,6 +9,7 @@ import pytest
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import (
     Counts,
+    Diagnostics,
     FieldSeries,
     GaugeTable,
     Grid,
@@ -135,7 +136,17 @@ def make_gauges(dim: int) -> GaugeTable:
         used=np.isfinite(measured),
         first=first,
         second=rng.normal(size=(shape[0], dim)),
+        bad=np.isnan(measured),
     )
+
+
+def make_diagnostics(shape: tuple[int, ...]) -> Diagnostics:
+    rng = np.random.default_rng(5)
+    tables = [rng.normal(size=shape) for _ in range(5)]
+    tables[1][0, 0] = np.nan
+    influence = rng.normal(size=(*shape, 2))
+    influence[0, 0, 1] = np.inf
+    return Diagnostics("huber (delta 1.345)", 12.5, 1.25, *tables, influence)
 
 
 PROVENANCE = Provenance(
@@ -192,6 +203,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
         ),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
+        diagnostics=make_diagnostics(shape),
     )
 
 

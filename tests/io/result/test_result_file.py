@@ -79,6 +79,7 @@ def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
         computed=empty,
         sd=empty,
         used=empty.astype(bool),
+        bad=empty.astype(bool),
         first=gauges.first[:0],
         second=gauges.second[:0],
     )
