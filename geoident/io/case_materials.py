@@ -76,7 +76,7 @@ def _check_start(
     if found is None:
         return
     given: Given = getattr(material, found.constant)
-    moved = sorted({tie.parameter for tie in ties if tie.parameter})
+    moved = sorted({t.parameter for t in ties if t.parameter and t.dimension != "angle"})
     if given.parameter is not None:
         message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
         hint = f"Change the start of {given.parameter}."

@@ -169,3 +169,12 @@ def test_an_inadmissible_tie_is_told_with_the_parameter_to_change(fault):
     found = fault("elastic: isotropic, E: $E_rock, nu: «$K0")
     assert "is 1 at the start; it must be between -1 and 0.5" in found.message
     assert found.hint == "Change the start of K0."
+
+
+def test_a_number_that_the_parameters_make_inadmissible_names_them(project, changed):
+    text = changed(ROCK, f"  rock: {{{STRATA.replace('nu_np: 0.1', 'nu_np: 0.9')}, "
+                         "G_np: 3 GPa, dip: $dip}\n")  # fmt: skip
+    dip = "parameters:\n  dip: {start: 30 deg, bounds: [0, 60 deg]}\n"
+    (found,) = project.faults(text.replace("parameters:\n", dip))
+    assert found.path == "materials.rock.nu_np"
+    assert found.hint == "Change it, or the start of E_rock."
