@@ -199,12 +199,11 @@ class StagedModel:
         Returns:
             (n_states, n_channels, k); NaN where a channel can't be read.
         """
-        zero, last = self.observation.zero, self.observation.last
+        zero, readable = self.observation.zero, self.observation.readable[: len(observed)]
         rows = np.arange(observed.shape[1])
         reachable = zero < len(observed)
         result = observed - observed[np.where(reachable, zero, 0), rows]
-        state = np.arange(len(observed))[:, None]
-        result[(state < zero) | (state > last)] = np.nan
+        result[~readable] = np.nan
         return np.asarray(result)
 
 

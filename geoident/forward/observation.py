@@ -25,14 +25,15 @@ class Observation:
         channels: names, in the order of the rows.
         operator: G', (n_channels, n_dofs) sparse: relative displacements from displacements.
         zero: (n_channels,) state at which each channel reads zero.
-        last: (n_channels,) last state at which it can be read.
+        readable: (n_states, n_channels) when its points stand in ground that has been there since
+            its zero, on the way of construction from one to the other.
         snapped: names of channels with a point just outside the mesh.
     """
 
     channels: tuple[str, ...]
     operator: sp.csr_array
     zero: Ints
-    last: Ints
+    readable: Bools
     snapped: tuple[str, ...]
 
     def unreadable(self, channel: str, state: int) -> str | None:
@@ -40,7 +41,7 @@ class Observation:
         row = self.channels.index(channel)
         if state < self.zero[row]:
             return "it is zeroed only at a later stage"
-        if state > self.last[row]:
+        if not self.readable[state, row]:
             return "a point of it stands in ground that is no longer there"
         return None
 
@@ -49,10 +50,9 @@ def observe(
     case: Case, mesh: Mesh, locator: Locator, timeline: Timeline
 ) -> tuple[Observation, list[Fault]]:
     """The observation operator of a case, and what is wrong with its gauges."""
-    present = np.stack([timeline.present(n) for n in range(len(timeline.states))])
     names = case.stage_names
     kinematics = kinematics_of(case.analysis)
-    rows, zeros, lasts, snapped = [], [], [], []
+    rows, zeros, readable, snapped = [], [], [], []
     faults: list[Fault] = []
     for channel in case.channels:
         zero = names.index(channel.zero)
@@ -62,34 +62,52 @@ def observe(
                 continue
             place, turned = kinematics.in_section(point)
             sites = locator.sites(place)
-            site, last = best_site(sites, present, zero)
+            site, stays = best_site(sites, timeline, zero)
             if site is None:
                 faults.append(_point_fault(case, mesh, timeline, channel, point, sites))
                 continue
-            ends.append((site, sign * turned, last))
+            ends.append((site, sign * turned, stays))
             if site.outside > 1e-6:
                 snapped.append(channel.name)
         rows.append(_row(mesh, channel, [(site, signs) for site, signs, _ in ends]))
         zeros.append(zero)
-        lasts.append(min((last for _, _, last in ends), default=zero))
+        readable.append(~_before(timeline, zero) & np.all([stays for *_, stays in ends], axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
     found = Observation(
         tuple(channel.name for channel in case.channels), operator, np.array(zeros, np.int64),
-        np.array(lasts, np.int64), tuple(dict.fromkeys(snapped)),
+        np.array(readable, bool).reshape(-1, len(timeline.states)).T, tuple(dict.fromkeys(snapped)),
     )  # fmt: skip
     return found, faults
 
 
-def best_site(sites: tuple[Site, ...], present: Bools, zero: int) -> tuple[Site | None, int]:
-    """The site that stays longest from the zero stage on, the best-lying one among equals."""
-    best, until = None, -1
+def best_site(sites: tuple[Site, ...], timeline: Timeline, zero: int) -> tuple[Site | None, Bools]:
+    """The site that stays for most states from the zero on, the best-lying one among equals.
+
+    Returns:
+        The site, None if none is there at the zero; (n_states,) the states at which it is there and
+        has been there on the way of construction from the zero.
+    """
+    best, longest = None, np.zeros(len(timeline.states), dtype=bool)
     for site in sites:
-        stays = present[zero:, site.element]
-        if stays[0]:
-            last = zero + (len(stays) if stays.all() else int(np.argmin(stays))) - 1
-            if last > until:
-                best, until = site, last
-    return best, until
+        stays = _stays(timeline, zero, site.element)
+        if stays.sum() > longest.sum():
+            best, longest = site, stays
+    return best, longest
+
+
+def _stays(timeline: Timeline, zero: int, element: int) -> Bools:
+    """(n_states,) states from the zero on to which no stage without the element leads."""
+    group = timeline.group_of[element]
+    gone = np.array([group not in state.materials for state in timeline.states])
+    built_on = timeline.built_on
+    way = built_on ^ built_on[:, [zero]]
+    way[zero] = True
+    return np.asarray(~(gone[:, None] & way).any(axis=0) & ~_before(timeline, zero))
+
+
+def _before(timeline: Timeline, zero: int) -> Bools:
+    """(n_states,) states before the zero."""
+    return np.arange(len(timeline.states)) < zero
 
 
 def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:

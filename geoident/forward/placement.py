@@ -38,7 +38,6 @@ class Placement:
 def placements(case: Case, mesh: Mesh, timeline: Timeline) -> tuple[Placement, ...]:
     """Where the points of all gauges stand, each once, in the order of the case."""
     locator, outline = Locator(mesh), excavation_outline(case, mesh)
-    present = np.stack([timeline.present(n) for n in range(len(timeline.states))])
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
     for channel in case.channels:
         for point in (channel.first, channel.second):
@@ -47,7 +46,7 @@ def placements(case: Case, mesh: Mesh, timeline: Timeline) -> tuple[Placement, .
     found = []
     for (point, zero), channels in ends.items():
         place, _ = kinematics_of(case.analysis).in_section(point)
-        site, _ = best_site(locator.sites(place), present, case.stage_names.index(zero))
+        site, _ = best_site(locator.sites(place), timeline, case.stage_names.index(zero))
         if site is not None:
             group = timeline.groups[timeline.group_of[site.element]]
             away = distance_to_faces(mesh, outline, np.asarray(place)) if outline else None

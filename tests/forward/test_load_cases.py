@@ -100,6 +100,17 @@ def test_a_gauge_zeroed_in_one_load_case_reads_the_motion_to_another():
     np.testing.assert_allclose(found["half"], since["half"] - since["full"], rtol=1e-9)
 
 
+def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
+    leave = Stage("leave", excavate=("dam",), independent=True)
+    staged = dam(BUILD, leave, CASES[0], zero="build")
+    assert "no longer there" in staged.unreadable("c0", "leave")
+    assert staged.unreadable("c2", "leave") is None  # it stands in the rock
+    assert staged.unreadable("c0", "full") is None
+    found, alone = readings(staged), readings(dam(BUILD, CASES[0]))
+    assert np.isnan(found["leave"][:2]).all()
+    np.testing.assert_allclose(found["full"], alone["full"], rtol=1e-11)
+
+
 def test_load_cases_on_the_same_ground_share_one_factorization():
     staged = dam(BUILD, *CASES)
     readings(staged)
