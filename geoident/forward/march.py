@@ -12,6 +12,7 @@ and, for every parameter h, with the same factorization,
     K_j ddu_j/dp_h = df_j/dp_h - C^T V g_h
     dsigma/dp_h <- g_h + E C ddu_j/dp_h
 
+(linings and bolts add their internal forces and stiffness in the same way, see `structures`),
 so one factorization per stage and two calls of the solver give the response and its whole
 Jacobian. All columns travel together: column 0 of every array is the state, columns 1..n are
 the derivatives. A change of temperature takes its strain eps_0 from C du_j (see `thermal`).
@@ -88,11 +89,30 @@ class Standing:
         state: index of the state.
         u: (n_dofs, 1 + n + k) displacements since placing, m, and their derivatives.
         stress: (n_strain, n_points, 1 + n + k), Pa.
+        members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
     """
 
     state: int
     u: Floats
     stress: Floats
+    members: Floats
+
+
+@dataclass(frozen=True)
+class _Borne:
+    """What ground and structures bear, changed in place.
+
+    Args:
+        stress: (n_strain, n_points, k), Pa.
+        members: (n_rows, k) forces in linings and bolts.
+    """
+
+    stress: Floats
+    members: Floats
+
+    def columns(self, part: slice) -> _Borne:
+        """Some of its columns, not copied."""
+        return _Borne(self.stress[..., part], self.members[:, part])
 
 
 class _LastFactor:
@@ -103,20 +123,25 @@ class _LastFactor:
     """
 
     def __init__(self) -> None:
-        self._ground: Mapping[int, str] | None = None
+        self._standing: object = None
         self._factor: Factor | None = None
 
     def find(self, state: State) -> Factor | None:
         """The factorization of K at a state, if it is the one that is held."""
-        return self._factor if self._ground == state.materials else None
+        return self._factor if self._standing == _what_stands(state) else None
 
     def forget(self) -> None:
         """Make room for the next one."""
-        self._ground, self._factor = None, None
+        self._standing, self._factor = None, None
 
     def keep(self, state: State, factor: Factor) -> None:
         """A factorization that was made for a state."""
-        self._ground, self._factor = state.materials, factor
+        self._standing, self._factor = _what_stands(state), factor
+
+
+def _what_stands(state: State) -> tuple[Mapping[int, str], frozenset[str]]:
+    """On what K depends: the material of every group, and the structures."""
+    return state.materials, state.structures
 
 
 class March:
@@ -133,6 +158,7 @@ class March:
         self._case = case
         self._timeline = timeline
         self._systems = systems
+        self._structures = systems.structures
         self._actions = actions
         self._thermal = ThermalStrains(case, timeline, systems)
         points = systems.points
@@ -171,25 +197,26 @@ class March:
         k = push.n_columns if push else 0
         stress = np.zeros((points.n_strain, points.n_points, n_columns + k))
         u = np.zeros((points.compatibility.shape[1], stress.shape[2]))
+        borne = _Borne(stress, np.zeros((self._structures.n_rows, stress.shape[2])))
         states = self._timeline.states[: None if last is None else last + 1]
         branches = _Branches(states)
         self._last_factor.forget()
         for n, state in enumerate(states):
-            branches.go_to(n, u, stress)
+            branches.go_to(n, u, borne)
             system = self._systems[n]
             forces = np.zeros_like(u)
             forces[:, :n_columns] = self._actions.forces(n, values, names)
             if push is not None:
                 push.add_to(forces, n)
             if n == 0:
-                self._begin(system, state, values, names, stress, forces)
+                self._begin(system, state, values, names, borne, forces)
             else:
                 forces += self._release.forces(n, stress, values, names)
-                self._clear(system, state, stress, u)
+                self._clear(system, state, borne, u)
                 strain = self._thermal.change(n, values, names)
-                u += self._step(system, state, values, names, stress, forces, strain)
-            yield Standing(n, u, stress)
-            branches.leave(n, u, stress)
+                u += self._step(system, state, values, names, borne, forces, strain)
+            yield Standing(n, u, stress, borne.members)
+            branches.leave(n, u, borne)
         self._last_factor.forget()
 
     def _begin(
@@ -198,16 +225,16 @@ class March:
         state: State,
         values: Mapping[str, float],
         names: Sequence[str],
-        stress: Floats,
+        borne: _Borne,
         forces: Floats,
     ) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion."""
-        n_columns = 1 + len(names)
+        n_columns, stress = 1 + len(names), borne.stress
         stress[..., :n_columns] = self._virgin.columns(values, names)
         stress[:, ~system.present] = 0.0
         self.imbalance = self._imbalance(system, stress, forces)
         if self.imbalance > _BALANCED:
-            self._step(system, state, values, names, stress, forces)
+            self._step(system, state, values, names, borne, forces)
 
     def _imbalance(self, system: StageSystem, stress: Floats, forces: Floats) -> float:
         """Largest out-of-balance force of a free unknown relative to the forces at work."""
@@ -216,11 +243,12 @@ class March:
         scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
         return float(np.max(rest / np.where(scale > 0, scale, 1.0)))
 
-    def _clear(self, system: StageSystem, state: State, stress: Floats, u: Floats) -> None:
-        """What is gone or placed anew bears no stress; nodes that are gone forget their motion."""
-        stress[:, ~system.present] = 0.0
+    def _clear(self, system: StageSystem, state: State, borne: _Borne, u: Floats) -> None:
+        """What is gone or placed anew bears nothing; nodes that are gone forget their motion."""
+        borne.stress[:, ~system.present] = 0.0
         for group in state.placed:
-            stress[:, self._systems.points_of[group]] = 0.0
+            borne.stress[:, self._systems.points_of[group]] = 0.0
+        self._structures.clear(state, borne.members)
         u[~system.touched] = 0.0
 
     def _step(
@@ -229,11 +257,11 @@ class March:
         state: State,
         values: Mapping[str, float],
         names: Sequence[str],
-        stress: Floats,
+        borne: _Borne,
         forces: Floats,
         thermal: Floats | None = None,
     ) -> Floats:
-        """Solve one state of equilibrium; updates the stress, returns the displacement steps.
+        """Solve one state of equilibrium; updates what is borne, returns the displacement steps.
 
         The state comes first, since the derivatives need its strains. ``thermal`` is the normal
         strain (n_points, 1 + n) of a change of temperature.
@@ -243,39 +271,52 @@ class March:
             for m in set(state.materials.values())
         }
         if thermal is not None:
-            _impose(thermal, system, laws, stress)
-        factor = self._factorize(system, state, laws)
-        first = self._advance(system, laws, factor, stress[..., :1], forces[:, :1])
-        if stress.shape[2] == 1:
+            _impose(thermal, system, laws, borne.stress)
+        moduli = self._structures.moduli(state, values, names)
+        factor = self._factorize(system, state, laws, values)
+        first = self._advance(system, laws, moduli, factor, borne.columns(slice(1)), forces[:, :1])
+        if forces.shape[1] == 1:
             return first
         strain = self._systems.points.strain(first[:, 0])
         if thermal is not None:
             strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
-        self._add_moduli_slopes(system, values, names, stress, strain)
-        others = self._advance(system, laws, factor, stress[..., 1:], forces[:, 1:])
+        self._add_moduli_slopes(system, values, names, borne.stress, strain)
+        borne.members[:, 1 : 1 + len(names)] += moduli[:, 1:] * self._structures.strain(first)
+        others = self._advance(
+            system, laws, moduli, factor, borne.columns(slice(1, None)), forces[:, 1:]
+        )
         return np.hstack([first, others])
 
     def _advance(
         self,
         system: StageSystem,
         laws: Mapping[str, Floats],
+        moduli: Floats,
         factor: Factor | None,
-        stress: Floats,
+        borne: _Borne,
         forces: Floats,
     ) -> Floats:
-        """Balance forces and stress in some columns; updates the stress, returns du."""
+        """Balance forces and what is borne in some columns; updates the latter, returns du."""
         points = self._systems.points
-        rest = forces - points.forces(stress, system.volume)
+        rest = forces - points.forces(borne.stress, system.volume)
+        if self._structures.n_rows:
+            rest -= self._structures.nodal_forces(borne.members)
         du = np.zeros_like(rest)
         if factor is not None:
             du[system.pattern.dofs] = factor.solve(rest[system.pattern.dofs])
         strain = points.strain(du)
         for material, mine in system.points_of.items():
-            stress[:, mine] += np.tensordot(laws[material], strain[:, mine], axes=1)
+            borne.stress[:, mine] += np.tensordot(laws[material], strain[:, mine], axes=1)
+        if self._structures.n_rows:
+            borne.members[:] += moduli[:, :1] * self._structures.strain(du)
         return du
 
     def _factorize(
-        self, system: StageSystem, state: State, laws: Mapping[str, Floats]
+        self,
+        system: StageSystem,
+        state: State,
+        laws: Mapping[str, Floats],
+        values: Mapping[str, float],
     ) -> Factor | None:
         """Factorization of K_j; None where every displacement is prescribed."""
         analysis = self._systems.analysis(system)
@@ -286,7 +327,7 @@ class March:
             return found
         self._last_factor.forget()
         try:
-            factor = analysis.factorize(self._systems.values(system, state, laws))
+            factor = analysis.factorize(self._systems.values(system, state, laws, values))
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(system, error.unknown)
             msg = f"at stage '{state.name}' the stiffness matrix is not positive definite{place}"
@@ -319,21 +360,21 @@ class _Branches:
     def __init__(self, states: Sequence[State]) -> None:
         self._bases = [state.base for state in states]
         self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
-        self._kept: dict[int, tuple[Floats, Floats]] = {}
+        self._kept: dict[int, tuple[Floats, Floats, Floats]] = {}
 
-    def go_to(self, state: int, u: Floats, stress: Floats) -> None:
+    def go_to(self, state: int, u: Floats, borne: _Borne) -> None:
         """Put the displacements and stresses in place on which a state builds."""
         base = self._bases[state]
         if base == state - 1 or state == 0:
             return
-        u[:], stress[:] = self._kept[base]
+        u[:], borne.stress[:], borne.members[:] = self._kept[base]
         if self._last_use[base] == state:
             del self._kept[base]
 
-    def leave(self, state: int, u: Floats, stress: Floats) -> None:
+    def leave(self, state: int, u: Floats, borne: _Borne) -> None:
         """Copy them where a later state builds on this one, but not the next."""
         if self._last_use.get(state, -1) > state:
-            self._kept[state] = (u.copy(), stress.copy())
+            self._kept[state] = (u.copy(), borne.stress.copy(), borne.members.copy())
 
 
 def _impose(

@@ -20,17 +20,20 @@ from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults,
 from geoident.forward.instruments import Instruments
 from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
+from geoident.forward.member_forces import MemberRecorder
 from geoident.forward.observation import Observation, format_point, observe
 from geoident.forward.response import StagedResponse
 from geoident.forward.revolution import revolution_faults
 from geoident.forward.section_plane import section_faults
 from geoident.forward.stage_systems import StageSystems
+from geoident.forward.structures import Structures, standing_faults, structure_faults
+from geoident.forward.structures import inadmissible as impossible_structure
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
 from geoident.forward.timeline import Timeline, build_timeline, group_faults
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh
-from geoident.model.result import Counts, FieldSeries
+from geoident.model.result import Counts, FieldSeries, MemberForces
 
 
 @dataclass(frozen=True)
@@ -41,11 +44,13 @@ class Survey:
         computed: (n_channels, n_stages) readings, m; NaN where a channel can't be read.
         sensitivity: (n_channels, n_stages, n) their derivatives.
         fields: displacements and stresses of all states, or None.
+        members: forces in linings and bolts, or None if there are none.
     """
 
     computed: Floats
     sensitivity: Floats
     fields: FieldSeries | None
+    members: MemberForces | None = None
 
 
 class StagedModel:
@@ -74,6 +79,7 @@ class StagedModel:
             [
                 *burden_faults(case, mesh, table, locator, self.timeline),
                 *zone_faults(case, self.timeline),
+                *standing_faults(case, mesh, self.timeline, locator),
             ]
         )
         self.observation, faults = observe(case, mesh, locator, self.timeline)
@@ -83,7 +89,8 @@ class StagedModel:
         _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
-        self.systems = StageSystems(case, mesh, self.timeline, fixed, solver)
+        self.structures = Structures(case, mesh, self.timeline, locator)
+        self.systems = StageSystems(case, mesh, self.timeline, fixed, solver, self.structures)
         self.actions = Actions(case, mesh, table, locator, self.timeline, self.systems)
         self.march = March(case, mesh, self.timeline, self.systems, self.actions)
 
@@ -145,7 +152,8 @@ class StagedModel:
         values = self.values(p)
         used = {m for state in self.timeline.states for m in state.materials.values()}
         reasons = (inadmissible(self.case.materials[m], values) for m in sorted(used))
-        return next((reason for reason in reasons if reason), None)
+        found = next((reason for reason in reasons if reason), None)
+        return found or impossible_structure(self.case, values)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values by name."""
@@ -178,17 +186,19 @@ class StagedModel:
         self.count_evaluation()
         observed = []
         recorder = FieldRecorder(self.mesh, self.timeline, self.systems) if fields else None
+        members = MemberRecorder(self.structures, self.timeline, self.values(p))
         for standing in self.march.run(self.values(p), names=self.names):
             observed.append(self.observation.operator @ standing.u)
             if recorder is not None:
                 recorder.add(standing)
+            if self.structures.parts:
+                members.add(standing)
         table = self.relative(np.stack(observed))
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
         added = self.instruments.added(self.values(p), self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
-        return Survey(
-            table[..., 0], table[..., 1:], None if recorder is None else recorder.series()
-        )
+        series = None if recorder is None else recorder.series()
+        return Survey(table[..., 0], table[..., 1:], series, members.table())
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from relative displacements since placing: less what was there at zero.
@@ -215,6 +225,7 @@ def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
         *support_faults(case, mesh),
         *load_faults(case, mesh, table),
         *surface_faults(case, mesh),
+        *structure_faults(case, mesh),
     ]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoident.forward import actions, in_situ, materials, release, thermal, water
+from geoident.forward import actions, in_situ, materials, release, structures, thermal, water
 from geoident.forward.march import Push
 from geoident.model.arrays import Floats
 from geoident.model.condensed import Condensed
@@ -72,7 +72,8 @@ class StagedResponse:
         free = frozenset(self.names)
         reasons = [materials.affine_obstacle(m, free) for m in case.materials.values()]
         reasons += [
-            part.affine_obstacle(case, free) for part in (in_situ, actions, water, thermal, release)
+            part.affine_obstacle(case, free)
+            for part in (in_situ, actions, water, thermal, release, structures)
         ]
         return next((reason for reason in reasons if reason), None)
 

@@ -20,6 +20,7 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.forward.observation import format_point
+from geoident.forward.structures import Structures
 from geoident.forward.timeline import State, Timeline
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -37,7 +38,7 @@ class StageSystem:
         touched: (n_dofs,) degrees of freedom of nodes that are there.
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
-        groups: indices of the present groups.
+        groups: indices of the present groups and keys of the structures that stand.
         pattern: the stiffness pattern.
     """
 
@@ -56,7 +57,13 @@ class StageSystems:
     """
 
     def __init__(
-        self, case: Case, mesh: Mesh, timeline: Timeline, fixed: Bools, solver: Solver
+        self,
+        case: Case,
+        mesh: Mesh,
+        timeline: Timeline,
+        fixed: Bools,
+        solver: Solver,
+        structures: Structures,
     ) -> None:
         self.kinematics = kinematics_of(case.analysis)
         geometries = tuple(block_geometry(mesh.points, b, self.kinematics) for b in mesh.blocks)
@@ -64,13 +71,15 @@ class StageSystems:
         self.points: StrainPoints = strain_points(mesh, geometries, self.kinematics)
         self._mesh = mesh
         self._solver = solver
-        self._node_of_rank = nested_dissection(mesh.points, *node_graph(mesh))
+        order = nested_dissection(mesh.points, *node_graph(mesh))
+        self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
         ever = sorted({g for state in timeline.states for g in state.materials})
         self._blocks: dict[int, GroupBlocks] = {
             g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
-        }
+        } | structures.blocks(rank)
+        self.structures = structures
         group_of_point = timeline.group_of[self.points.element]
         self.points_of: dict[int, Index] = {g: _as_index(group_of_point == g) for g in ever}
         self._timeline = timeline
@@ -91,12 +100,20 @@ class StageSystems:
             self._analyses[system.groups] = self._analyse(system.pattern.lower)
         return self._analyses[system.groups]
 
-    def values(self, system: StageSystem, state: State, laws: Mapping[str, Floats]) -> Floats:
-        """Values of K for the moduli (n_strain, n_strain) of every material."""
+    def values(
+        self,
+        system: StageSystem,
+        state: State,
+        laws: Mapping[str, Floats],
+        values: Mapping[str, float],
+    ) -> Floats:
+        """Values of K for the moduli (n_strain, n_strain) of every material.
+
+        Structures take theirs from the parameter values.
+        """
         maps = {name: self.kinematics.stiffness_map(law) for name, law in laws.items()}
-        return system.pattern.values(
-            self._blocks, {group: maps[material] for group, material in state.materials.items()}
-        )
+        ground = {group: maps[material] for group, material in state.materials.items()}
+        return system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
 
     def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
         """Where an unknown stands, for a message."""
@@ -114,7 +131,7 @@ class StageSystems:
         name_of_point = names[timeline.group_of[self.points.element]]
         for material in set(state.materials.values()):
             points_of[material] = _as_index(name_of_point == material)
-        groups = frozenset(state.materials)
+        groups = frozenset(state.materials) | self.structures.keys(state)
         if groups not in self._patterns:
             self._patterns[groups] = stiffness_pattern(
                 {g: self._blocks[g] for g in groups},
@@ -134,6 +151,12 @@ class StageSystems:
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]
+
+
+def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
+    """An elimination order with some nodes last, otherwise as it was."""
+    late = np.isin(order, nodes)
+    return np.concatenate([order[~late], order[late]])
 
 
 def _as_index(mask: Bools) -> Index:

@@ -32,6 +32,8 @@ class State:
         temperature: group index to change of temperature.
         left: group indices that leave at this stage.
         release: group index to the part of its stress that is released so far, where it is told.
+        structures: names of the structures that stand.
+        built: names of those that are built at this stage, free of stress.
     """
 
     name: str
@@ -43,6 +45,8 @@ class State:
     temperature: Mapping[int, Temperature] = field(default_factory=dict)
     left: frozenset[int] = frozenset()
     release: Mapping[int, Scalar] = field(default_factory=dict)
+    structures: frozenset[str] = frozenset()
+    built: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -125,9 +129,10 @@ def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int
     # A group that leaves again with nothing said of its release is released whole.
     release = {g: part for g, part in before.release.items() if g not in left}
     release |= {index[g]: part for g, part in stage.release.items()}
+    structures = (before.structures - set(stage.dismantle)) | set(stage.build)
     return State(
         stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
-        left, release,
+        left, release, structures, frozenset(stage.build),
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from geoident.model.in_situ import InSitu
 from geoident.model.loss import LossOptions, SquaredOptions
 from geoident.model.methods import MethodOptions
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Structure
 
 KeyPath = tuple[str | int, ...]
 
@@ -103,6 +104,8 @@ class Stage:
             now or left before with part of it; the rest acts on until a later stage says more.
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
+        build: names of structures that stand from this stage on, free of stress at first.
+        dismantle: names of structures that leave.
         water: water in the pores from this stage on; None: as before.
         temperature: group to change of temperature, counted from the virgin state or from its
             placing, from this stage on.
@@ -118,6 +121,8 @@ class Stage:
     release: Mapping[str, Scalar] = field(default_factory=dict)
     loads: Mapping[str, Load] = field(default_factory=dict)
     remove: tuple[str, ...] = ()
+    build: tuple[str, ...] = ()
+    dismantle: tuple[str, ...] = ()
     water: Water | None = None
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     independent: bool = False
@@ -163,6 +168,7 @@ class Case:
         water: water in the pores of the virgin ground, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         notes: what is to be known of how the readings were understood.
+        structures: linings and bolts by name; stages build them.
     """
 
     title: str
@@ -184,6 +190,7 @@ class Case:
     water: Water | None = None
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    structures: Mapping[str, Structure] = field(default_factory=dict)
 
     @property
     def stage_names(self) -> tuple[str, ...]:

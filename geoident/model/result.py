@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
 
@@ -198,6 +198,32 @@ class FieldSeries:
 
 
 @dataclass(frozen=True)
+class MemberForces:
+    """Forces in linings and bolts, NaN while a structure does not stand.
+
+    Args:
+        structures: (n_members,) name of the structure of each straight piece.
+        numbers: (n_members,) its number within the structure, from 1.
+        stages: names of the stages, the virgin state not among them.
+        ends: (n_members, 2, dim) its two ends, m.
+        axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bolt.
+        moment: (n_members, 2, n_stages) M at the two ends, N m per metre, positive with tension on
+            the open side (from first to second end: on the right); NaN for bolts.
+        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bolts.
+        per_metre: (n_members,) it is a lining.
+    """
+
+    structures: tuple[str, ...]
+    numbers: Ints
+    stages: tuple[str, ...]
+    ends: Floats
+    axial: Floats
+    moment: Floats
+    shear: Floats
+    per_metre: Bools
+
+
+@dataclass(frozen=True)
 class Provenance:
     """Where a result comes from. ``identity`` is the hash of everything that it depends on."""
 
@@ -230,6 +256,7 @@ class Result:
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
         diagnostics: how each reading bears on the answer of a fit, or None.
+        members: forces in linings and bolts, or None if there are none.
     """
 
     kind: str
@@ -253,3 +280,4 @@ class Result:
     singular_values: Floats | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     diagnostics: Diagnostics | None = None
+    members: MemberForces | None = None

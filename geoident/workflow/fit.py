@@ -113,6 +113,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         prediction=prediction if np.isfinite(prediction.mean).any() else None,
         history=found.outcome.iterations,
         fields=survey.fields,
+        members=survey.members,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         notes=(

@@ -289,6 +289,7 @@ def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
         sensitivity=survey.sensitivity,
         prediction=prediction,
         fields=survey.fields,
+        members=survey.members,
         singular_values=fit.singular_values,
         notes=score(gauges, prediction),
     )

@@ -1,0 +1,71 @@
+"""Structural parts of a case: linings as beams on lines of the mesh, rock bolts as bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from geoident.model.parameter import Scalar
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A lining in plane strain, per metre out of plane. Either E and thickness, or EA and EI.
+
+    Args:
+        group: group of lines of the mesh on which it stands.
+        E: Young's modulus, Pa.
+        thickness: m.
+        nu: Poisson's ratio: then E / (1 - nu^2) is taken, as for a wall long out of plane.
+        EA: axial stiffness, N/m.
+        EI: bending stiffness, N m (N m2 per metre).
+        clamped_on: groups on whose nodes the beam does not turn (planes of symmetry, abutments).
+    """
+
+    group: str
+    E: Scalar | None = None
+    thickness: Scalar | None = None
+    nu: Scalar | None = None
+    EA: Scalar | None = None
+    EI: Scalar | None = None
+    clamped_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Bolts:
+    """Bars that hold the ground at their two ends only. Either E and diameter, or EA.
+
+    Args:
+        ends: the two end points of every bolt, m.
+        spacing: out of plane, m, in plane strain; None in a solid.
+        E: Young's modulus, Pa.
+        diameter: m.
+        EA: axial stiffness of one bolt, N.
+    """
+
+    ends: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
+    spacing: Scalar | None = None
+    E: Scalar | None = None
+    diameter: Scalar | None = None
+    EA: Scalar | None = None
+
+
+Structure = Beam | Bolts
+
+
+def structure_numbers(structure: Structure) -> dict[str, Scalar]:
+    """The numbers on which its stiffness depends, by name."""
+    given = {field.name: getattr(structure, field.name) for field in fields(structure)}
+    return {name: value for name, value in given.items() if isinstance(value, Scalar)}
+
+
+def structure_breach(structure: Structure, values: Mapping[str, float]) -> str | None:
+    """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
+    for name, scalar in structure_numbers(structure).items():
+        number = scalar.value(values)
+        if name == "nu":
+            if not -1.0 < number < 0.5:
+                return f"nu is {number:.6g}, it must be between -1 and 0.5"
+        elif not number > 0.0:
+            return f"{name} is {number:.6g}, it must be positive"
+    return None

@@ -1,0 +1,350 @@
+"""Linings and bolts in staged ground: closed forms, invariants, exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.cases import displacement, material, model, rollers
+from support.meshes import box
+from support.tunnels import walled, with_lines
+
+from geoident.errors import InputError
+from geoident.model.actions import Traction
+from geoident.model.case import Stage
+from geoident.model.in_situ import ConstantStress
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Beam, Bolts
+
+RADIUS, P0 = 3.0, 5e6
+E, NU = 2e9, 0.3
+ZERO = Scalar(0.0)
+NOTHING = np.empty(0)
+
+
+def _stress(vertical, horizontal):
+    out_of_plane = Scalar(-NU * (vertical + horizontal))
+    return ConstantStress((Scalar(-horizontal), Scalar(-vertical), out_of_plane, *(ZERO,) * 3))
+
+
+def _lined(mesh, stages, *, in_situ=None, lining=None, **changes):
+    lining = lining or Beam("wall", EA=Scalar(4e9), EI=Scalar(3e7), clamped_on=("x0", "y0"))
+    settings = {
+        "materials": {"rock": material("rock", E, NU)},
+        "groups": {"core": "rock", "rock": "rock"},
+        "supports": rollers(2),
+        "in_situ": in_situ or _stress(P0, P0),
+        "structures": {"lining": lining},
+        "stages": stages,
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+def _wall(mesh):
+    return np.unique(mesh.facets[-1].nodes)
+
+
+def _inwards(mesh, fields):
+    wall = _wall(mesh)
+    out = mesh.points[wall] / RADIUS
+    return -np.sum(fields.displacement[:, wall] * out, axis=2)
+
+
+def _tunnel(n=5, kind="quad8", reach=40):
+    layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
+    return walled(kind, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 0.8])
+def test_lined_tunnel_follows_convergence_confinement(part):
+    """Ground u = (p0 - p) R / (2 G), lining p = k (u - u_0) with k = EA / R^2 (Panet, 1995)."""
+    mesh = _tunnel()
+    stages = (
+        Stage("open", excavate=("core",), release={"core": Scalar(part)}),
+        Stage("line", build=("lining",), release={"core": Scalar(1.0)}),
+    )
+    survey = _lined(mesh, stages).survey(NOTHING, fields=True)
+    inwards = _inwards(mesh, survey.fields)
+    G, k = E / (2 * (1 + NU)), 4e9 / RADIUS**2
+    pressure = (1 - part) * P0 / (1 + 2 * G / (k * RADIUS))
+    np.testing.assert_allclose(inwards[1], part * P0 * RADIUS / (2 * G), rtol=0.005, atol=1e-12)
+    np.testing.assert_allclose(inwards[2], (P0 - pressure) * RADIUS / (2 * G), rtol=0.005)
+    assert np.isnan(survey.members.axial[:, 0]).all()
+    np.testing.assert_allclose(survey.members.axial[:, 1], -pressure * RADIUS, rtol=0.01)
+    assert np.abs(survey.members.moment[..., 1]).max() < 0.01 * pressure * RADIUS**2
+
+
+def _ring_in_ground(K, EA, EI):
+    """N at spring line and crown, M at the crown: no slip, built as the ground is unloaded.
+
+    The part constant around the tunnel is that of Einstein and Schwartz (J. Geotech. Eng. Div. ASCE
+    105, 1979). For the part with cos 2a (w radial, v tangential motion of the wall, sin 2a)
+    Michell's A / r^2 + B and a thin ring whose section turns by (w' - v) / R.
+    """
+    G, R, S = E / (2 * (1 + NU)), RADIUS, P0 * (1 - K) / 2
+    load = np.array([[-6 / R**4, -4 / R**2], [-6 / R**4, -2 / R**2]])  # of A and B
+    motion = np.array([[2 / R**3, 4 * (1 - NU) / R], [2 / R**3, -(2 - 4 * NU) / R]]) / (2 * G)
+    stretch, bend = np.array([1.0, 2.0]) / R, np.array([-4.0, -2.0]) / R**2
+    ring = EA * np.outer(stretch, stretch) + EI * np.outer(bend, bend)
+    w, v = motion @ np.linalg.solve(ring @ motion - load, np.array([S, -S]))
+    mean = -P0 * (1 + K) / 2 * R / (1 + 2 * G * R / EA)
+    vary = EA * stretch @ [w, v]
+    return mean + vary, mean - vary, EI * bend @ [w, v]
+
+
+@pytest.mark.parametrize(("EA", "EI"), [(4e9, 3e7), (1.2e9, 4e8)])
+def test_lining_under_unequal_stress(EA, EI):
+    mesh = _tunnel(8)
+    lining = Beam("wall", EA=Scalar(EA), EI=Scalar(EI), clamped_on=("x0", "y0"))
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    staged = _lined(mesh, stages, in_situ=_stress(P0, 0.5 * P0), lining=lining)
+    found = staged.survey(NOTHING, fields=False).members
+    spring, crown, moment = _ring_in_ground(0.5, EA, EI)
+    angle = np.arctan2(found.ends[..., 1], found.ends[..., 0]).mean(axis=1)
+    order = np.argsort(angle)
+    axial, moments = found.axial[order, 0], found.moment[order].mean(axis=1)[:, 0]
+    assert axial[0] == pytest.approx(spring, rel=0.01)
+    assert axial[-1] == pytest.approx(crown, rel=0.01)
+    # The crown comes down: tension on its open side; at the spring line it is on the ground's.
+    assert moments[-1] == pytest.approx(abs(moment), rel=0.02)
+    assert moments[0] == pytest.approx(-abs(moment), rel=0.02)
+
+
+def test_dismantled_lining_leaves_the_unlined_tunnel():
+    mesh = _tunnel(3, reach=8)
+    several = (
+        Stage("open", excavate=("core",), build=("lining",)),
+        Stage("strip", dismantle=("lining",)),
+    )
+    lined = _lined(mesh, several).survey(NOTHING, fields=True)
+    bare = _lined(mesh, (Stage("open", excavate=("core",)),)).survey(NOTHING, fields=True)
+    a, b = lined.fields.displacement, bare.fields.displacement
+    scale = np.abs(b).max()
+    assert np.abs(a[1] - b[1]).max() > 0.01 * scale
+    np.testing.assert_allclose(a[2], b[1], atol=1e-10 * scale)
+    assert np.isnan(lined.members.axial[:, 1]).all()
+
+
+def test_lining_built_after_all_motion_bears_nothing():
+    mesh = _tunnel(3, reach=8)
+    stages = (Stage("open", excavate=("core",)), Stage("line", build=("lining",)))
+    found = _lined(mesh, stages).survey(NOTHING, fields=False).members
+    assert np.abs(found.axial[:, 1]).max() < 1e-9 * P0 * RADIUS
+
+
+def test_load_in_two_stages_ends_where_the_load_in_one_ends():
+    mesh = _tunnel(3, reach=8)
+    begin = Stage("open", excavate=("core",))
+    line = Stage("line", build=("lining",))
+
+    def push(name, part):
+        value = (Scalar(-part * 1e6), ZERO)
+        return Stage(name, loads={"push": Traction("right", value)})
+
+    mesh = with_lines(mesh, "right", _right_edge(mesh))
+    once = _lined(mesh, (begin, line, push("all", 1))).survey(NOTHING, fields=True)
+    twice = _lined(mesh, (begin, line, push("half", 0.5), push("all", 1))).survey(
+        NOTHING, fields=True
+    )
+    scale = np.abs(once.members.axial[:, -1]).max()
+    assert scale > 1e4
+    for name in ("axial", "moment", "shear"):
+        one, two = getattr(once.members, name)[..., -1], getattr(twice.members, name)[..., -1]
+        np.testing.assert_allclose(one, two, atol=1e-9 * scale)
+
+
+def _right_edge(mesh):
+    block = mesh.facets[0]
+    centre = mesh.points[block.nodes].mean(axis=1)
+    outer = np.linalg.norm(centre, axis=1) > 7.5 * RADIUS
+    return block.nodes[outer & (centre[:, 0] > centre[:, 1])]
+
+
+def test_two_load_cases_on_one_lining_do_not_mix():
+    mesh = _tunnel(3, reach=8)
+    mesh = with_lines(mesh, "right", _right_edge(mesh))
+    begin = Stage("open", excavate=("core",), build=("lining",))
+
+    def case(name, x):
+        load = Traction("right", (Scalar(x), ZERO))
+        return Stage(name, loads={"push": load}, independent=True)
+
+    both = _lined(mesh, (begin, case("a", 1e6), case("b", -2e6))).survey(NOTHING, fields=False)
+    last = _lined(mesh, (begin, case("b", -2e6))).survey(NOTHING, fields=False)
+    np.testing.assert_allclose(both.members.axial[:, 2], last.members.axial[:, 1], rtol=1e-12)
+
+
+def _block(dim, structures, stages, **changes):
+    mesh = box({2: "quad4", 3: "hex8"}[dim], (2,) * dim)
+    settings = {
+        "materials": {"rock": material("rock", 1e9, 0.0)},
+        "groups": {"all": "rock"},
+        "supports": rollers(dim),
+        "structures": structures,
+        "stages": stages,
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bolt_in_uniform_strain_bears_stiffness_times_strain(dim):
+    ends = ((0.13, 0.21, 0.4)[:dim], (0.77, 0.34, 0.6)[:dim])
+    bolts = Bolts((ends,), None if dim == 3 else Scalar(1.5), EA=Scalar(1e-3))
+    pull = tuple(Scalar(1e6 * (axis == 0)) for axis in range(dim))
+    stages = (Stage("bolt", build=("bolts",)), Stage("pull", loads={"x": Traction("x1", pull)}))
+    found = _block(dim, {"bolts": bolts}, stages).survey(NOTHING, fields=False).members
+    along = np.subtract(*ends)
+    strain = 1e-3 * along[0] ** 2 / (along @ along)
+    assert found.axial[0, 0] == pytest.approx(0, abs=1e-20)
+    assert found.axial[0, 1] == pytest.approx(1e-3 * strain, rel=1e-9)
+    assert np.isnan(found.moment).all()
+
+
+def test_stiff_bolts_share_the_load_with_the_ground():
+    """Ground E A and two bars EA / spacing on its sides stretch together (nu = 0)."""
+    pair = (((0.0, 0.0), (1.0, 0.0)), ((0.0, 1.0), (1.0, 1.0)))
+    E_steel, d, spacing = 200e9, 0.05, 1.5
+    bolts = Bolts(pair, Scalar(spacing), E=Scalar(E_steel), diameter=Scalar(d))
+    pull = (Scalar(1e6), ZERO)
+    mesh = box("quad4", (1, 1))
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e9, 0.0)},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        structures={"bolts": bolts},
+        stages=(Stage("pull", build=("bolts",), loads={"x": Traction("x1", pull)}),),
+    )
+    survey = staged.survey(NOTHING, fields=True)
+    EA = E_steel * np.pi * d**2 / 4
+    strain = 1e6 / (1e9 + 2 * EA / spacing)
+    right = mesh.points[:, 0] == 1.0
+    np.testing.assert_allclose(survey.fields.displacement[1, right, 0], strain, rtol=1e-12)
+    np.testing.assert_allclose(survey.members.axial[:, 0], EA * strain, rtol=1e-12)
+
+
+def _with_parameters(**names):
+    parameters = (
+        Parameter("E", E, 1e8, 1e11),
+        Parameter("E_c", 15e9, 1e9, 1e11),
+        Parameter("t", 0.2, 0.05, 1.0),
+        Parameter("nu_c", 0.2, 0.0, 0.4),
+        Parameter("d", 0.05, 0.01, 0.1),
+        Parameter("s", 1.5, 0.5, 3),
+        Parameter("part", 0.4, 0, 1),
+    )
+    lining = Beam(
+        "wall", E=Scalar(1.0, "E_c"), thickness=Scalar(1.0, "t"), nu=Scalar(1.0, "nu_c"),
+        clamped_on=("x0", "y0"),
+    )  # fmt: skip
+    ends = (((3.1, 0.9), (7.0, 2.0)), ((0.8, 3.2), (1.5, 6.5)))
+    bolts = Bolts(ends, Scalar(1.0, "s"), E=Scalar(200e9), diameter=Scalar(1.0, "d"))
+    stages = (
+        Stage("open", excavate=("core",), build=("bolts",), release={"core": Scalar(1.0, "part")}),
+        Stage("line", build=("lining",), release={"core": Scalar(1.0)}),
+        Stage("cut", dismantle=("bolts",)),
+    )
+    return _lined(
+        _tunnel(3, reach=8),
+        stages,
+        in_situ=_stress(P0, 0.6 * P0),
+        lining=lining,
+        structures={"lining": lining, "bolts": bolts},
+        materials={"rock": material("rock", Scalar(1.0, "E"), NU)},
+        parameters=parameters,
+        channels=(
+            displacement("a", (3.1, 0.2), (1.0, 0.0)),
+            displacement("b", (0.2, 3.1), (0.0, 1.0)),
+        ),
+        **names,
+    )
+
+
+def test_derivatives_by_every_number_of_a_structure():
+    staged = _with_parameters()
+    response = staged.response([(c, s) for c in "ab" for s in ("open", "line", "cut")])
+    p = np.array([q.start for q in staged.case.parameters])
+    _, jacobian = response.evaluate(p)
+    for h, name in enumerate(staged.names):
+        step = 1e-3 * abs(p[h]) * np.eye(len(p))[h]
+        two, one = (
+            (response.readings(p + step * k) - response.readings(p - step * k)) / (2 * k * step[h])
+            for k in (2, 1)
+        )
+        numeric = (4 * one - two) / 3
+        np.testing.assert_allclose(
+            jacobian[:, h], numeric, atol=1e-7 * np.abs(jacobian[:, h]).max(), err_msg=name
+        )
+    assert "enters its stiffness nonlinearly" in (
+        _with_only("t").response([("a", "line")]).obstacle() or ""
+    )
+
+
+def _with_only(name):
+    staged = _with_parameters()
+    kept = tuple(q for q in staged.case.parameters if q.name == name)
+    return _lined(
+        staged.mesh,
+        (Stage("line", excavate=("core",), build=("lining",)),),
+        lining=Beam("wall", E=Scalar(15e9), thickness=Scalar(1.0, name)),
+        parameters=kept,
+        channels=(displacement("a", (3.1, 0.2), (1.0, 0.0)),),
+    )
+
+
+def test_condensation_finds_the_stiffness_of_a_lining():
+    lining = Beam("wall", EA=Scalar(1.0, "EA"), EI=Scalar(1.0, "EI"), clamped_on=("x0", "y0"))
+    names = (("EA", 4e9), ("EI", 3e8), ("E", E))
+    staged = _lined(
+        _tunnel(3, reach=8),
+        (Stage("open", excavate=("core",), build=("lining",)),),
+        in_situ=_stress(P0, 0.5 * P0),
+        lining=lining,
+        materials={"rock": material("rock", Scalar(1.0, "E"), NU)},
+        parameters=tuple(Parameter(n, v, v / 10, v * 10) for n, v in names),
+        channels=tuple(
+            displacement(f"c{k}", tuple(RADIUS * 1.05 * np.array(x)), x)
+            for k, x in enumerate([(1.0, 0.0), (0.0, 1.0), (0.6, 0.8), (0.8, 0.6)])
+        ),
+    )
+    response = staged.response([(f"c{k}", "open") for k in range(4)])
+    assert response.obstacle() is None
+    true = np.array([v for _, v in names])
+    measured = response.readings(true)
+    p = true * [1.3, 0.8, 1.1]
+    for _ in range(20):
+        condensed = response.condense(p, measured, np.full(4, 1e-4))
+        p = np.linalg.lstsq(condensed.matrix * true, condensed.vector)[0] * true
+    np.testing.assert_allclose(p, true, rtol=1e-6)
+
+
+def test_number_out_of_range_is_inadmissible():
+    staged = _with_parameters()
+    p = np.array([q.start for q in staged.case.parameters])
+    assert staged.admissible(p) is None
+    p[staged.names.index("t")] = 0.0
+    assert "thickness is 0" in staged.admissible(p)
+
+
+@pytest.mark.parametrize(
+    ("structures", "message"),
+    [
+        ({"lining": Beam("walls", EA=Scalar(1e9), EI=Scalar(1e7))}, "no group 'walls' of lines"),
+        (
+            {"lining": Bolts((((0.1, 0.1), (5.0, 5.0)),), Scalar(1.0), EA=Scalar(1e8))},
+            "lies in no ground",
+        ),
+        ({"lining": Beam("y0", EA=Scalar(1e9), EI=Scalar(1e7))}, "nodes, the first near"),
+    ],
+)
+def test_structure_without_ground_is_refused(structures, message):
+    mesh = _tunnel(3, reach=8)
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    with pytest.raises(InputError) as error:
+        _lined(mesh, stages, structures=structures)
+    assert message in str(error.value)
+
+
+def test_structures_cost_no_further_factorization():
+    staged = _with_parameters()
+    staged.survey(np.array([q.start for q in staged.case.parameters]), fields=False)
+    assert staged.counts.factorizations == 3
