@@ -52,19 +52,40 @@ def loose_body(
     piece = _pieces(table, present)
     pairs = _piece_nodes(mesh, present, piece)
     modes = _rigid_modes(mesh, pairs)[..., list(kinematics.rigid)]
-    eigenvalues, vectors = np.linalg.eigh(_gram(mesh, pairs, modes, fixed))
+    for rows in _clusters(pairs):
+        found = _loosest(mesh, pairs[rows], modes[rows], fixed)
+        if found is not None:
+            number, amplitudes = found
+            centre = mesh.points[pairs[pairs[:, 0] == number, 1]].mean(axis=0)
+            motion = np.zeros(2 * mesh.dim)
+            motion[list(kinematics.rigid)] = amplitudes
+            motion = np.where(motion > 1e-6, motion, 0.0)[: mesh.dim]
+            return LooseBody(np.flatnonzero(piece == number), centre, motion)
+    return None
+
+
+def _clusters(pairs: Ints) -> list[Ints]:
+    """Rows of the pairs (piece, node) of pieces that hang together at nodes; mostly all rows."""
+    shape = (int(pairs[:, 0].max()) + 1, int(pairs[:, 1].max()) + 1)
+    graph = sp.csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
+    count, label = connected_components(graph @ graph.T, directed=False)
+    order = np.argsort(label[pairs[:, 0]], kind="stable")
+    ends = np.cumsum(np.bincount(label[pairs[:, 0]], minlength=count))
+    return np.split(order, ends[:-1])
+
+
+def _loosest(mesh: Mesh, pairs: Ints, modes: Floats, fixed: Bools) -> tuple[int, Floats] | None:
+    """The piece of a cluster that moves most, and how far in each mode over all ways to move."""
+    pieces, local = np.unique(pairs[:, 0], return_inverse=True)
+    gram = _gram(mesh, np.stack([local, pairs[:, 1]], axis=1), modes, fixed)
+    eigenvalues, vectors = np.linalg.eigh(gram)
     free = eigenvalues <= _NULL * max(eigenvalues[-1], 1.0)
     if not free.any():
         return None
     ways = vectors[:, free].reshape(-1, modes.shape[2], int(free.sum()))
-    amplitudes = np.linalg.norm(ways, axis=2)  # of each mode, over all ways to move
+    amplitudes = np.linalg.norm(ways, axis=2)
     worst = int(np.linalg.norm(amplitudes, axis=1).argmax())
-    elements = np.flatnonzero(piece == worst)
-    centre = mesh.points[pairs[pairs[:, 0] == worst, 1]].mean(axis=0)
-    motion = np.zeros(2 * mesh.dim)
-    motion[list(kinematics.rigid)] = amplitudes[worst]
-    motion = motion[: mesh.dim]
-    return LooseBody(elements, centre, np.where(np.abs(motion) > 1e-6, motion, 0.0))
+    return int(pieces[worst]), amplitudes[worst]
 
 
 def _pieces(table: FaceTable, present: Bools) -> Ints:

@@ -101,14 +101,20 @@ def require_writable(place: Target, *, inputs: Sequence[str] = ()) -> None:
         place: of the output.
         inputs: paths that are read, and so must not be written.
     """
-    if any(_same_file(place.path, Path(path)) for path in inputs):
-        raise OutputError(f"{place.path}: is an input of this command; choose another -o")
+    refuse_inputs(place.path, inputs)
     with suppress(_Probe), atomic_output(place.path, overwrite=True):
         raise _Probe
 
 
-def write_text(text: str, path: str, *, force: bool) -> None:
-    """Write a text file, whole or not at all."""
+def refuse_inputs(output: Path | str, inputs: Sequence[str]) -> None:
+    """Raise `OutputError` where an output is one of the files that are read."""
+    if any(_same_file(Path(output), Path(path)) for path in inputs):
+        raise OutputError(f"{output}: is an input of this command\n    choose another -o")
+
+
+def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str] = ()) -> None:
+    """Write a text file, whole or not at all, and never over one of the inputs."""
+    refuse_inputs(path, inputs)
     with atomic_output(path, overwrite=force) as temporary:
         Path(temporary).write_text(text, encoding="utf-8", newline="")
 

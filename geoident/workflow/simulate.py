@@ -13,6 +13,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.workflow.inputs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.outputs import refuse_inputs
 
 
 class Noise(Enum):
@@ -29,15 +30,20 @@ def simulate(
     noise: Noise = Noise.NONE,
     seed: int = 0,
     solver: str = "auto",
+    output: str | None = None,
 ) -> tuple[Reading, ...]:
     """Readings of all gauges at all stages where they can be read, by stage, in m.
 
     A gauge is left out at the stage at which it is zeroed: it reads zero there, by definition.
+    ``output`` is where they are going to be written.
 
     Raises:
+        OutputError: the output is the case or its mesh.
         ModelError: the model has no solution at the start values.
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
+    if output is not None:
+        refuse_inputs(output, [path, str(inputs.loaded.mesh_path)])
     model = build_model(inputs, solver=solver)
     computed = model.survey(start_values(inputs.case, model), fields=False).computed
     readings = _readings(inputs.case, computed)

@@ -75,3 +75,19 @@ def test_a_path_that_is_not_utf_8(trench):
             [sys.executable, "-m", "geoident", command, name], capture_output=True, check=False
         )
         assert (done.returncode, done.stdout[: len(said)]) == (0, said), done.stderr
+
+
+def test_no_input_is_overwritten_even_by_force(trench, run):
+    run("fit", "case.yaml", "-q")
+    before = {path.name: path.read_bytes() for path in trench.iterdir()}
+    for arguments in (
+        ["simulate", "case.yaml", "-o", "case.yaml"],
+        ["simulate", "case.yaml", "-o", "trench.inp"],
+        ["fit", "case.yaml", "-o", "readings.csv"],
+        ["predict", "case.fit.h5", "-o", "case.fit.h5"],
+        ["export", "case.fit.h5", "--table", "gauges", "-o", "case.fit.h5"],
+    ):
+        refused = run(*arguments, "--force")
+        assert refused.exit_code == 6, arguments
+        assert "is an input of this command" in refused.stderr
+    assert {path.name: path.read_bytes() for path in trench.iterdir()} == before

@@ -80,7 +80,7 @@ def _one_table(path: str, name: str, options: Options) -> int:
     if options.output in (None, "-"):
         click.echo(text, nl=False)
     else:
-        write_text(text, str(options.output), force=options.force)
+        write_text(text, str(options.output), force=options.force, inputs=[path])
         click.echo(options.output)
     return 0
 

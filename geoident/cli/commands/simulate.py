@@ -40,6 +40,7 @@ def command(case: str, noise: bool, options: Options) -> int:
             noise=Noise.ACCURACY if noise else Noise.NONE,
             seed=options.seed,
             solver=options.solver,
+            output=None if options.output == "-" else options.output,
         )
         _say(readings, case, options)
     return 0
