@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.cli.options import Options
+from geoident.cli.pace import Pace, clock_text
 
 if TYPE_CHECKING:
     from geoident.model.parameter import Parameter
     from geoident.model.result import Iteration
+
+
+_EYE = 0.1
+"""Seconds between updates of the live line within an iteration."""
 
 
 class Terminal:
@@ -30,6 +35,10 @@ class Terminal:
         self._options = options
         self._parameters = parameters
         self._status: Any = None
+        self._pace = Pace(options.max_time)
+        self._step = ""
+        self._stage = ""
+        self._shown = -1.0
 
     def warn(self, message: str) -> None:
         """Said even when quiet."""
@@ -50,10 +59,28 @@ class Terminal:
         from geoident.report.text import iteration_text
 
         line = iteration_text(iteration, self._parameters)
+        self._pace.add(iteration.step)
+        self._step, self._stage = line, ""
         if self._status is not None:
-            self._status.update(line)
+            self._refresh()
         else:
-            self.detail(line)
+            self.detail(f"{line}, step {iteration.step:.1e}")
+
+    def stage(self, name: str, number: int, total: int) -> None:
+        """A stage is computed: on the live line, not more often than eyes can follow."""
+        self._stage = f"stage {number} of {total}, {name}" if number else ""
+        if self._status is not None and self._pace.elapsed - self._shown > _EYE:
+            self._refresh()
+
+    def _refresh(self) -> None:
+        from rich.text import Text
+
+        self._shown = self._pace.elapsed
+        remaining = self._pace.remaining()
+        words = [self._step, self._stage, clock_text(self._shown)]
+        words += [] if remaining is None else [f"about {clock_text(remaining)} left"]
+        text = " | ".join(word for word in words if word)
+        self._status.update(Text(text, no_wrap=True, overflow="ellipsis"))  # brackets are no markup
 
     @contextmanager
     def live(self, title: str) -> Iterator[None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from geoident.forward.actions import Actions
 from geoident.forward.fields import FieldRecorder
 from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
 from geoident.forward.instruments import Instruments
-from geoident.forward.march import March
+from geoident.forward.march import March, Push, Standing
 from geoident.forward.materials import inadmissible
 from geoident.forward.member_forces import MemberRecorder
 from geoident.forward.observation import Observation, format_point, observe
@@ -89,6 +89,7 @@ class StagedModel:
         _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
+        self.on_state: Callable[[int], None] | None = None  # is told of every state computed
         self.structures = Structures(case, mesh, self.timeline, locator)
         self.systems = StageSystems(case, mesh, self.timeline, fixed, solver, self.structures)
         self.actions = Actions(case, mesh, table, locator, self.timeline, self.systems)
@@ -178,6 +179,20 @@ class StagedModel:
         """
         return StagedResponse(self, pairs, times)
 
+    def run(
+        self,
+        values: Mapping[str, float],
+        *,
+        names: Sequence[str] = (),
+        last: int | None = None,
+        push: Push | None = None,
+    ) -> Iterator[Standing]:
+        """March through the stages (see `March.run`) and tell ``on_state`` of each."""
+        for standing in self.march.run(values, names=names, last=last, push=push):
+            if self.on_state is not None:
+                self.on_state(standing.state)
+            yield standing
+
     def survey(self, p: Floats, *, fields: bool) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
@@ -187,7 +202,7 @@ class StagedModel:
         observed = []
         recorder = FieldRecorder(self.mesh, self.timeline, self.systems) if fields else None
         members = MemberRecorder(self.structures, self.timeline, self.values(p))
-        for standing in self.march.run(self.values(p), names=self.names):
+        for standing in self.run(self.values(p), names=self.names):
             observed.append(self.observation.operator @ standing.u)
             if recorder is not None:
                 recorder.add(standing)

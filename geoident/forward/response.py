@@ -107,7 +107,7 @@ class StagedResponse:
         self._model.count_evaluation()
         operator = self._model.observation.operator
         values = self._model.values(p)
-        march = self._model.march.run(values, names=names, last=self._last, push=push)
+        march = self._model.run(values, names=names, last=self._last, push=push)
         observed = np.stack([operator @ standing.u for standing in march])
         table = self._pick(observed)
         added = self._model.instruments.added(values, names, self._row, self._state, self._times)

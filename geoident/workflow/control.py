@@ -27,6 +27,9 @@ class Monitor(Protocol):
     def detail(self, message: str) -> None:
         """A line for those who asked for more."""
 
+    def stage(self, name: str, number: int, total: int) -> None:
+        """A stage of an evaluation is computed, one of ``total``; 0 is the virgin state."""
+
     def step(self, iteration: Iteration) -> None:
         """One iteration of an identifier is done."""
 
@@ -41,6 +44,9 @@ class Silent:
         """Say nothing."""
 
     def detail(self, message: str) -> None:
+        """Say nothing."""
+
+    def stage(self, name: str, number: int, total: int) -> None:
         """Say nothing."""
 
     def step(self, iteration: Iteration) -> None:

@@ -103,6 +103,8 @@ def _how_to_go_on(job: Job) -> str:
 def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     """The readings of a setup and its model, whose evaluations are logged."""
     selection = setup.selection
+    names = selection.case.stage_names
+    setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
     staged = setup.model.response(selection.pairs, selection.times)
     response = Remembered(staged, log, before=control.stop.check)
     parameters = selection.case.parameters
