@@ -11,6 +11,8 @@ from geoident.model.result import Diagnostics, Result
 from geoident.report.layout import decimals, number, table
 
 WORST = 5
+HEADER = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
+SIDES = "llrrrlr"
 
 
 def influence_text(result: Result) -> str:
@@ -18,9 +20,15 @@ def influence_text(result: Result) -> str:
     found = result.diagnostics
     if found is None:
         return ""
-    rows = [_row(result, found, i, j) for i, j in by_distance(found)[:WORST]]
-    header = ["gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd"]
-    return table(header, rows, right="llrrrlr")
+    return table(HEADER, influence_rows(result), right=SIDES)
+
+
+def influence_rows(result: Result) -> list[list[str]]:
+    """The cells of that table, under `HEADER`."""
+    found = result.diagnostics
+    if found is None:
+        return []
+    return [_row(result, found, i, j) for i, j in by_distance(found)[:WORST]]
 
 
 def _row(result: Result, found: Diagnostics, i: int, j: int) -> list[str]:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import yaml
-
 from geoident.model.result import Result
 from geoident.report import page_text as text
+from geoident.report.case_text import case_title
 from geoident.report.drawing.style import Picture, image
 from geoident.report.figures import album, comparison
 from geoident.report.html import Html, joined, page, tag
@@ -31,16 +30,6 @@ def report_page(results: Sequence[tuple[str, Result]]) -> str:
     title = "Comparison of " + ", ".join(label for label, _ in results)
     parts = [_result_section(number, *each) for number, each in enumerate(results, start=1)]
     return page(f"{title} - geoident", tag("h1", title), *_compared(results), *parts)
-
-
-def case_title(result: Result) -> str:
-    """The title that the user gave the case; empty if there is none."""
-    try:
-        case = yaml.load(result.case_resolved, Loader=yaml.BaseLoader)
-    except (yaml.YAMLError, RecursionError):
-        return ""
-    title = case.get("title", "") if isinstance(case, dict) else ""
-    return title if isinstance(title, str) else ""
 
 
 def _compared(results: Sequence[tuple[str, Result]]) -> tuple[Html, ...]:
@@ -85,6 +74,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(
             "How well it fits",
             text.outlier_list(result) if pictures.quality else "",
+            text.influence_table(result),
             _figures(pictures.quality),
         ),
         _section("Readings (mm)", text.reading_table(result)),

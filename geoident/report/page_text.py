@@ -12,6 +12,7 @@ import numpy as np
 
 from geoident.model.result import ParameterTable, Result
 from geoident.report.html import Html, joined, table, tag
+from geoident.report.influence import HEADER, SIDES, influence_rows, influence_title
 from geoident.report.layout import decimals, number
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 from geoident.report.residuals import OUTLIER, outliers, rms, scored, standardized
@@ -225,6 +226,17 @@ def outlier_list(result: Result) -> Html:
     )
 
 
+def influence_table(result: Result) -> Html:
+    """The readings that bear most on the answer."""
+    title = influence_title(result).replace("\n", ". ")
+    found = table(HEADER, influence_rows(result), right=SIDES, caption=title)
+    note = (
+        "Leverage: how far the reading decides alone, 0 to 1. Changes most, by sd: the parameter "
+        "that would move most without the reading, in its standard deviations."
+    )
+    return joined([found, tag("p", note, class_="note")]) if found else found
+
+
 def reading_table(result: Result) -> Html:
     """Every reading that is measured or predicted."""
     table_, prediction = result.gauges, result.prediction
@@ -248,6 +260,7 @@ def _reading_row(result: Result, i: int, j: int) -> list[str]:
         ends = (prediction.lower95[i, j], prediction.upper95[i, j])
         band = " to ".join(in_mm(float(end), result) for end in ends)
     state = "used" if gauges.used[i, j] else "predicted" if predicted else "not used"
+    state = "known to be wrong" if gauges.bad[i, j] else state
     return [
         gauges.channels[i],
         gauges.stages[j],

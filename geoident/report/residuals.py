@@ -47,11 +47,11 @@ def standardized(result: Result) -> Floats:
 
 
 def outliers(result: Result) -> tuple[Outlier, ...]:
-    """Readings beyond `OUTLIER`, the farthest first."""
+    """Readings beyond `OUTLIER`, the farthest first, without those known to be wrong."""
     residual, table = standardized(result), result.gauges
     found = [
         Outlier(table.channels[i], table.stages[j], float(residual[i, j]), bool(table.used[i, j]))
-        for i, j in np.argwhere(np.abs(np.nan_to_num(residual)) > OUTLIER)
+        for i, j in np.argwhere((np.abs(np.nan_to_num(residual)) > OUTLIER) & ~table.bad)
     ]
     return tuple(sorted(found, key=lambda each: -abs(each.residual)))
 
@@ -68,7 +68,8 @@ def scored(result: Result) -> tuple[int, int]:
     prediction = result.prediction
     if prediction is None:
         return 0, 0
-    known = np.isfinite(prediction.sd) & np.isfinite(result.gauges.measured) & ~result.gauges.used
+    known = np.isfinite(prediction.sd) & np.isfinite(result.gauges.measured)
+    known &= ~(result.gauges.used | result.gauges.bad)
     measured = result.gauges.measured
     inside = known & (measured >= prediction.lower95) & (measured <= prediction.upper95)
     return int(inside.sum()), int(known.sum())

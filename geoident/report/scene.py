@@ -10,6 +10,7 @@ import numpy as np
 from geoident.fem.location import Locator
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.result import FieldSeries, GaugeTable, Result
+from geoident.report.case_text import axis_names
 from geoident.report.sheets import Plane, Sheet, SheetMaker, element_centres
 
 MOST_STAGES = 12
@@ -47,6 +48,7 @@ class Scene:
     def __init__(self, result: Result, fields: FieldSeries) -> None:
         self.result = result
         self.fields = fields
+        self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
 
     @property

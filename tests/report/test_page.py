@@ -7,9 +7,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from geoident.report.case_text import case_title
 from geoident.report.figures import album
 from geoident.report.html import Html, page, tag
-from geoident.report.page import case_title, report_page
+from geoident.report.page import report_page
+from geoident.report.page_text import reading_table
 from geoident.report.residuals import outliers, rms, scored
 from tests.support.results import STAGES, example_result, fields_of, grid_mesh, small_result
 
@@ -131,6 +133,19 @@ def test_the_numbers_are_those_of_the_result(plane_page):
         assert words in text
 
 
+def test_the_readings_that_bear_most_are_named(plane_page):
+    text = Reader(plane_page).text
+    assert "Loss huber (delta 1.345); plain weighted squares 75" in text
+    assert "EX-1.a8 bench 1 8.0 0.50 0.50 E_rock +0.80" in text
+
+
+def test_the_section_of_a_body_of_revolution_has_a_radius(plane):
+    shaft = replace(plane, case_resolved="title: Shaft\nanalysis: axisymmetric\n")
+    (picture,) = [p for p in album(shaft).fields if p.name == "vectors"]
+    labels = {axes.get_xlabel() for axes in picture.draw().axes}
+    assert labels == {"radius r (m)"}
+
+
 def test_outliers_spread_and_score_are_those_of_the_table(plane):
     (far,) = outliers(plane)
     assert (far.channel, far.stage, far.used) == ("EX-1.a8", "bench 1", True)
@@ -138,6 +153,15 @@ def test_outliers_spread_and_score_are_those_of_the_table(plane):
     used = [1, -1, 8, 2, 1, -1]  # in 0.1 mm, the settlement also in the first stage
     assert rms(plane) == pytest.approx(np.sqrt(np.mean(np.square(used))))
     assert scored(plane) == (4, 4)
+
+
+def test_readings_known_to_be_wrong_are_neither_outliers_nor_scored(plane):
+    bad = np.zeros((5, 3), dtype=bool)
+    bad[2, 1] = bad[0, 2] = True
+    marked = replace(plane, gauges=replace(plane.gauges, bad=bad, used=plane.gauges.used & ~bad))
+    assert outliers(marked) == ()
+    assert scored(marked) == (3, 3)
+    assert "1.90 1.10 - 0.80 8.0 known to be wrong" in Reader(str(reading_table(marked))).text
 
 
 def test_text_of_the_user_never_becomes_markup():

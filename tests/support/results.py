@@ -9,6 +9,7 @@ import numpy as np
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import (
     Counts,
+    Diagnostics,
     FieldSeries,
     GaugeTable,
     Grid,
@@ -120,8 +121,19 @@ def gauges(dim: int) -> GaugeTable:
         sd=sd,
         used=used,
         first=np.array([at(14, 16), at(14, 16), at(14, 16), at(6, 18), nowhere]),
+        bad=np.zeros((5, 3), dtype=bool),
         second=np.array([at(16, 16), at(17, 16), at(19, 16), at(14, 18), at(4, 20)]),
     )
+
+
+def diagnostics(table: GaugeTable) -> Diagnostics:
+    """The reading that is off bears most on the answer."""
+    used = table.used
+    residual = np.where(used, (table.measured - table.computed) / 1e-4, np.nan)
+    share = np.where(used, 0.5, np.nan)
+    change = np.where(used[..., None], 0.1 * residual[..., None] * [1.0, 0.0, 0.5], np.nan)
+    return Diagnostics("huber (delta 1.345)", 75.0, 1.4826, residual, residual, share, share,
+                       residual**2, change)  # fmt: skip
 
 
 def history() -> tuple[Iteration, ...]:
@@ -161,6 +173,7 @@ def example_result(dim: int = 2, *, yielded: bool = False, title: str = "Trial p
         history=history(),
         fields=fields_of(grid_mesh(dim, 10 if dim == 2 else 5), yielded=yielded),
         notes=("One reading was blank.",),
+        diagnostics=diagnostics(table),
     )  # fmt: skip
 
 
@@ -169,10 +182,10 @@ def small_result(**changes: object) -> Result:
     values = np.array([[9.0, 4.0, 5.0], [6.0, 2.0, np.inf]])
     grid = Grid(("E_rock", "K0"), (np.array([1e10, 2e10]), np.array([0.5, 1.0, 2.0])), values)
     table = gauges(2)
-    arrays = ("measured", "computed", "sd", "used", "first", "second")
+    arrays = ("measured", "computed", "sd", "used", "first", "second", "bad")
     one = replace(table, channels=("CV-1",), **{k: getattr(table, k)[3:4] for k in arrays})
     few = replace(
         example_result(), kind="scan", status="done", fields=None, prediction=None, history=(),
-        grid=grid, gauges=one,
+        grid=grid, gauges=one, diagnostics=None,
     )  # fmt: skip
     return replace(few, **changes)

@@ -252,8 +252,8 @@ def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -
     axes.set_ylim(window.low[1], window.high[1])
     across, up = sheet.axes
     ticks = axes.xaxis.get_tick_params(), axes.yaxis.get_tick_params()
-    axes.set_xlabel(f"{'xyz'[across]} (m)" if ticks[0].get("labelbottom", True) else "")
-    axes.set_ylabel(f"{'xyz'[up]} (m)" if ticks[1].get("labelleft", True) else "")
+    axes.set_xlabel(f"{scene.axis_names[across]} (m)" if ticks[0].get("labelbottom", True) else "")
+    axes.set_ylabel(f"{scene.axis_names[up]} (m)" if ticks[1].get("labelleft", True) else "")
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.yaxis.set_major_locator(MaxNLocator(5))
 
