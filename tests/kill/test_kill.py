@@ -29,7 +29,7 @@ NURSERY = """
 import json, os, signal, sys, time
 import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case_file
 import geoident.forward.model, geoident.io.result_file, geoident.io.mesh_file, geoident.fem.solvers
-from geoident.cli.app import geoident
+from geoident.cli.app import geoident as program
 if sys.argv[1:] == ["report"]:
     import geoident.report.html
 for line in sys.stdin:
@@ -41,7 +41,7 @@ for line in sys.stdin:
         for stream in (0, 1, 2):
             os.dup2(nothing, stream)
         try:
-            geoident.main(words, prog_name="geoident")
+            program.main(words, prog_name="geoident")
         except SystemExit as end:
             os._exit(int(end.code or 0))
         os._exit(99)
