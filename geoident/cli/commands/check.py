@@ -91,7 +91,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
     elif not options.quiet:
         click.echo(summary_text(checked.summary))
     if picture is not None:
-        from geoident.report.case_picture import case_picture
+        from geoident.report.drawing.case import case_picture
         from geoident.workflow.outputs import write_bytes
 
         drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())

@@ -23,7 +23,7 @@ from geoident.forward.supports import group_nodes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.report.case_parts import Part, centre, gauge_lines, parts_of, window
+from geoident.report.drawing.case_parts import Part, centre, gauge_lines, parts_of, window
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
 
 _MARKERS = {"x": ">", "y": "^", "z": "v"}
