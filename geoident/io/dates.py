@@ -36,7 +36,8 @@ def format_problem(pattern: str) -> str | None:
     for token in ("YYYY", "MM", "DD"):
         if pattern.count(token) != 1:
             return f"{token} must stand in it once"
-    return None
+    twice = next((token for token in ("hh", "mm", "ss") if pattern.count(token) > 1), None)
+    return f"{twice} stands in it more than once" if twice else None
 
 
 def read_date(text: str, pattern: str = ISO) -> float:

@@ -11,12 +11,13 @@ MOND_UNIT its unit.
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.dates import ISO, DateError, read_date
+from geoident.io.dates import ISO, DateError, format_problem, read_date
 from geoident.io.faults import shortened
 from geoident.io.readings_cells import Cell, Table
 from geoident.io.readings_layout import FieldReading, Layout, Origin
@@ -48,6 +49,8 @@ def read_ags(path: str, layout: Layout) -> tuple[FieldReading, ...]:
     readings: list[FieldReading] = []
     if not table.faults:
         reader = _Reader(table, group)
+        reader.require_date_format()
+    if not table.faults:
         for channel, origin in layout.channels.items():
             readings += reader.channel(channel, origin)
     if table.faults:
@@ -63,9 +66,10 @@ def _groups(text: str, path: str) -> Mapping[str, Any]:
         message = "AGS files cannot be read here"
         raise InputError([Fault("no-library", message, _INSTALL, Location(path))]) from None
     AGS4.logger.disabled = True  # what it says is said here
+    lines = io.StringIO(text.replace("\r\n", "\n").replace("\r", "\n"))
     try:
-        groups: Mapping[str, Any] = AGS4.AGS4_to_dict(io.StringIO(text), get_line_numbers=True)[0]
-    except (AGS4.AGS4Error, ValueError, IndexError, KeyError, TypeError) as error:
+        groups: Mapping[str, Any] = AGS4.AGS4_to_dict(lines, get_line_numbers=True)[0]
+    except (AGS4.AGS4Error, csv.Error, LookupError, TypeError, ValueError) as error:
         message = f"not a readable AGS4 file: {error}"
         raise InputError([Fault("bad-ags", message, location=Location(path))]) from error
     return groups
@@ -105,6 +109,15 @@ class _Reader:
         self.rows = [n for n, kind in enumerate(group["HEADING"]) if kind == "DATA"]
         units = [n for n, kind in enumerate(group["HEADING"]) if kind == "UNIT"]
         self.date_format = _date_format(group["MOND_DTIM"][units[0]]) if units else ISO
+
+    def require_date_format(self) -> None:
+        """Note a UNIT row that declares no date format."""
+        problem = format_problem(self.date_format)
+        if problem:
+            message = (
+                f"MOND_DTIM has no date format in the UNIT row, '{self.date_format}': {problem}"
+            )
+            self.table.refuse((0, 0), "bad-date-format", message)
 
     def channel(self, channel: str, origin: Origin) -> list[FieldReading]:
         """The readings of one channel."""

@@ -142,6 +142,12 @@ def test_the_scale_is_that_of_the_majority(make_problem):
     assert found.scale == pytest.approx(3.0, rel=0.2)
 
 
+def test_a_weight_of_a_quarter_doubles_what_the_accuracy_amounts_to(make_problem, noisy):
+    problem = replace(make_problem(line, parameters(), noisy, SD), loss=HuberOptions(1.0))
+    np.testing.assert_allclose(effective_sd(problem, noisy + 4.0 * SD), 2.0 * SD)
+    np.testing.assert_array_equal(effective_sd(problem, noisy - 0.5 * SD), SD)
+
+
 def test_squared_loss_leaves_the_accuracies(make_problem, noisy):
     problem = make_problem(line, parameters(), noisy, SD)
     assert problem.loss == SquaredOptions()

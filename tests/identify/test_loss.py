@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.optimize import least_squares
 from scipy.stats import norm
 from scipy.stats import t as student
+from support.affine import chain
 
 from geoident.errors import InputError
 from geoident.identify import identify
@@ -15,6 +16,7 @@ from geoident.identify.diagnostics import effective_sd
 from geoident.identify.discrepancy import Discrepancy
 from geoident.identify.gauss_newton import gauss_newton
 from geoident.identify.loss import transformed, weights
+from geoident.identify.problem import Problem
 from geoident.identify.uncertainty import assess
 from geoident.model.loss import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.methods import (
@@ -127,10 +129,14 @@ def test_simplex_and_scan_minimise_the_same_loss(make_problem, loss):
     assert grid.objective == at >= best.objective
 
 
-def test_condensation_refuses_a_robust_loss_in_a_sentence(make_problem):
-    problem = replace(make_problem(decay, unknowns(), spoiled(1), 0.05), loss=HuberOptions())
+def test_condensation_refuses_a_robust_loss_in_a_sentence():
+    toy = chain([0, 0, 1, 1], [(0, 2), (1, 3)])
+    moduli = tuple(Parameter(name, 1.0, 0.1, 10.0) for name in toy.names)
+    plain = Problem(toy, toy.readings(np.array([2.0, 3.0])), np.full(2, 0.01), moduli)
+    assert identify(plain, [CondensationOptions()], lambda i: None).status == "converged"
     with pytest.raises(InputError) as caught:
-        identify(problem, [CondensationOptions()], lambda i: None)
+        identify(replace(plain, loss=HuberOptions()), [CondensationOptions()], lambda i: None)
+    assert "the loss is huber" in str(caught.value)
     assert "Possible are gauss-newton, simplex, scan" in str(caught.value)
 
 

@@ -229,6 +229,11 @@ def test_dates_have_the_declared_format(read, refused):
     [
         (DATES + "{file: r.csv, date_format: DD.MM.YY}", "readings.date_format", "four digits"),
         (DATES + "{file: r.csv, date_format: '%d'}", "readings.date_format", "made of"),
+        (
+            DATES + "{file: r.csv, date_format: DD.MM.YYYY hh hh}",
+            "readings.date_format",
+            "more than once",
+        ),
         (DATES + "{file: r.csv, unit: MPa}", "readings.unit", "no unit of length"),
         (DATES + "{file: r.csv, columns: {gage: G}}", "readings.columns.gage", "no column 'gage'"),
         (DATES + "{file: r.csv, channels: {EX1: E}}", "readings.channels.EX1", "no gauge 'EX1'"),
@@ -349,6 +354,7 @@ def test_monitoring_groups_of_ags_files(read):
         (", MOND_TYPE: DSPA", "", 8, "'degC' is the unit of"),
         ('"-1.5"', '"1,5"', 5, "two ways"),
         ('"02/03/2024 08:00","DSPA","-1.5"', '"2024-03-02","DSPA","-1.5"', 5, "no date of"),
+        ('"dd/mm/yyyy hh:mm"', '"dd/mm/dd"', 0, "YYYY must stand in it once"),
         ('"MOND"', '"MONX"', 0, "no group MOND"),
         ('"DATA","BH7"', '"DATA","x","BH7"', 0, "not a readable AGS4 file"),
     ],
