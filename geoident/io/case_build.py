@@ -12,6 +12,7 @@ from geoident.io.case_materials import build_materials
 from geoident.io.case_readings import ReadReadings
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_sequence import ABSENT
+from geoident.io.case_structures import build_structures
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
 from geoident.io.parameter_schema import ParameterSection
@@ -55,6 +56,7 @@ def build_case(section: CaseSection, read: ReadReadings, mesh_file: str, faults:
         water=build_water(section.water),
         dates=read.dates,
         notes=read.notes,
+        structures=build_structures(section, faults),
     )
 
 
@@ -115,6 +117,8 @@ def _stages(section: CaseSection, builder: LoadBuilder, faults: Faults) -> tuple
             release={group: part.scalar for group, part in stage.release.items()},
             loads=builder.build(stage.loads, ("stages", n, "loads")),
             remove=tuple(stage.remove),
+            build=tuple(stage.build),
+            dismantle=tuple(stage.dismantle),
             water=build_water(stage.water),
             temperature=build_temperature(
                 stage.temperature, ("stages", n, "temperature"), _dim(section), faults

@@ -34,6 +34,7 @@ from geoident.io.material_schema import MaterialSection
 from geoident.io.parameter_schema import ParameterSection
 from geoident.io.readings_schema import BadSection, Date, Readings
 from geoident.io.section import Section, Wrongs
+from geoident.io.structure_schema import StructureSection
 from geoident.io.wording import Refusal
 from geoident.model.case import VIRGIN
 
@@ -80,6 +81,15 @@ class StageSection(Section):
         {}, description="Loads by name, from this stage on; a name used again replaces."
     )
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
+    build: list[Name] = Field(
+        [],
+        description="Names of `structures` (linings, bolts) that stand from this stage on. They "
+        "enter free of stress and bear part of what moves the ground from this stage on.",
+        examples=[["lining"]],
+    )
+    dismantle: list[Name] = Field(
+        [], description="Names of structures that leave; the ground takes over what they bore."
+    )
     water: WaterSection | None = Field(
         None, description="Water in the pores from this stage on; as before if missing."
     )
@@ -232,6 +242,9 @@ class CaseSection(Section):
         examples=["9.81 m/s2"],
     )
     loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
+    structures: dict[Name, StructureSection] = Field(
+        {}, description="Linings and rock bolts by name; a stage says when it builds them."
+    )
     stages: list[StageSection] = Field([], description="Construction, step by step.")
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
     dates: dict[Name, Date] = Field(

@@ -49,6 +49,7 @@ class _Site:
         self.loads = set(section.loads)
         self.left: dict[str, str] = {}
         self.partly: set[str] = set()
+        self.structures: set[str] = set()
         self.known = set(section.groups)
         self.known.update(group for stage in section.stages for group in stage.install)
 
@@ -57,7 +58,7 @@ class _Site:
         other = copy(self)
         other.present, other.installed = dict(self.present), dict(self.installed)
         other.loads, other.left = set(self.loads), dict(self.left)
-        other.partly = set(self.partly)
+        other.partly, other.structures = set(self.partly), set(self.structures)
         return other
 
     def build(self, path: KeyPath, stage: StageSection) -> None:
@@ -68,6 +69,7 @@ class _Site:
         self._change(path, stage)
         self._load(path, stage)
         self._warm(path, stage)
+        self._support(path, stage)
 
     def _warm(self, path: KeyPath, stage: StageSection) -> None:
         for group in stage.temperature:
@@ -142,6 +144,28 @@ class _Site:
                 self.faults.add(place, "contradiction", message, hint)
             self.loads.discard(name)
         self.loads.update(stage.loads)
+
+    def _support(self, path: KeyPath, stage: StageSection) -> None:
+        """Structures that leave, and those that are built."""
+        for n, name in enumerate(stage.dismantle):
+            place = (*path, "dismantle", n)
+            if name not in self.structures:
+                hint = self.faults.did_you_mean(
+                    name, sorted(self.structures), what="Structures that stand then"
+                )
+                message = f"no structure '{name}' stands then"
+                self.faults.add(place, "no-such-structure", message, hint)
+            self.structures.discard(name)
+        for n, name in enumerate(stage.build):
+            place = (*path, "build", n)
+            if name not in self.section.structures:
+                hint = self.faults.did_you_mean(name, self.section.structures, what="Structures")
+                self.faults.add(place, "unknown-structure", f"there is no structure '{name}'", hint)
+            elif name in self.structures:
+                message = f"the structure '{name}' stands already"
+                hint = "To replace it, list it under 'dismantle' too."
+                self.faults.add(place, "built-twice", message, hint)
+            self.structures.add(name)
 
     def _refuse_absent(self, place: KeyPath, group: str, what: str, *, key: bool) -> None:
         if group not in self.known:

@@ -49,6 +49,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "velocity": "0.5 mm/month",
     "force": "100 kN",
     "line load": "100 kN/m",
+    "bending stiffness": "30 MNm2/m",
     "angle": "30 deg",
     "temperature": "10 degC",
     "expansion": "1e-5 1/K",
@@ -360,6 +361,10 @@ Force = Annotated[Given, Of("force", tied=True)]
 LineForce = Annotated[Given, Of("line load", tied=True)]
 TemperatureChange = Annotated[Given, Of("temperature", tied=True)]
 Expansion = Annotated[Given, Of("expansion", tied=True)]
+Size = Annotated[Given, Of("length", tied=True, above=0.0)]
+AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
+WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
+BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
 Number = Annotated[Given, Of(DIMENSIONLESS)]
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
 Acceleration = Annotated[Given, Of("acceleration")]

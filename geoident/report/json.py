@@ -20,6 +20,7 @@ from geoident.model.plan import Identifiability
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
 from geoident.report.influence import diagnostics_object
+from geoident.report.members import members_list
 from geoident.report.quantities import si_unit
 
 
@@ -64,6 +65,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
+        **({"structures": members_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 

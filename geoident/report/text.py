@@ -24,6 +24,7 @@ from geoident.report.layout import (
     sentence,
     table,
 )
+from geoident.report.members import TITLE, members_text
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 
 NOT_DETERMINED = "not determined"
@@ -44,6 +45,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(_fit_title(result), fit_text(result)),
         section(influence_title(result), influence_text(result)),
         section("Predictions (mm, 95 % band)", predictions_text(result)),
+        section(TITLE, members_text(result.members)),
         section("Scan", grid_text(result)),
         section("Notes", bullets(result.notes)),
         cost(result.counts),

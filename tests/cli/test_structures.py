@@ -1,0 +1,76 @@
+"""A trench with a lined wall and a bolt, from the files to the forces that are shown."""
+
+import json
+
+import numpy as np
+import pytest
+
+from geoident.io.result_file import read_result
+
+STRUCTURES = """\
+structures:
+  wall: {kind: beam, on: wall, E: 20 GPa, nu: 0.2, thickness: 0.3 m}
+  nail: {kind: bolt, E: 200 GPa, diameter: 40 mm, spacing: 1 m, ends: [[[4, 2.7 m], [5.6, 2.3 m]]]}
+stages:
+"""
+
+
+@pytest.fixture
+def lined(trench):
+    deck = trench / "trench.inp"
+    lines = "*ELEMENT, TYPE=B21, ELSET=wall\n1001, 17, 24\n1002, 24, 31\n"
+    deck.write_text(deck.read_text() + lines)
+    case = trench / "case.yaml"
+    text = case.read_text().replace("stages:\n", STRUCTURES, 1)
+    text = text.replace("excavate: [upper]}", "excavate: [upper], build: [nail]}")
+    text = text.replace("excavate: [lower]}", "excavate: [lower], build: [wall]}")
+    text = text.replace(", stages: [first]", "")
+    case.write_text(text)
+    return trench
+
+
+def test_forces_are_written_shown_and_told_as_json(lined, run, run_json):
+    assert run("check", "case.yaml").exit_code == 0
+    done = run("fit", "case.yaml")
+    assert done.exit_code == 0, done.output
+    members = read_result("case.fit.h5").members
+    assert members.structures == ("wall", "wall", "nail")
+    assert np.isnan(members.axial[:2, 0]).all()
+    assert np.isfinite(members.axial[:, 1]).all()
+    shown = run("show", "case.fit.h5").stdout
+    rows = [line.split() for line in shown.splitlines()]
+    (row,) = [row for row in rows if row[:2] == ["nail", "first"]]
+    assert float(row[2]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-3)
+    (told,) = run_json("show", "case.fit.h5")
+    assert [(m["structure"], m["number"], m["stage"]) for m in told["structures"]] == [
+        ("wall", 1, "second"), ("wall", 2, "second"), ("nail", 1, "first"), ("nail", 1, "second"),
+    ]  # fmt: skip
+    assert told["structures"][2]["N"] == members.axial[2, 0]
+    assert told["structures"][2]["M"] is None
+    # The free ends of the wall bear no moment, and M is continuous between its pieces.
+    moment = members.moment[:2, :, 1]
+    scale = np.abs(moment).max()
+    inner = [m for m in moment.ravel() if abs(m) > 1e-9 * scale]
+    assert len(inner) == 2
+    assert inner[0] == pytest.approx(inner[1], rel=1e-9)
+    assert json.dumps(told)
+
+
+def test_xarray_reads_the_forces(lined, run):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    run("fit", "case.yaml")
+    members = read_result("case.fit.h5").members
+    with xarray.open_dataset("case.fit.h5", group="structures", engine="h5netcdf") as table:
+        assert table["M"].dims == ("member", "end", "stage")
+        assert float(table["N"].sel(member="nail:1", stage="first")) == members.axial[2, 0]
+        assert table["Q"].attrs["unit"] == "N/m"
+
+
+def test_structure_outside_the_ground_is_refused_at_its_place(lined, run):
+    case = lined / "case.yaml"
+    case.write_text(case.read_text().replace("[4, 2.7 m]", "[3, 2.7 m]"))
+    refused = run("check", "case.yaml")
+    assert refused.exit_code != 0
+    assert "structure 'nail' stands, but the end (3, 2.7) m lies in no ground" in refused.output
+    assert "structures.nail.ends[0][0]" in refused.output
