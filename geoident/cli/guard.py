@@ -49,7 +49,14 @@ def code_of(error: Exception) -> int:
         return error.exit_code if error.exit_code else ExitCode.USAGE
     if isinstance(error, GeoidentError):
         return say_geoident_error(error)
-    if isinstance(error, OSError) and error.errno in _OUTPUT_ERRORS:
+    return _code_of_system_error(error) if isinstance(error, OSError) else say_bug(error)
+
+
+def _code_of_system_error(error: OSError) -> int:
+    if error.errno == errno.ENAMETOOLONG:
+        message = f"error: {error.filename}: {error.strerror}\n    choose a shorter name"
+        return say_error(message, ExitCode.OUTPUT)
+    if error.errno in _OUTPUT_ERRORS:
         _hush()
         return say_error(f"error: output: {error.strerror}", ExitCode.OUTPUT)
     return say_bug(error)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import click
 
-from geoident.cli.guard import say_bug, say_geoident_error
+from geoident.cli.guard import code_of, say_geoident_error
 from geoident.cli.options import Options
 from geoident.errors import ExitCode, GeoidentError
 
@@ -48,7 +48,7 @@ def _survive(action: Callable[[str], int], item: str) -> int:
     except GeoidentError as error:
         return say_geoident_error(error)
     except Exception as error:
-        return say_bug(error)
+        return code_of(error)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ tells that its computation was cut short, so it is never up to date.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 
 from geoident.errors import OutputError, UsageError
-from geoident.io.atomic import atomic_output
+from geoident.io.atomic import atomic_output, output_error
 from geoident.io.result_file import read_identity
 from geoident.workflow.inputs import STDIN
 
@@ -60,8 +61,20 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
     if output is None:
         path = beside.with_name(name)
     else:
-        path = Path(output) / name if Path(output).is_dir() else Path(output)
+        path = Path(output) / name if _is_folder(output) else Path(output)
     return Target(path, path.with_name(path.name.removesuffix(".h5") + ".checkpoint"))
+
+
+def _is_folder(output: str) -> bool:
+    """Whether an output is an existing folder; raises where it can only be one and is none."""
+    try:
+        found = Path(output).is_dir()
+    except OSError as error:  # such as a name that is too long
+        raise output_error(output, error) from error
+    if not found and output.endswith(("/", os.sep)):
+        remedy = "create it, or choose another place with -o"
+        raise OutputError(f"{output}: cannot be written: there is no such folder\n    {remedy}")
+    return found
 
 
 def _stem(path: Path) -> str:

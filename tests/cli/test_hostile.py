@@ -91,3 +91,23 @@ def test_no_input_is_overwritten_even_by_force(trench, run):
         assert refused.exit_code == 6, arguments
         assert "is an input of this command" in refused.stderr
     assert {path.name: path.read_bytes() for path in trench.iterdir()} == before
+
+
+@pytest.mark.parametrize("output", ["nowhere/", "nowhere/x.h5", "n" * 300, "readings.csv/x.h5"])
+def test_a_place_where_nothing_can_be_written(trench, run, output):
+    before = sorted(trench.iterdir())
+    for command in ("fit", "scan"):
+        refused = run(command, "case.yaml", "-o", output)
+        assert refused.exit_code == 6, refused.output
+        assert "choose" in refused.stderr
+    assert sorted(trench.iterdir()) == before
+
+
+def test_a_name_that_is_too_long(trench, run):
+    run("fit", "case.yaml", "-q")
+    name = "n" * 300
+    for arguments in (["export", "case.fit.h5"], ["simulate", "case.yaml"]):
+        refused = run(*arguments, "-o", name)
+        assert refused.exit_code == 6, refused.output
+        assert "choose a shorter name" in refused.stderr
+    assert run("show", name).exit_code == 3
