@@ -26,7 +26,12 @@ from geoident.forward.response import StagedResponse
 from geoident.forward.revolution import revolution_faults
 from geoident.forward.section_plane import section_faults
 from geoident.forward.stage_systems import StageSystems
-from geoident.forward.structures import Structures, standing_faults, structure_faults
+from geoident.forward.structure_checks import (
+    standing_faults,
+    structure_faults,
+    structure_notes,
+)
+from geoident.forward.structures import Structures
 from geoident.forward.structures import inadmissible as impossible_structure
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
 from geoident.forward.timeline import Timeline, build_timeline, group_faults
@@ -85,7 +90,7 @@ class StagedModel:
         self.observation, faults = observe(case, mesh, locator, self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
         self.instruments = Instruments(case, self.observation.zero)
-        fixed = fixed_dofs(case, mesh)
+        self._fixed = fixed = fixed_dofs(case, mesh)
         _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver
         self._evaluations = 0
@@ -139,6 +144,7 @@ class StagedModel:
             )
         if any(state.water is not None for state in self.timeline.states):
             notes.append("there is water in the pores: all stresses are effective stresses")
+        notes += structure_notes(self.case, self.mesh, self.timeline, self._fixed)
         if self.march.imbalance > 1e-9:
             notes.append(
                 f"the in-situ stress is out of balance by {100 * self.march.imbalance:.3g} % of "

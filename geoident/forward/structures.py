@@ -11,25 +11,23 @@ and EI(p), N/m and N m; bars are smeared over their spacing out of plane.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.errors import Fault
 from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
 from geoident.forward.jets import Jet, Point
 from geoident.forward.materials import Values
-from geoident.forward.observation import format_point
 from geoident.forward.supports import group_nodes
-from geoident.forward.timeline import State, Timeline, listed
+from geoident.forward.timeline import State, Timeline
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case, KeyPath
+from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Beam, Bolts, Structure, structure_breach, structure_numbers
+from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class _Part:
 class Structures:
     """All structures of a case that ever stand.
 
-    `standing_faults` has checked that each finds its nodes and elements.
+    `structure_checks` has made sure that each finds its nodes and elements.
     """
 
     def __init__(self, case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> None:
@@ -186,14 +184,16 @@ def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
 def _parts(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> Iterator[_Part]:
     first = 0
     for name, structure in case.structures.items():
-        present = _present_throughout(timeline, name)
+        present = present_throughout(timeline, name)
         if present is None:
             continue
         if isinstance(structure, Beam):
-            edges = _facing_ground(mesh, _edges(mesh, structure.group), present)
-            members = beams(mesh, edges, _clamped(mesh, structure))
+            edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
+            members = beams(mesh, edges, clamped_nodes(mesh, structure))
         else:
-            sites = [tuple(_site(locator, x, present) for x in pair) for pair in structure.ends]
+            sites = [
+                tuple(holding_site(locator, x, present) for x in pair) for pair in structure.ends
+            ]
             found = [(a, b) for a, b in sites if a is not None and b is not None]
             members = bars(mesh, np.array(structure.ends, dtype=np.float64), found)
         rows = slice(first, first + len(members.weight))
@@ -201,17 +201,18 @@ def _parts(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> Iter
         yield _Part(name, structure, members, rows)
 
 
-def _present_throughout(timeline: Timeline, name: str) -> Bools | None:
+def present_throughout(timeline: Timeline, name: str) -> Bools | None:
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
     standing = [n for n, state in enumerate(timeline.states) if name in state.structures]
     return np.logical_and.reduce([timeline.present(n) for n in standing]) if standing else None
 
 
-def _site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
+def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
+    """The best present element (n_elements,) that holds a point (dim,), m; None if there is none."""
     return next((s for s in locator.sites(point) if present[s.element]), None)
 
 
-def _edges(mesh: Mesh, group: str) -> Ints:
+def straight_pieces(mesh: Mesh, group: str) -> Ints:
     """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
     edges, first = [], 0
     for block in mesh.facets:
@@ -251,85 +252,9 @@ def _incidence(mesh: Mesh, nodes: Ints) -> sp.csr_array:
     return sp.csr_array((np.ones(nodes.size), (nodes.ravel(), columns)), shape=shape)
 
 
-def _clamped(mesh: Mesh, beam: Beam) -> Bools:
+def clamped_nodes(mesh: Mesh, beam: Beam) -> Bools:
+    """(n_nodes,) nodes at which a beam does not turn."""
     clamped = np.zeros(mesh.n_nodes, dtype=bool)
     for group in beam.clamped_on:
         clamped[group_nodes(mesh, group)] = True
     return clamped
-
-
-def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
-    """Structures on groups that the mesh does not have."""
-    faults = []
-    known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
-    for name, beam in case.structures.items():
-        if not isinstance(beam, Beam):
-            continue
-        uses: list[tuple[KeyPath, str, Mapping[str, object]]] = [
-            (("on",), beam.group, mesh.facet_groups)
-        ]
-        uses += [(("clamped_on", n), g, known) for n, g in enumerate(beam.clamped_on)]
-        faults += [
-            case.source.fault(
-                ("structures", name, *path),
-                code="missing-group",
-                message=f"the mesh {mesh.file} has no group '{group}'"
-                + (" of lines" if path == ("on",) else ""),
-                hint=f"its groups: {listed(groups)}",
-            )
-            for path, group, groups in uses
-            if group not in groups
-        ]
-    return faults
-
-
-def standing_faults(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> list[Fault]:
-    """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
-    faults = []
-    for name, structure in case.structures.items():
-        for n, state in enumerate(timeline.states):
-            if name not in state.structures:
-                continue
-            found = _missing(mesh, structure, timeline.present(n), locator)
-            if found is not None:
-                faults.append(_no_ground(case, name, *found, state.name))
-                break
-        else:
-            present = _present_throughout(timeline, name)
-            if present is not None and isinstance(structure, Bolts):
-                found = _missing(mesh, structure, present, locator)
-                if found is not None:
-                    faults.append(_no_ground(case, name, *found, "all at which it stands"))
-    return faults
-
-
-def _missing(
-    mesh: Mesh, structure: Structure, present: Bools, locator: Locator
-) -> tuple[KeyPath, str] | None:
-    """Where a structure lacks ground: the key, and what lies where."""
-    if isinstance(structure, Bolts):
-        for n, pair in enumerate(structure.ends):
-            for k, point in enumerate(pair):
-                if _site(locator, point, present) is None:
-                    return ("ends", n, k), f"the end {format_point(point)} lies"
-        return None
-    here = np.zeros(mesh.n_nodes, dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        here[block.nodes[present[first : first + len(block)]]] = True
-        first += len(block)
-    nodes = group_nodes(mesh, structure.group)
-    lost = nodes[~here[nodes]]
-    if len(lost) == 0:
-        return None
-    return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"
-
-
-def _no_ground(case: Case, name: str, path: KeyPath, where: str, stage: str) -> Fault:
-    return case.source.fault(
-        ("structures", name, *path),
-        code="no-ground-there",
-        message=f"at stage '{stage}' the structure '{name}' stands, but {where} in no ground "
-        "that is present",
-        hint="correct the place, or 'dismantle' the structure before its ground is gone",
-    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box
-from support.tunnels import walled, with_lines
+from support.tunnels import ringed, walled, with_lines
 
 from geoident.errors import InputError
 from geoident.model.actions import Traction
@@ -107,6 +107,9 @@ def test_lining_under_unequal_stress(EA, EI):
     # The crown comes down: tension on its open side; at the spring line it is on the ground's.
     assert moments[-1] == pytest.approx(abs(moment), rel=0.02)
     assert moments[0] == pytest.approx(-abs(moment), rel=0.02)
+    # Ground is on the left, so the pieces run from the crown to the spring line.
+    ends = found.moment[order, :, 0]
+    np.testing.assert_allclose(ends[1:, 1], ends[:-1, 0], atol=1e-9 * abs(moment))
 
 
 def test_dismantled_lining_leaves_the_unlined_tunnel():
@@ -348,3 +351,50 @@ def test_structures_cost_no_further_factorization():
     staged = _with_parameters()
     staged.survey(np.array([q.start for q in staged.case.parameters]), fields=False)
     assert staged.counts.factorizations == 3
+
+
+def test_beam_is_the_limit_of_a_thin_lining_of_elements():
+    """Beside what the lining does at all, the two differ by parts of t / R."""
+    apart = []
+    for thin in (0.05, 0.025, 0.0125):
+        mesh = ringed(n=6, radius=RADIUS, thickness=thin * RADIUS, reach=15 * RADIUS)
+        dug = {"excavate": ("core", "ring")}
+        crown = np.argmin(np.linalg.norm(mesh.points - [0.0, RADIUS], axis=1))
+        shell = Beam(
+            "wall", E=Scalar(60e9), nu=Scalar(0.2), thickness=Scalar(thin * RADIUS),
+            clamped_on=("x0", "y0"),
+        )  # fmt: skip
+        settings = {
+            "in_situ": _stress(P0, 0.5 * P0),
+            "lining": shell,
+            "groups": {"core": "rock", "ring": "rock", "rock": "rock"},
+            "materials": {"rock": material("rock", E, NU), "shot": material("shot", 60e9, 0.2)},
+        }
+        bare, beam, solid = (
+            _lined(mesh, (Stage("open", **does),), **settings)
+            .survey(NOTHING, fields=True)
+            .fields.displacement[1, crown, 1]
+            for does in (
+                dug,
+                {**dug, "build": ("lining",)},
+                {"excavate": ("core",), "install": {"ring": "shot"}},
+            )
+        )
+        apart.append(abs((beam - solid) / (bare - solid)))
+    assert apart[0] < 0.05
+    assert apart[1] < 0.6 * apart[0]
+    assert apart[2] < 0.6 * apart[1]
+
+
+def test_lining_that_turns_freely_at_a_support_is_noted():
+    mesh = _tunnel(3, reach=8)
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    (note,) = (n for n in _lined(mesh, stages, lining=_hinged()).notes if "clamped_on" in n)
+    assert "'lining' ends at 2 nodes" in note
+    assert not any("clamped_on" in n for n in _lined(mesh, stages).notes)
+    never = _lined(mesh, (Stage("open", excavate=("core",)),)).notes
+    assert "no stage builds the structure 'lining'" in never
+
+
+def _hinged():
+    return Beam("wall", EA=Scalar(4e9), EI=Scalar(3e7))
