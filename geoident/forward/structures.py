@@ -208,7 +208,7 @@ def present_throughout(timeline: Timeline, name: str) -> Bools | None:
 
 
 def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
-    """The best present element (n_elements,) that holds a point (dim,), m; None if there is none."""
+    """The best present element that holds a point (dim,), m; None if there is none."""
     return next((s for s in locator.sites(point) if present[s.element]), None)
 
 
