@@ -38,7 +38,8 @@ class BeamSection(_Structure):
     """A lining as a chain of beams on lines of the mesh (plane strain), joined to its nodes.
 
     Corners are rigid, its ends turn freely where they are not clamped, and two structures that
-    meet are joined by a hinge. Forces are per metre out of plane.
+    meet are joined by a hinge. Forces are per metre out of plane. It has no weight, and changes of
+    temperature do not strain it.
     """
 
     kind: Literal["beam"]

@@ -22,6 +22,7 @@ from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 Cell = str | int | float | bool
 Row = tuple[Cell, ...]
 _MM = 1e3  # mm in a metre
+_KILO = 1e3
 
 
 @dataclass(frozen=True)
@@ -226,6 +227,29 @@ def _mm_per_unit(table: ParameterTable, i: int) -> str:
     return f"mm/({unit})" if "/" in unit else f"mm/{unit}" if unit else "mm"
 
 
+def _structures(result: Result) -> CsvTable:
+    """Forces in kN and kNm, of linings per metre out of plane."""
+    header = ("structure", "number", "stage", "N", "M_first", "M_second", "Q")
+    units = ("kN", "kNm", "kNm", "kN")
+    found = result.members
+    names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
+    if found is None:
+        return CsvTable(names, ())
+    rows: list[Row] = [
+        (
+            found.structures[i],
+            int(found.numbers[i]),
+            found.stages[j],
+            *(
+                float(force) / _KILO
+                for force in (found.axial[i, j], *found.moment[i, :, j], found.shear[i, j])
+            ),
+        )
+        for j, i in np.argwhere(np.isfinite(found.axial.T)).tolist()
+    ]
+    return CsvTable(names, tuple(rows))
+
+
 def _grid(result: Result) -> CsvTable:
     grid, table = result.grid, result.parameters
     if grid is None:
@@ -254,6 +278,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "history": _history,
     "correlation": _correlation,
     "sensitivity": _sensitivity,
+    "structures": _structures,
     "grid": _grid,
 }
 

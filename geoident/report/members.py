@@ -12,12 +12,20 @@ from geoident.model.result import MemberForces
 from geoident.report.layout import number, table
 
 TITLE = "Structures (kN, kNm; of linings per metre out of plane; tension positive)"
+HEADER = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
+SIDES = "llrrrr"
 
 
 def members_text(found: MemberForces | None) -> str:
     """One line for each structure and stage at which it stands: the extremes of its forces."""
+    rows = extremes(found)
+    return table(HEADER, rows, right=SIDES) if rows else ""
+
+
+def extremes(found: MemberForces | None) -> list[list[str]]:
+    """The cells of these lines, kN and kNm."""
     if found is None:
-        return ""
+        return []
     rows = []
     for name, mine, stage in _standing(found):
         axial = found.axial[mine, stage] / 1e3
@@ -26,8 +34,7 @@ def members_text(found: MemberForces | None) -> str:
             cells += [_largest(found.moment[mine, :, stage]), _largest(found.shear[mine, stage])]
         texts = [number(cell) for cell in cells] + ["-"] * (4 - len(cells))
         rows.append([name, found.stages[stage], *texts])
-    header = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
-    return table(header, rows, right="llrrrr") if rows else ""
+    return rows
 
 
 def members_list(found: MemberForces | None) -> list[dict[str, Any]]:

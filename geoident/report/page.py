@@ -14,6 +14,7 @@ from geoident.report.case_text import case_title
 from geoident.report.drawing.style import Picture, image
 from geoident.report.figures import album, comparison
 from geoident.report.html import Html, joined, page, tag
+from geoident.report.members import TITLE
 from geoident.report.svg import figure_element
 
 
@@ -78,6 +79,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             _figures(pictures.quality),
         ),
         _section("Readings (mm)", text.reading_table(result)),
+        _section(TITLE, text.structure_table(result)),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Where this comes from", text.provenance_table(result), _case(result)),
     )

@@ -14,6 +14,9 @@ from geoident.model.result import ParameterTable, Result
 from geoident.report.html import Html, joined, table, tag
 from geoident.report.influence import HEADER, SIDES, influence_rows, influence_title
 from geoident.report.layout import decimals, number
+from geoident.report.members import HEADER as MEMBER_HEADER
+from geoident.report.members import SIDES as MEMBER_SIDES
+from geoident.report.members import extremes
 from geoident.report.quantities import in_unit, prior_in_unit, shown_unit
 from geoident.report.residuals import OUTLIER, outliers, rms, scored, standardized
 from geoident.report.text import AS_PRIOR, NOT_DETERMINED, in_mm
@@ -246,6 +249,12 @@ def reading_table(result: Result) -> Html:
     rows = [_reading_row(result, int(i), int(j)) for j, i in np.argwhere(shown.T)]
     header = ["gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", ""]
     return table(header, rows, right="llrrrrrl")
+
+
+def structure_table(result: Result) -> Html:
+    """The extremes of the forces in linings and bolts."""
+    rows = extremes(result.members)
+    return table(MEMBER_HEADER, rows, right=MEMBER_SIDES) if rows else Html("")
 
 
 def _reading_row(result: Result, i: int, j: int) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.io.result_file import read_result
+from geoident.report.page_text import structure_table
 
 STRUCTURES = """\
 structures:
@@ -65,6 +66,21 @@ def test_xarray_reads_the_forces(lined, run):
         assert table["M"].dims == ("member", "end", "stage")
         assert float(table["N"].sel(member="nail:1", stage="first")) == members.axial[2, 0]
         assert table["Q"].attrs["unit"] == "N/m"
+
+
+def test_forces_are_in_tables_and_in_the_report(lined, run):
+    run("fit", "case.yaml")
+    members = read_result("case.fit.h5").members
+    found = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
+    assert found[0] == "structure,number,stage,N (kN),M_first (kNm),M_second (kNm),Q (kN)"
+    cells = found[1].split(",")
+    assert cells[:3] == ["nail", "1", "first"]
+    assert float(cells[3]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-11)
+    assert cells[4:] == ["", "", ""]
+    assert len(found) == 5
+    page = structure_table(read_result("case.fit.h5"))
+    assert page.count("<tr") == 4
+    assert "nail" in page
 
 
 def test_structure_outside_the_ground_is_refused_at_its_place(lined, run):

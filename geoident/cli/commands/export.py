@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
     "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
-    "grid",
+    "structures", "grid",
 )  # fmt: skip
 
 EPILOG = """\b
