@@ -173,6 +173,11 @@ class March:
         """Strain points beside the surface from which the in-situ stress counts depth."""
         return self._virgin.n_outside
 
+    def virgin_tension(self, values: Mapping[str, float]) -> bool:
+        """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
+        stress = self._virgin.columns(values, ())[:NORMAL_COMPONENTS, self._systems[0].present, 0]
+        return bool(np.mean(stress.sum(axis=0) > 0.0) > 0.5)
+
     def run(
         self,
         values: Mapping[str, float],

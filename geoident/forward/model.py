@@ -38,6 +38,7 @@ from geoident.forward.timeline import Timeline, build_timeline, group_faults
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
 from geoident.model.result import Counts, FieldSeries, MemberForces
 
 
@@ -117,6 +118,21 @@ class StagedModel:
         states = range(len(self.timeline.states))
         return tuple(self.systems[n].pattern.lower.n for n in states)
 
+    def _odd_notes(self) -> list[str]:
+        """What is allowed, and seldom meant."""
+        notes = []
+        used = {m for state in self.timeline.states for m in state.materials.values()}
+        densities = [self.case.materials[m].density for m in used]
+        if self.case.gravity is not None and all(d == Scalar(0.0) for d in densities):
+            notes.append("there is gravity, but no material has a density: nothing weighs")
+        values = {p.name: p.start for p in self.case.parameters}
+        if self.march.virgin_tension(values):
+            notes.append(
+                "at the start values the virgin ground is in tension: stresses are positive in "
+                "tension, the vertical stress of Heim's model is positive in compression"
+            )
+        return notes
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
@@ -144,6 +160,7 @@ class StagedModel:
             )
         if any(state.water is not None for state in self.timeline.states):
             notes.append("there is water in the pores: all stresses are effective stresses")
+        notes += self._odd_notes()
         notes += structure_notes(self.case, self.mesh, self.timeline, self._fixed)
         if self.march.imbalance > 1e-9:
             notes.append(

@@ -20,6 +20,12 @@ from geoident.workflow.tables import places
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
 
+AGAINST = 0.6
+"""Share of the clear readings that go the other way than the model from which on it is said."""
+
+WORTH_SAYING = 0.1
+"""Influence, in standard deviations of a parameter, below which no reading is named for it."""
+
 SCATTER = 2.0
 """Scatter of the residuals, in stated accuracies, from which on it is said."""
 
@@ -71,11 +77,25 @@ _TABLES = tuple(name for name in Influence.__dataclass_fields__ if name != "scal
 def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
     """Sentences on readings that are far off or bear most, and on the stated accuracies."""
     sentences = [
+        *_against(gauges),
         *_bears_most(found, gauges, parameters),
         *_far_off(found, gauges),
         *_scatter(found),
     ]
     return tuple(sentences)
+
+
+def _against(gauges: GaugeTable) -> list[str]:
+    """Most readings go the other way than the model: their sign is wrong, or that of the stress."""
+    clear = gauges.used & (np.minimum(np.abs(gauges.measured), np.abs(gauges.computed)) > gauges.sd)
+    against = clear & (gauges.measured * gauges.computed < 0.0)
+    total, count = np.count_nonzero(clear), np.count_nonzero(against)
+    if total < 3 or count <= AGAINST * total:
+        return []
+    return [
+        f"{count} of {total} readings go the other way than the model: check their sign (positive: "
+        "the two points move apart; a settlement: downwards) and that of the in-situ stress."
+    ]
 
 
 def _bears_most(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> list[str]:
@@ -90,6 +110,8 @@ def _bears_most(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str
     if alone:
         return [f"Without the reading {name} nothing would determine {' and '.join(alone)}."]
     k = int(np.argmax(np.abs(change)))
+    if not abs(change[k]) >= WORTH_SAYING:
+        return []
     moved = f"{parameters[k]} would be {abs(change[k]):.2g} of its standard deviations "
     moved += "lower" if change[k] > 0.0 else "higher"
     return [f"The reading that bears most on the answer is {name}: without it {moved}."]

@@ -30,6 +30,9 @@ from geoident.workflow.predictions import predict_stages, predicted_stages, scor
 from geoident.workflow.provenance import job_provenance
 from geoident.workflow.tables import accuracies, gauge_table, parameter_table
 
+MISFIT = 3.0
+"""Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -139,4 +142,7 @@ def _undetermined(found: Found) -> Bools:
 def _reason(found: Found, names: tuple[str, ...]) -> str:
     loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also
+    off = found.diagnostics.scale
+    misfit = f" The model does not meet the readings: they are {off:.0f} times as far off as their "
+    misfit += "accuracy says (see the findings)."
+    return found.outcome.reason + also + (misfit if off > MISFIT else "")
