@@ -336,7 +336,7 @@ CHANNEL = "{LOCA_ID: BH7, MONG_ID: EXT1, MONG_DIS: '5', MOND_TYPE: DSPA, sign: -
 
 
 def test_monitoring_groups_of_ags_files(read):
-    pytest.importorskip("python_ags4")
+    pytest.importorskip("python_ags4", reason="needs pip install --no-deps python-ags4")
     case = read(
         f"{DATES}{{file: m.ags, channels: {{EX1.a5: {CHANNEL}}}}}",
         files={"m.ags": AGS.replace("\n", "\r\n")},
@@ -360,7 +360,7 @@ def test_monitoring_groups_of_ags_files(read):
     ],
 )
 def test_what_is_wrong_in_an_ags_file_is_said_with_its_line(refused, old, new, line, words):
-    pytest.importorskip("python_ags4")
+    pytest.importorskip("python_ags4", reason="needs pip install --no-deps python-ags4")
     channel, text = CHANNEL.replace(old, new), AGS.replace(old, new, 1)
     faults = refused(
         f"{DATES}{{file: m.ags, channels: {{EX1.a5: {channel}}}}}", files={"m.ags": text}
