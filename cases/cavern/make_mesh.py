@@ -7,12 +7,17 @@ The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m
 on the axis at the floor.
 """
 
-import argparse
 import itertools
+import sys
 from math import asin, cos, hypot, log, radians, sin, tan
 from pathlib import Path
 
 import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import TRIANGLES, grow, mesh_file, read_options  # noqa: E402
 
 HALF_SPAN, SPRINGING, CROWN = 12.5, 37.0, 45.0
 LINING = 0.3  # thickness of the shotcrete, inside the excavated profile
@@ -214,40 +219,15 @@ def build(size: float) -> None:
 
 def grade(size: float, curves: dict[float, list[int]], corners: list[int]) -> None:
     """Element sizes: as told at the curves and the corners, growing with the distance."""
-    field = gmsh.model.mesh.field
     near = [(CORNER, CORNER_GROWTH, "PointsList", corners)]
     near += [(fine, GROWTH, "CurvesList", tags) for fine, tags in curves.items()]
-    sizes = []
-    for fine, growth, kind, tags in near:
-        distance = field.add("Distance")
-        field.setNumbers(distance, kind, tags)
-        field.setNumber(distance, "Sampling", 200)
-        sizes.append(field.add("MathEval"))
-        field.setString(sizes[-1], "F", f"{size} * ({fine} + {growth} * F{distance})")
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", sizes)
-    field.setAsBackgroundMesh(smallest)
+    grow(size, near)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("cavern.msh"))
-    options = parser.parse_args()
-
-    gmsh.initialize(["-nopopup", "-v", "2"])
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    build(options.size)
-    gmsh.model.mesh.generate(2)
-    gmsh.model.mesh.setOrder(options.order)
-    gmsh.write(str(options.output))
-    gmsh.finalize()
+    options = read_options(__doc__, HERE / "cavern.msh")
+    with mesh_file(options, TRIANGLES):
+        build(options.size)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,16 @@ The same call makes the same mesh, mostly of quadrilaterals, with some triangles
 (`pip install gmsh`). Lengths in m, x downstream from the axis, y upwards from the foundation.
 """
 
-import argparse
 import itertools
+import sys
 from pathlib import Path
 
 import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import QUADRILATERALS, lines, mesh_file, read_options  # noqa: E402
 
 HEIGHT, LIFTS = 80.0, 8
 HALF_CREST, SLOPE = 5.0, 1.8  # of the dam: horizontal run of the faces per metre of height
@@ -28,11 +33,6 @@ def row(y: float) -> tuple[list[int], list[int]]:
     core = HALF_CORE_TOP + CORE_SLOPE * (HEIGHT - y)
     points = [geo.addPoint(x, y, 0) for x in (-face, -core, core, face)]
     return points, lines(points)
-
-
-def lines(points: list[int]) -> list[int]:
-    """Lines from point to point."""
-    return [geo.addLine(a, b) for a, b in itertools.pairwise(points)]
 
 
 def surface(loop: list[int]) -> int:
@@ -71,27 +71,10 @@ def grade(size: float) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("dam.msh"))
-    options = parser.parse_args()
-
-    gmsh.initialize(["-nopopup", "-v", "2"])
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.Algorithm", 8)  # made for quadrilaterals
-    gmsh.option.setNumber("Mesh.RecombineAll", 1)
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)  # quad8, not quad9
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    build()
-    grade(options.size)
-    gmsh.model.mesh.generate(2)
-    gmsh.model.mesh.setOrder(options.order)
-    gmsh.write(str(options.output))
-    gmsh.finalize()
+    options = read_options(__doc__, HERE / "dam.msh")
+    with mesh_file(options, QUADRILATERALS):
+        build()
+        grade(options.size)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,16 @@ The same call makes the same mesh, mostly of quadrilaterals, with some triangles
 (`pip install gmsh`). Lengths in m: x is the radius, y upwards from the surface along the axis.
 """
 
-import argparse
-import itertools
+import sys
 from math import ceil
 from pathlib import Path
 
 import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import QUADRILATERALS, grow, lines, mesh_file, read_options  # noqa: E402
 
 RADIUS, LINING = 4.0, 0.4  # of the excavation; the concrete is inside
 STEP, STEPS = 10.0, 6
@@ -23,11 +27,6 @@ LEVELS = [-STEP * i for i in range(STEPS + 1)]
 WALL, CORNER, GROWTH = 0.8, 0.25, 0.12
 
 geo = gmsh.model.geo
-
-
-def lines(points: list[int]) -> list[int]:
-    """Lines from point to point."""
-    return [geo.addLine(a, b) for a, b in itertools.pairwise(points)]
 
 
 def surface(*loop: int) -> int:
@@ -63,7 +62,8 @@ def build(size: float) -> None:
     for name, tags in {"side": sides, "bottom": [base]}.items():
         gmsh.model.addPhysicalGroup(1, tags, name=name)
     corners = [point for row in rows for point in row[1:]]
-    grade(size, [*wall, *floors[-1]], corners)
+    near_wall = (WALL, GROWTH, "CurvesList", [*wall, *floors[-1]])
+    grow(size, [near_wall, (CORNER, GROWTH, "PointsList", corners)])
 
 
 def divide(inner: int, outer: int, top: int, floor: int, lining: int, size: float) -> None:
@@ -75,42 +75,10 @@ def divide(inner: int, outer: int, top: int, floor: int, lining: int, size: floa
     geo.mesh.setTransfiniteSurface(lining)
 
 
-def grade(size: float, curves: list[int], corners: list[int]) -> None:
-    """Element sizes: as told at the wall and the floors, growing with the distance."""
-    field = gmsh.model.mesh.field
-    sizes = []
-    for fine, kind, tags in ((WALL, "CurvesList", curves), (CORNER, "PointsList", corners)):
-        distance = field.add("Distance")
-        field.setNumbers(distance, kind, tags)
-        field.setNumber(distance, "Sampling", 200)
-        sizes.append(field.add("MathEval"))
-        field.setString(sizes[-1], "F", f"{size} * ({fine} + {GROWTH} * F{distance})")
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", sizes)
-    field.setAsBackgroundMesh(smallest)
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("shaft.msh"))
-    options = parser.parse_args()
-
-    gmsh.initialize(["-nopopup", "-v", "2"])
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.Algorithm", 8)  # made for quadrilaterals
-    gmsh.option.setNumber("Mesh.RecombineAll", 1)
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)  # quad8, not quad9
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    build(options.size)
-    gmsh.model.mesh.generate(2)
-    gmsh.model.mesh.setOrder(options.order)
-    gmsh.write(str(options.output))
-    gmsh.finalize()
+    options = read_options(__doc__, HERE / "shaft.msh")
+    with mesh_file(options, QUADRILATERALS):
+        build(options.size)
 
 
 if __name__ == "__main__":

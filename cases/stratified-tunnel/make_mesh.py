@@ -7,11 +7,16 @@ The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m
 upwards, origin half-way between the tubes at the level of their axes.
 """
 
-import argparse
+import sys
 from math import cos, pi, sin
 from pathlib import Path
 
 import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import TRIANGLES, grow, mesh_file, read_options  # noqa: E402
 
 TUBES = {"a": -15.0, "b": 15.0}  # their axes
 RADIUS = 4.5
@@ -75,45 +80,14 @@ def build(size: float) -> None:
         gmsh.model.addPhysicalGroup(2, tags, name=name)
     for name, side in zip(("bottom", "right", "top", "left"), sides, strict=True):
         gmsh.model.addPhysicalGroup(1, [side], name=name)
-    grade(size, curves, corners)
-
-
-def grade(size: float, curves: list[int], corners: list[int]) -> None:
-    """Element sizes: as told at the curves and the corners, growing with the distance."""
-    field = gmsh.model.mesh.field
-    near = [(WALL, WALL_GROWTH, "CurvesList", curves)]
-    near += [(CORNER, CORNER_GROWTH, "PointsList", corners)]
-    sizes = []
-    for fine, growth, kind, tags in near:
-        distance = field.add("Distance")
-        field.setNumbers(distance, kind, tags)
-        field.setNumber(distance, "Sampling", 200)
-        sizes.append(field.add("MathEval"))
-        field.setString(sizes[-1], "F", f"{size} * ({fine} + {growth} * F{distance})")
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", sizes)
-    field.setAsBackgroundMesh(smallest)
+    near_walls = (WALL, WALL_GROWTH, "CurvesList", curves)
+    grow(size, [near_walls, (CORNER, CORNER_GROWTH, "PointsList", corners)])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("tubes.msh"))
-    options = parser.parse_args()
-
-    gmsh.initialize(["-nopopup", "-v", "2"])
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    build(options.size)
-    gmsh.model.mesh.generate(2)
-    gmsh.model.mesh.setOrder(options.order)
-    gmsh.write(str(options.output))
-    gmsh.finalize()
+    options = read_options(__doc__, HERE / "tubes.msh")
+    with mesh_file(options, TRIANGLES):
+        build(options.size)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,17 @@ The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m
 plane of symmetry, y along the drive, z upwards from the springline.
 """
 
-import argparse
+import sys
 from itertools import accumulate
 from math import ceil, cos, log, pi, sin
 from pathlib import Path
 
 import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import SERENDIPITY, mesh_file, read_options  # noqa: E402
 
 RADIUS, INVERT = 5.0, -3.0
 LINING = 0.25  # thickness of the shotcrete, inside the excavated profile
@@ -133,27 +138,13 @@ def name_boundary() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--size", type=float, default=1.0, help="factor on all element sizes")
-    parser.add_argument("--far", type=float, default=1.0, help="factor on how fast they grow")
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("tunnel.msh"))
-    options = parser.parse_args()
-
-    gmsh.initialize(["-nopopup", "-v", "2"])
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)  # hex20, not hex27
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    volumes = drive(Section(options.size, options.far).build(), options.size, options.far)
-    geo.synchronize()
-    for name, tags in volumes.items():
-        gmsh.model.addPhysicalGroup(3, tags, name=name)
-    name_boundary()
-    gmsh.model.mesh.generate(3)
-    gmsh.model.mesh.setOrder(options.order)
-    gmsh.write(str(options.output))
-    gmsh.finalize()
+    options = read_options(__doc__, HERE / "tunnel.msh", far="factor on how fast they grow")
+    with mesh_file(options, SERENDIPITY, dim=3):
+        volumes = drive(Section(options.size, options.far).build(), options.size, options.far)
+        geo.synchronize()
+        for name, tags in volumes.items():
+            gmsh.model.addPhysicalGroup(3, tags, name=name)
+        name_boundary()
 
 
 if __name__ == "__main__":
