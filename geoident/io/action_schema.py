@@ -13,15 +13,14 @@ from geoident.io.case_values import (
     Level,
     LevelOrGroup,
     LineForces,
-    Name,
     Point,
     Pressure,
     Pressures,
     TemperatureChange,
     TemperatureValues,
-    Text,
     UnitWeight,
 )
+from geoident.io.case_words import Name, Text
 from geoident.io.section import Section, Wrongs
 
 KINDS = ("pressure", "traction", "water", "force", "line_force", "seismic")

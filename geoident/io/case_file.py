@@ -19,7 +19,7 @@ from geoident.io.case_readings import read_all
 from geoident.io.case_references import check_references
 from geoident.io.case_resolve import resolved_text
 from geoident.io.case_schema import CaseSection
-from geoident.io.case_values import kind_of
+from geoident.io.case_words import kind_of
 from geoident.io.faults import Faults, Places
 from geoident.io.overrides import apply_overrides
 from geoident.io.schema_faults import add_schema_faults

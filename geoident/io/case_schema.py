@@ -18,16 +18,13 @@ from geoident.io.case_values import (
     Accuracy,
     Drift,
     Factor,
-    Flag,
     Line,
-    Name,
     Numbers,
     Offset,
-    ParameterName,
     Point,
-    Text,
     shape_of,
 )
+from geoident.io.case_words import Flag, Name, ParameterName, Text
 from geoident.io.fit_schema import FitSection
 from geoident.io.in_situ_schema import InSituSection
 from geoident.io.material_schema import MaterialSection

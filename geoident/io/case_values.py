@@ -1,4 +1,4 @@
-"""The values of a case as pydantic types: quantities, numbers, counts and names.
+"""The values of a case as pydantic types: quantities, numbers and counts.
 
 Each type validates the text that is written and describes itself in the JSON schema, so the schema
 can't say anything else than the code does.
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
-    BeforeValidator,
     Discriminator,
     Field,
     GetCoreSchemaHandler,
@@ -22,6 +21,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from geoident.io.case_words import NAME_PATTERN, Name, require_text
 from geoident.io.wording import Refusal, shorten
 from geoident.model.parameter import Scalar
 from geoident.units import (
@@ -36,7 +36,6 @@ from geoident.units import (
     with_article,
 )
 
-NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 _TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
 _BARE = re.compile(NUMBER_PATTERN)
 _LONGEST = 80
@@ -246,26 +245,6 @@ class SharesUnit:
         return {**described, "items": {"anyOf": [described["items"], {"type": "number"}]}}
 
 
-def require_text(value: object, expected: str) -> str:
-    """The text itself.
-
-    Raises:
-        Refusal: nothing, a list or a mapping is written.
-    """
-    if isinstance(value, str):
-        return value
-    raise Refusal("wrong-kind", f"found {kind_of(value)}; {expected} is expected")
-
-
-def kind_of(value: object) -> str:
-    """What a node of the file is, for a message."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, dict):
-        return "a mapping"
-    return "a list" if isinstance(value, list) else f"'{shorten(value)}'"
-
-
 def quantity_pattern(units: Any) -> str:
     """Regular expression of a number with one of some units."""
     alternatives = "|".join(re.escape(unit).replace(r"\-", "-") for unit in units if unit)
@@ -296,35 +275,6 @@ def _is_bare(value: object) -> bool:
     return (
         isinstance(value, str) and len(value) <= _LONGEST and bool(_BARE.fullmatch(value.strip()))
     )
-
-
-def _texts(value: object) -> object:
-    return [value] if isinstance(value, str) else value
-
-
-def _flag(value: object) -> bool:
-    if isinstance(value, bool):
-        return value
-    text = require_text(value, "true or false")
-    if text not in {"true", "false"}:
-        raise Refusal("not-listed", f"found '{shorten(text)}'; true or false is expected")
-    return text == "true"
-
-
-def _name(value: object) -> str:
-    text = require_text(value, "a name")
-    if not text.strip() or text != text.strip() or "\n" in text or len(text) > 100:
-        hint = "One line, up to 100 characters, without blanks at its ends."
-        raise Refusal("bad-name", f"'{shorten(text)}' is not a name", hint)
-    return text
-
-
-def _parameter_name(value: object) -> str:
-    text = require_text(value, "a name")
-    if not re.fullmatch(NAME_PATTERN, text):
-        hint = "Letters, digits and underscores, not beginning with a digit."
-        raise Refusal("bad-name", f"'{shorten(text)}' is not a name for a parameter", hint)
-    return text
 
 
 _NUMBER_OR_TIE = re.compile(r"\s*(?:[-+.]?\s*[0-9]|[-+]?\s*\$)")
@@ -389,14 +339,8 @@ LineForces = Annotated[list[LineForce], SharesUnit()]
 TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
 Factors = list[Factor]
 Numbers = list[Number]
-Flag = Annotated[bool, BeforeValidator(_flag)]
-Name = Annotated[str, BeforeValidator(_name)]
-ParameterName = Annotated[
-    str, BeforeValidator(_parameter_name), Field(pattern=rf"^{NAME_PATTERN}$")
-]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
     Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
     Discriminator(level_or_group),
 ]
-Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"))]

@@ -9,17 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
-from geoident.io.case_values import (
-    AnyQuantity,
-    Count,
-    Given,
-    Name,
-    Of,
-    ParameterName,
-    Positive,
-    require_text,
-    shape_of,
-)
+from geoident.io.case_values import AnyQuantity, Count, Given, Of, Positive, shape_of
+from geoident.io.case_words import Name, ParameterName, require_text
 from geoident.io.section import Section
 from geoident.io.wording import Refusal, did_you_mean, listing, shorten
 from geoident.model.loss import LOSS_OPTIONS, LossOptions

@@ -6,15 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case_values import (
-    Angle,
-    Factor,
-    Flag,
-    LevelOrGroup,
-    Name,
-    Pressure,
-    UnitWeight,
-)
+from geoident.io.case_values import Angle, Factor, LevelOrGroup, Pressure, UnitWeight
+from geoident.io.case_words import Flag, Name
 from geoident.io.section import Section, Wrongs
 
 _HELD = (

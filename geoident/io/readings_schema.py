@@ -14,7 +14,8 @@ from pydantic import (
     model_validator,
 )
 
-from geoident.io.case_values import Accuracy, Flag, Length, Name, Text, require_text
+from geoident.io.case_values import Accuracy, Length
+from geoident.io.case_words import Flag, Name, Text, require_text
 from geoident.io.dates import ISO, DateError, format_problem, read_date
 from geoident.io.readings_ags import HEADINGS
 from geoident.io.readings_layout import COLUMNS, Layout, Origin

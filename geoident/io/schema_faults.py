@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from geoident.io.case_values import kind_of
+from geoident.io.case_words import kind_of
 from geoident.io.faults import Faults
 from geoident.io.section import WRONGS, Wrong
 from geoident.io.wording import Refusal, listing, shorten

@@ -12,11 +12,11 @@ from geoident.io.case_values import (
     Given,
     Line,
     Modulus,
-    Name,
     Ratio,
     Size,
     WallStiffness,
 )
+from geoident.io.case_words import Name
 from geoident.io.section import Section, Wrongs
 
 
