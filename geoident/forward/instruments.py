@@ -2,7 +2,10 @@
 
 A reading of channel a in state j, taken at time t, with the zero in state j0 at t0, is
 
-    v = G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage (j - j0)        for j > j0
+    v = G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage n        for j after j0
+
+with n the stages from the zero to the reading: those in the history of j that are not in that of
+j0, so that load cases on the side do not count.
 
 All three are linear in their parameters, so their derivatives are exact. Where the time of a
 reading is not known, it is that of the end of its stage; without a date there, it is NaN if the
@@ -15,7 +18,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.parameter import Scalar
 
@@ -26,13 +29,16 @@ class Instruments:
     Args:
         case: channels, dates and readings.
         zero: (n_channels,) state at which each channel reads zero.
+        built_on: (n_states, n_states) see `Timeline.built_on`.
 
     Attributes:
         times: (n_states, n_channels) seconds since 1970 of the readings, of the ends of stages
             where nothing was read; NaN where there is no date.
     """
 
-    def __init__(self, case: Case, zero: Ints) -> None:
+    def __init__(self, case: Case, zero: Ints, built_on: Bools) -> None:
+        # [i, j]: stages in the history of j that are not in that of i
+        self._stages_since = (~built_on).T.astype(np.int64) @ built_on.astype(np.int64)
         self._channels = case.channels
         self._zero = zero
         ends = np.array([case.dates.get(name, np.nan) for name in case.stage_names])
@@ -72,14 +78,14 @@ class Instruments:
         known = self.times[states, rows]
         if times is not None:
             known = np.where(np.isnan(times), known, times)
-        since = states - self._zero[rows]
+        since = self._stages_since[self._zero[rows], states]
         elapsed = known - self._start[rows]
         for k, row in enumerate(rows):
             channel = self._channels[row]
             later = float(since[k] > 0)
             table[k] += _part(channel.offset, later, values, names)
             table[k] += _part(channel.drift, float(elapsed[k]), values, names)
-            table[k] += _part(channel.drift_per_stage, max(0.0, float(since[k])), values, names)
+            table[k] += _part(channel.drift_per_stage, float(since[k]), values, names)
         return table
 
 

@@ -90,7 +90,7 @@ class StagedModel:
         )
         self.observation, faults = observe(case, mesh, locator, self.timeline)
         _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
-        self.instruments = Instruments(case, self.observation.zero)
+        self.instruments = Instruments(case, self.observation.zero, self.timeline.built_on)
         self._fixed = fixed = fixed_dofs(case, mesh)
         _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
         self._solver = solver

@@ -29,7 +29,7 @@ import numpy as np
 from geoident.identify.loss import robust_scale, weights
 from geoident.identify.problem import Problem
 from geoident.identify.uncertainty import Assessment
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 
 ALONE = 1.0 - 1e-9
 """Leverage from which on a reading decides alone."""
@@ -42,7 +42,7 @@ class Influence:
     Args:
         standardized: (m,) e of the reading of the set that is farthest off.
         studentized: (m,) its t.
-        weight: (m,) its weight.
+        weight: (m,) what is left of the weight of the set.
         leverage: (m,) sum of h over the set.
         influence: (m, n) change of each parameter by the set, in its standard deviations; 0 for
             parameters at a bound.
@@ -92,7 +92,7 @@ def diagnose(
     return Influence(
         standardized=e[worst],
         studentized=np.array([removal.studentized for removal in removals], dtype=np.float64),
-        weight=w[worst],
+        weight=np.array([_together(w, problem.sd, sets == k) for k in _each(sets)]),
         leverage=np.array([removal.leverage for removal in removals], dtype=np.float64),
         influence=np.array([removal.change for removal in removals]).reshape(m, n),
         distance=np.array([removal.distance for removal in removals], dtype=np.float64),
@@ -109,6 +109,11 @@ class _Removal:
     leverage: float
     change: Floats
     distance: float
+
+
+def _together(w: Floats, sd: Floats, mine: Bools) -> float:
+    """What is left of the weight of the readings of a set, by the information that each gives."""
+    return float(np.average(w[mine], weights=1.0 / sd[mine] ** 2))
 
 
 def _each(sets: Ints) -> range:

@@ -101,8 +101,7 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     A, varies = np.concatenate([B, P]), width > 0.0
     at_bound = ~varies | _on_bound(problem.parameters, values, slope * width)
     whole, readings = Spectrum.of(A, varies), Spectrum.of(B, varies)
-    covariance_x = Spectrum.of(A, ~at_bound).seen_covariance * np.outer(width, width)
-    spread_x = whole.spread * width[:, None]
+    covariance_x, spread_x = _scaled(Spectrum.of(A, ~at_bound), width)
     unseen = np.linalg.norm(whole.spread, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.seen_covariance)), unseen)
     from_prior = _only_from_prior(P, total)
@@ -112,6 +111,7 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
         problem.parameters, values, at_bound, from_prior, P, slope * width, whole, readings
     )
     covariance = covariance_x + spread_x @ spread_x.T
+    whole_x, gaps_x = _scaled(whole, width)
     sd_x = np.where(determined & ~at_bound, np.sqrt(np.diag(covariance)), np.nan)
     lower95, upper95 = _interval(scaling, values, sd_x)
     return Assessment(
@@ -125,7 +125,7 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
         determined=determined,
         from_prior=known_enough & from_prior,
         singular_values=readings.S[: min(B.shape)],
-        findings=describe_gaps(known, np.outer(slope, slope) * covariance),
+        findings=describe_gaps(known, np.outer(slope, slope) * (whole_x + gaps_x @ gaps_x.T)),
         slope=slope,
         covariance_x=covariance_x,
         spread_x=spread_x,
@@ -147,6 +147,14 @@ def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Floats
     known = np.einsum("li,ij,lj->l", rows, assessment.covariance_x, rows) + sd**2
     unseen = np.sum((rows @ assessment.spread_x) ** 2, axis=1)
     return np.where(unseen > known, np.inf, np.sqrt(known + unseen))
+
+
+def _scaled(spectrum: Spectrum, width: Floats) -> tuple[Floats, Floats]:
+    """Covariance (n, n) of the seen directions and the unseen ones (n, u), in x.
+
+    Both from one spectrum: a direction that one of two calls unseen must not fall between them.
+    """
+    return spectrum.seen_covariance * np.outer(width, width), spectrum.spread * width[:, None]
 
 
 def _ranges(scaling: Scaling) -> Floats:

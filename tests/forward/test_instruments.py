@@ -125,3 +125,27 @@ def test_modulus_offset_and_drift_are_identified_together(method):
     outcome = identify(problem, [method], lambda i: None)
     assert outcome.status == "converged"
     np.testing.assert_allclose(outcome.values, TRUTH, rtol=1e-6)
+
+
+def test_load_cases_on_the_side_are_no_stages_of_a_drift():
+    """s1, two load cases on it, s2: the drift reaches s2 after two stages, each case after two."""
+    rock = regroup(box("quad4", (2, 2)))
+    channel = replace(
+        displacement("g", (0.5, 0.5), (1.0, 0.0)), drift_per_stage=Scalar(1.0, "drift")
+    )
+    staged = model(
+        rock,
+        parameters=(Parameter("drift", 1e-3, 0, 1),),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"rock": "rock"},
+        supports=rollers(2),
+        stages=(
+            Stage("s1"),
+            Stage("lc1", independent=True),
+            Stage("lc2", independent=True),
+            Stage("s2"),
+        ),
+        channels=(channel,),
+    )
+    response = staged.response([("g", s) for s in ("s1", "lc1", "lc2", "s2")])
+    np.testing.assert_allclose(response.readings(np.array([1e-3])), [1e-3, 2e-3, 2e-3, 2e-3])
