@@ -106,6 +106,23 @@ class ModelError(GeoidentError):
         super().__init__(str(self.fault))
 
 
+class CollapseError(ModelError):
+    """The ground cannot carry the loads of a stage (plastic collapse).
+
+    Args:
+        message: what was found, one sentence.
+        hint: the likely remedy, or empty.
+        stage: name of the stage.
+        fraction: part of the change of load of that stage that can be carried, 0 to 1; NaN where
+            it was not computed.
+    """
+
+    def __init__(self, message: str, hint: str = "", *, stage: str, fraction: float) -> None:
+        self.stage = stage
+        self.fraction = fraction
+        super().__init__(message, hint)
+
+
 class OutputError(GeoidentError):
     """An output exists already, or cannot be written."""
 

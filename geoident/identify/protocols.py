@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
+from geoident.model.certificate import Activity
 from geoident.model.condensed import Condensed
 from geoident.model.result import Counts
 
-__all__ = ["AffineElastic", "Condensed", "Response"]
+__all__ = ["Activity", "AffineElastic", "Condensed", "Response", "YieldSystem"]
 
 
 @runtime_checkable
@@ -46,3 +47,35 @@ class AffineElastic(Response, Protocol):
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for the measured readings (g,) of standard deviation sd (g,)."""
+
+
+@runtime_checkable
+class YieldSystem(Response, Protocol):
+    """A model with yield limits, stage by stage: complementarity needs this (theory 5).
+
+    ``readings`` and ``evaluate`` raise `geoident.errors.CollapseError` where the loads cannot be
+    carried. The Jacobian is that of the active pieces; at a kink, that of the planes that the
+    projection counts as active.
+    """
+
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+
+    def levels(self) -> Ints:
+        """(g,) number of the last stage on which each reading depends, from 1."""
+
+    def until(self, level: int) -> YieldSystem:
+        """The same model for the readings whose level is at most this, in their order.
+
+        Stages after it are not computed.
+        """
+
+    def hardened(self, ratio: float) -> YieldSystem:
+        """The same model and readings with hardening added to every plane.
+
+        H = ratio times n^T E n of the plane: no load collapses, every parameter has a response;
+        ratio = 0 is the model itself, ratio to infinity the elastic one.
+        """
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""

@@ -15,6 +15,7 @@ from geoident.model.loss import LossOptions, SquaredOptions
 from geoident.model.methods import MethodOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
+from geoident.model.yields import YieldSurface
 
 KeyPath = tuple[str | int, ...]
 
@@ -68,12 +69,16 @@ def format_path(path: KeyPath) -> str:
 
 @dataclass(frozen=True)
 class Material:
-    """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given)."""
+    """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given).
+
+    Its yield surfaces hold together; none: it does not yield.
+    """
 
     name: str
     elastic: Elastic
     density: Scalar = Scalar(0.0)
     expansion: Scalar = Scalar(0.0)
+    yields: tuple[YieldSurface, ...] = ()
 
 
 @dataclass(frozen=True)
