@@ -117,7 +117,7 @@ class YieldLaw(Protocol):
 
     @property
     def n_planes(self) -> int:
-        """y."""
+        """Number y of planes."""
 
     @property
     def hardens(self) -> bool:
@@ -132,4 +132,4 @@ class YieldLaw(Protocol):
         """
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
-        """psi (y, m) of stresses (s, m): positive outside, Pa."""
+        """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
