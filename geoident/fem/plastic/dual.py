@@ -1,0 +1,204 @@
+"""Projection of many points on one polyhedron: a dual active-set method, all points at once.
+
+Goldfarb & Idnani (1983), Mathematical Programming 27, 1-33. Each point starts at its trial stress
+with no plane active and takes in the plane it violates most: along the ray on which the multiplier
+of that plane grows and the active planes stay active. Where an active multiplier would turn
+negative first, its plane is dropped on the way. The dual objective grows with every plane taken in,
+so no set of active planes comes twice, also where normals depend linearly on each other.
+
+The ray depends on the active planes and the new one alone, so each is computed once (`Rays`) and a
+step of all points is a few operations on arrays (w, y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.plastic.faces import Faces, rows_of_floats, rows_of_numbers, unique_pairs
+from geoident.model.arrays import Bools, Floats, Ints
+
+_DEPENDENT = 1e-11
+"""Squared sine of the angle to the active normals under which a normal depends on them."""
+_NEGLIGIBLE = 1e4
+"""Times the tolerance: a contradiction of planes that is rounding of a slab without thickness."""
+
+
+class EmptyDomain(ValueError):
+    """No stress satisfies all yield conditions.
+
+    Args:
+        planes: indices of planes that contradict each other.
+    """
+
+    def __init__(self, planes: tuple[int, ...]) -> None:
+        names = ", ".join(str(plane + 1) for plane in planes)
+        super().__init__(f"no stress satisfies the yield planes {names} at once")
+        self.planes = planes
+
+
+class Rays:
+    """Directions in which a plane is taken in while those of a face stay active.
+
+    Args:
+        faces: the faces of the polyhedron, of symmetric coupling.
+        root: B (r, y), B^T B = A.
+    """
+
+    def __init__(self, faces: Faces, root: Floats) -> None:
+        self.faces = faces
+        self._root = root
+        count = len(faces.coupling)
+        self._row = rows_of_numbers(count)
+        self._loss = rows_of_floats(count)
+        self._drop = rows_of_floats(count)
+        self._curvature = rows_of_floats()
+
+    def find(self, faces: Ints, planes: Ints) -> tuple[Floats, Floats, Floats]:
+        """Rays of faces (w,) and new planes (w,), per unit of the multiplier of the new plane.
+
+        Returns:
+            (w, y) by how much multipliers fall (-1 for the new plane), (w, y) by how much yield
+            functions fall, and (w,) that of the new plane, zero where it depends on the face.
+        """
+        self._row.grow(len(self.faces.members) - self._row.size)
+        rows = self._row.all[faces, planes]
+        if (missing := rows < 0).any():
+            for face, plane in unique_pairs(faces[missing], planes[missing]):
+                self._row.all[face, plane] = self._loss.size
+                self._add(face, plane)
+            rows = self._row.all[faces, planes]
+        return self._loss.all[rows], self._drop.all[rows], self._curvature.all[rows]
+
+    def _add(self, face: int, plane: int) -> None:
+        """Compute one ray."""
+        active = list(self.faces.members[face])
+        loss = np.zeros(len(self.faces.coupling))
+        loss[active] = self.faces.inverse(face) @ self.faces.coupling[active, plane]
+        loss[plane] = -1.0
+        lasting = -self._root @ loss  # the part of the new normal across the active ones
+        curvature = float(lasting @ lasting)
+        drop = self._root.T @ lasting
+        drop[active] = 0.0
+        for table, value in ((self._loss, loss), (self._drop, drop)):
+            table.grow(1)
+            table.all[-1] = value
+        self._curvature.grow(1)
+        self._curvature.all[-1] = curvature if curvature > _DEPENDENT else 0.0
+
+
+@dataclass(eq=False)
+class _Work:
+    """The points that are not done, as arrays with one row each."""
+
+    point: Ints
+    excess: Floats
+    tolerance: Floats
+    multipliers: Floats
+    face: Ints
+    plane: Ints
+
+    def keep(self, rows: Bools) -> None:
+        """Forget the other points."""
+        for name, value in vars(self).items():
+            setattr(self, name, value[rows])
+
+
+def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
+    """Numbers (q,) of the faces on which the projections of points lie.
+
+    Args:
+        excess: (q, y) scaled yield functions of the trial stresses.
+        tolerance: (q, y) what counts as zero in them.
+        rays: of the polyhedron.
+
+    Raises:
+        EmptyDomain: the planes contradict each other.
+    """
+    count, planes = excess.shape
+    found = np.zeros(count, dtype=np.int64)
+    work = _Work(
+        point=np.arange(count),
+        excess=excess.copy(),
+        tolerance=tolerance,
+        multipliers=np.zeros((count, planes)),
+        face=found.copy(),
+        plane=np.full(count, -1),
+    )
+    for _ in range(step_limit(planes)):
+        _choose(work)
+        if (done := work.plane < 0).any():
+            found[work.point[done]] = work.face[done]
+            work.keep(~done)
+        if not work.point.size:
+            return found
+        _advance(work, rays)
+    raise ArithmeticError("the projection on the yield planes did not end")
+
+
+def step_limit(planes: int) -> int:
+    """Steps that no projection needs: a handful a plane."""
+    return 100 + 20 * planes
+
+
+def _choose(work: _Work) -> None:
+    """Give points without a plane in hand the one they violate most, if there is one."""
+    free = np.flatnonzero(work.plane < 0)
+    outside = work.excess[free] - work.tolerance[free]
+    worst = outside.argmax(axis=1)
+    violated = outside[np.arange(free.size), worst] > 0.0
+    work.plane[free[violated]] = worst[violated]
+
+
+def _advance(work: _Work, rays: Rays) -> None:
+    """Take one step along the rays: to the new plane, or until a multiplier vanishes."""
+    rows = np.arange(work.point.size)
+    loss, drop, curvature = rays.find(work.face, work.plane)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        bounds = np.where(loss > _DEPENDENT, work.multipliers / loss, np.inf)
+        to_plane = np.where(curvature > 0.0, work.excess[rows, work.plane] / curvature, np.inf)
+    first = bounds.argmin(axis=1)
+    length = np.minimum(bounds[rows, first], to_plane)
+    full = to_plane <= bounds[rows, first]
+    if (stuck := np.isinf(length)).any():
+        _leave_or_refuse(work, loss, stuck)
+        length = np.where(stuck, 0.0, length)
+        full = full & ~stuck
+    work.multipliers -= length[:, None] * loss
+    work.excess -= length[:, None] * drop
+    _arrive(work, rays, full)
+    _drop(work, rays, ~full & ~stuck, first)
+
+
+def _arrive(work: _Work, rays: Rays, rows: Bools) -> None:
+    """Count the new plane among the active ones of rows that reached it."""
+    planes = work.plane[rows]
+    work.face[rows] = rays.faces.join(work.face[rows], planes)
+    # Members are on their planes: what rounding leaves there must not call them again.
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1
+
+
+def _drop(work: _Work, rays: Rays, rows: Bools, first: Ints) -> None:
+    """Take the plane whose multiplier vanished out of the active ones."""
+    planes = first[rows]
+    work.face[rows] = rays.faces.leave(work.face[rows], planes)
+    work.multipliers[rows, planes] = 0.0
+    work.excess[rows, planes] = 0.0
+
+
+def _leave_or_refuse(work: _Work, loss: Floats, stuck: Bools) -> None:
+    """Drop a contradiction that is rounding; refuse one that is not.
+
+    The new normal is minus a nonnegative combination of active ones, and yet its plane is violated:
+    Farkas' certificate that nothing satisfies them all.
+    """
+    rows = np.flatnonzero(stuck)
+    planes = work.plane[rows]
+    real = work.excess[rows, planes] > _NEGLIGIBLE * work.tolerance[rows, planes]
+    if real.any():
+        row = rows[real][0]
+        raise EmptyDomain(tuple(int(i) for i in np.flatnonzero(loss[row] < -_DEPENDENT)))
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1
