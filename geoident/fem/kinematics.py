@@ -116,12 +116,12 @@ class Kinematics:
         Args:
             elasticity: E, (n_strain, n_strain), Pa.
         """
-        adds = self._incidence
+        adds = self.incidence
         tensor = np.tensordot(adds.transpose(1, 2, 0) @ elasticity, adds, axes=1)
         return np.asarray(tensor.transpose(1, 3, 0, 2).reshape(-1, self.dim**2))
 
     @cached_property
-    def _incidence(self) -> Floats:
+    def incidence(self) -> Floats:
         """(n_strain, dim, n_entries) 1 where displacement i adds to a component by entry j."""
         incidence = np.zeros((self.n_strain, self.dim, self.dim + self.revolved))
         for component, terms in enumerate(self.strains):

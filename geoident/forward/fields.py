@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.march import Standing
 from geoident.forward.stage_systems import StageSystems
+from geoident.forward.standing import Standing
 from geoident.forward.timeline import Timeline
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.mesh import Mesh
 from geoident.model.result import FieldSeries
 
@@ -21,6 +21,7 @@ class FieldRecorder:
         self._points = systems.points
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
+        self._yielded: list[Bools] = []
 
     def add(self, standing: Standing) -> None:
         """Record a state (column 0 of its arrays)."""
@@ -29,6 +30,7 @@ class FieldRecorder:
         mean = self._element_means(standing.stress[..., 0])
         mean[~self._timeline.present(standing.state)] = np.nan
         self._stress.append(mean)
+        self._yielded.append(self._yielded_so_far(standing))
 
     def series(self) -> FieldSeries:
         """All that was recorded."""
@@ -36,8 +38,21 @@ class FieldRecorder:
         present = np.stack([self._timeline.present(state) for state in range(n)])
         return FieldSeries(
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
-            np.zeros_like(present),
+            np.stack(self._yielded),
         )  # fmt: skip
+
+    def _yielded_so_far(self, standing: Standing) -> Bools:
+        """(n_elements,) elements that yield in this state, or did in those it builds on.
+
+        What is placed anew has not yielded yet.
+        """
+        state = self._timeline.states[standing.state]
+        here = np.zeros(self._mesh.n_elements, dtype=bool)
+        here[self._points.element[standing.yielded]] = True
+        if standing.state:
+            placed = np.isin(self._timeline.group_of, list(state.placed))
+            here |= self._yielded[state.base] & ~placed
+        return here & self._timeline.present(standing.state)
 
     def _element_means(self, stress: Floats) -> Floats:
         """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""

@@ -32,17 +32,19 @@ factorization.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.errors import ModelError
-from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
 from geoident.forward.actions import Actions
+from geoident.forward.branches import Branches
+from geoident.forward.elastic_step import ElasticSteps
 from geoident.forward.in_situ import InSituStress
-from geoident.forward.materials import elasticity, elasticity_slopes
+from geoident.forward.materials import elasticity
+from geoident.forward.plastic_step import PERFECT, PlasticOptions, PlasticSteps
 from geoident.forward.release import PartialRelease
 from geoident.forward.stage_systems import StageSystem, StageSystems
+from geoident.forward.standing import Borne, Push, Standing
+from geoident.forward.step import StepTask
 from geoident.forward.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.timeline import State, Timeline
 from geoident.model.arrays import Floats
@@ -51,97 +53,6 @@ from geoident.model.mesh import Mesh
 
 _BALANCED = 1e-9
 """Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
-
-
-@dataclass(frozen=True)
-class Push:
-    """Forces along the readings, beside those of the case.
-
-    Args:
-        forces: (n_dofs, g) unit force along each reading, N.
-        active: (n_states, g) how it acts in each state: 1, not at all, 0, or against it, -1.
-        multipliers: (g,) the forces act on the state, so many times; None: each unit force has a
-            further column, which carries its response.
-    """
-
-    forces: Floats
-    active: Floats
-    multipliers: Floats | None = None
-
-    @property
-    def n_columns(self) -> int:
-        """Number of further columns."""
-        return 0 if self.multipliers is not None else int(self.forces.shape[1])
-
-    def add_to(self, forces: Floats, state: int) -> None:
-        """Add to the forces (n_dofs, 1 + n + k) of a state."""
-        if self.multipliers is not None:
-            forces[:, 0] += self.forces @ (self.active[state] * self.multipliers)
-        elif self.n_columns:
-            forces[:, -self.n_columns :] = self.forces * self.active[state]
-
-
-@dataclass(frozen=True)
-class Standing:
-    """Where the march stands at the end of a state. Arrays are the march's own: copy to keep.
-
-    Args:
-        state: index of the state.
-        u: (n_dofs, 1 + n + k) displacements since placing, m, and their derivatives.
-        stress: (n_strain, n_points, 1 + n + k), Pa.
-        members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
-    """
-
-    state: int
-    u: Floats
-    stress: Floats
-    members: Floats
-
-
-@dataclass(frozen=True)
-class _Borne:
-    """What ground and structures bear, changed in place.
-
-    Args:
-        stress: (n_strain, n_points, k), Pa.
-        members: (n_rows, k) forces in linings and bolts.
-    """
-
-    stress: Floats
-    members: Floats
-
-    def columns(self, part: slice) -> _Borne:
-        """Some of its columns, not copied."""
-        return _Borne(self.stress[..., part], self.members[:, part])
-
-
-class _LastFactor:
-    """The last factorization, good as long as K stays the same.
-
-    Only for one parameter vector. K depends on it and on the material of every present group. One
-    is held, not one for every stage: in three dimensions a factor is the largest thing in memory.
-    """
-
-    def __init__(self) -> None:
-        self._standing: object = None
-        self._factor: Factor | None = None
-
-    def find(self, state: State) -> Factor | None:
-        """The factorization of K at a state, if it is the one that is held."""
-        return self._factor if self._standing == _what_stands(state) else None
-
-    def forget(self) -> None:
-        """Make room for the next one."""
-        self._standing, self._factor = None, None
-
-    def keep(self, state: State, factor: Factor) -> None:
-        """A factorization that was made for a state."""
-        self._standing, self._factor = _what_stands(state), factor
-
-
-def _what_stands(state: State) -> tuple[Mapping[int, str], frozenset[str]]:
-    """On what K depends: the material of every group, and the structures."""
-    return state.materials, state.structures
 
 
 class March:
@@ -165,7 +76,8 @@ class March:
         groups = timeline.group_of[points.element]
         self._virgin = InSituStress(case, mesh, points.position, groups, timeline.groups)
         self._release = PartialRelease(timeline, systems, actions)
-        self._last_factor = _LastFactor()
+        self._elastic = ElasticSteps(case, systems)
+        self.plastic = PlasticSteps(case, systems)
         self.imbalance = 0.0
 
     @property
@@ -185,6 +97,7 @@ class March:
         names: Sequence[str] = (),
         last: int | None = None,
         push: Push | None = None,
+        plastic: PlasticOptions = PERFECT,
     ) -> Iterator[Standing]:
         """Yield the standing at the end of every state, the virgin state first.
 
@@ -193,53 +106,62 @@ class March:
             names: the parameters to differentiate by.
             last: index of the last state wanted.
             push: forces beside those of the case.
+            plastic: how yielding is treated.
 
         Raises:
-            ModelError: the stiffness of a stage is not positive definite.
+            ModelError: the stiffness of a stage is not positive definite, the virgin stress is
+                outside a yield surface, or the ground collapses (`CollapseError`).
         """
         points = self._systems.points
         n_columns = 1 + len(names)
         k = push.n_columns if push else 0
         stress = np.zeros((points.n_strain, points.n_points, n_columns + k))
         u = np.zeros((points.compatibility.shape[1], stress.shape[2]))
-        borne = _Borne(stress, np.zeros((self._structures.n_rows, stress.shape[2])))
+        borne = Borne(stress, np.zeros((self._structures.n_rows, stress.shape[2])))
         states = self._timeline.states[: None if last is None else last + 1]
-        branches = _Branches(states)
-        self._last_factor.forget()
+        branches = Branches(states)
+        self._elastic.forget()
+        self.plastic.begin(values, plastic)
         for n, state in enumerate(states):
             branches.go_to(n, u, borne)
             system = self._systems[n]
+            yielded = np.zeros(points.n_points, dtype=bool)
             forces = np.zeros_like(u)
             forces[:, :n_columns] = self._actions.forces(n, values, names)
             if push is not None:
                 push.add_to(forces, n)
             if n == 0:
-                self._begin(system, state, values, names, borne, forces)
+                self._begin(values, names, borne, forces)
             else:
                 forces += self._release.forces(n, stress, values, names)
                 self._clear(system, state, borne, u)
                 strain = self._thermal.change(n, values, names)
-                u += self._step(system, state, values, names, borne, forces, strain)
-            yield Standing(n, u, stress, borne.members)
+                task = self._task(n, values, names, borne, forces, strain)
+                if self.plastic.yields(state):
+                    du, yielded = self.plastic.step(task)
+                else:
+                    du = self._elastic.step(task)
+                u += du
+            yield Standing(n, u, stress, borne.members, yielded)
             branches.leave(n, u, borne)
-        self._last_factor.forget()
+        self._elastic.forget()
 
     def _begin(
-        self,
-        system: StageSystem,
-        state: State,
-        values: Mapping[str, float],
-        names: Sequence[str],
-        borne: _Borne,
-        forces: Floats,
+        self, values: Mapping[str, float], names: Sequence[str], borne: Borne, forces: Floats
     ) -> None:
-        """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion."""
-        n_columns, stress = 1 + len(names), borne.stress
-        stress[..., :n_columns] = self._virgin.columns(values, names)
+        """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
+
+        What is out of balance is small; it is taken as elastic. Where the stress then is must be
+        inside the yield surfaces.
+        """
+        system, stress = self._systems[0], borne.stress
+        stress[..., : 1 + len(names)] = self._virgin.columns(values, names)
         stress[:, ~system.present] = 0.0
         self.imbalance = self._imbalance(system, stress, forces)
+        task = self._task(0, values, names, borne, forces)
         if self.imbalance > _BALANCED:
-            self._step(system, state, values, names, borne, forces)
+            self._elastic.step(task)
+        self.plastic.refuse_virgin(task)
 
     def _imbalance(self, system: StageSystem, stress: Floats, forces: Floats) -> float:
         """Largest out-of-balance force of a free unknown relative to the forces at work."""
@@ -248,7 +170,7 @@ class March:
         scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
         return float(np.max(rest / np.where(scale > 0, scale, 1.0)))
 
-    def _clear(self, system: StageSystem, state: State, borne: _Borne, u: Floats) -> None:
+    def _clear(self, system: StageSystem, state: State, borne: Borne, u: Floats) -> None:
         """What is gone or placed anew bears nothing; nodes that are gone forget their motion."""
         borne.stress[:, ~system.present] = 0.0
         for group in state.placed:
@@ -256,21 +178,20 @@ class March:
         self._structures.clear(state, borne.members)
         u[~system.touched] = 0.0
 
-    def _step(
+    def _task(
         self,
-        system: StageSystem,
-        state: State,
+        number: int,
         values: Mapping[str, float],
         names: Sequence[str],
-        borne: _Borne,
+        borne: Borne,
         forces: Floats,
         thermal: Floats | None = None,
-    ) -> Floats:
-        """Solve one state of equilibrium; updates what is borne, returns the displacement steps.
+    ) -> StepTask:
+        """A state to be brought to equilibrium.
 
-        The state comes first, since the derivatives need its strains. ``thermal`` is the normal
-        strain (n_points, 1 + n) of a change of temperature.
+        ``thermal`` is the normal strain (n_points, 1 + n) of a change of temperature.
         """
+        system, state = self._systems[number], self._timeline.states[number]
         laws = {
             m: elasticity(self._case.materials[m], values, self._systems.points.n_strain)
             for m in set(state.materials.values())
@@ -278,108 +199,7 @@ class March:
         if thermal is not None:
             _impose(thermal, system, laws, borne.stress)
         moduli = self._structures.moduli(state, values, names)
-        factor = self._factorize(system, state, laws, values)
-        first = self._advance(system, laws, moduli, factor, borne.columns(slice(1)), forces[:, :1])
-        if forces.shape[1] == 1:
-            return first
-        strain = self._systems.points.strain(first[:, 0])
-        if thermal is not None:
-            strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
-        self._add_moduli_slopes(system, values, names, borne.stress, strain)
-        borne.members[:, 1 : 1 + len(names)] += moduli[:, 1:] * self._structures.strain(first)
-        others = self._advance(
-            system, laws, moduli, factor, borne.columns(slice(1, None)), forces[:, 1:]
-        )
-        return np.hstack([first, others])
-
-    def _advance(
-        self,
-        system: StageSystem,
-        laws: Mapping[str, Floats],
-        moduli: Floats,
-        factor: Factor | None,
-        borne: _Borne,
-        forces: Floats,
-    ) -> Floats:
-        """Balance forces and what is borne in some columns; updates the latter, returns du."""
-        points = self._systems.points
-        rest = forces - points.forces(borne.stress, system.volume)
-        if self._structures.n_rows:
-            rest -= self._structures.nodal_forces(borne.members)
-        du = np.zeros_like(rest)
-        if factor is not None:
-            du[system.pattern.dofs] = factor.solve(rest[system.pattern.dofs])
-        strain = points.strain(du)
-        for material, mine in system.points_of.items():
-            borne.stress[:, mine] += np.tensordot(laws[material], strain[:, mine], axes=1)
-        if self._structures.n_rows:
-            borne.members[:] += moduli[:, :1] * self._structures.strain(du)
-        return du
-
-    def _factorize(
-        self,
-        system: StageSystem,
-        state: State,
-        laws: Mapping[str, Floats],
-        values: Mapping[str, float],
-    ) -> Factor | None:
-        """Factorization of K_j; None where every displacement is prescribed."""
-        analysis = self._systems.analysis(system)
-        if analysis is None:
-            return None
-        found = self._last_factor.find(state)
-        if found is not None:
-            return found
-        self._last_factor.forget()
-        try:
-            factor = analysis.factorize(self._systems.values(system, state, laws, values))
-        except NotPositiveDefinite as error:
-            place = self._systems.describe_unknown(system, error.unknown)
-            msg = f"at stage '{state.name}' the stiffness matrix is not positive definite{place}"
-            hint = "look there for elements without stiffness, or held by next to nothing"
-            raise ModelError(msg, hint) from error
-        self._last_factor.keep(state, factor)
-        return factor
-
-    def _add_moduli_slopes(
-        self,
-        system: StageSystem,
-        values: Mapping[str, float],
-        names: Sequence[str],
-        stress: Floats,
-        strain: Floats,
-    ) -> None:
-        """dsigma/dp_h += dE/dp_h eps for the moduli that depend on parameters."""
-        for material, mine in system.points_of.items():
-            slopes = elasticity_slopes(
-                self._case.materials[material], values, self._systems.points.n_strain
-            )
-            for name, slope in slopes.items():
-                if name in names:
-                    stress[:, mine, 1 + names.index(name)] += slope @ strain[:, mine]
-
-
-class _Branches:
-    """Keeps what later states build on, as long as they need it, and no longer."""
-
-    def __init__(self, states: Sequence[State]) -> None:
-        self._bases = [state.base for state in states]
-        self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
-        self._kept: dict[int, tuple[Floats, Floats, Floats]] = {}
-
-    def go_to(self, state: int, u: Floats, borne: _Borne) -> None:
-        """Put the displacements and stresses in place on which a state builds."""
-        base = self._bases[state]
-        if base == state - 1 or state == 0:
-            return
-        u[:], borne.stress[:], borne.members[:] = self._kept[base]
-        if self._last_use[base] == state:
-            del self._kept[base]
-
-    def leave(self, state: int, u: Floats, borne: _Borne) -> None:
-        """Copy them where a later state builds on this one, but not the next."""
-        if self._last_use.get(state, -1) > state:
-            self._kept[state] = (u.copy(), borne.stress.copy(), borne.members.copy())
+        return StepTask(number, system, state, values, names, laws, borne, forces, moduli, thermal)
 
 
 def _impose(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.jets import Point
-from geoident.forward.march import Standing
 from geoident.forward.materials import Values
+from geoident.forward.standing import Standing
 from geoident.forward.structures import Structures
 from geoident.forward.timeline import Timeline
 from geoident.model.arrays import Floats

@@ -18,14 +18,16 @@ from geoident.forward.actions import Actions
 from geoident.forward.fields import FieldRecorder
 from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
 from geoident.forward.instruments import Instruments
-from geoident.forward.march import March, Push, Standing
+from geoident.forward.march import March
 from geoident.forward.materials import inadmissible
 from geoident.forward.member_forces import MemberRecorder
 from geoident.forward.observation import Observation, format_point, observe
+from geoident.forward.plastic_step import PERFECT, PlasticOptions
 from geoident.forward.response import StagedResponse
 from geoident.forward.revolution import revolution_faults
 from geoident.forward.section_plane import section_faults
 from geoident.forward.stage_systems import StageSystems
+from geoident.forward.standing import Push, Standing
 from geoident.forward.structure_checks import (
     standing_faults,
     structure_faults,
@@ -183,9 +185,10 @@ class StagedModel:
         """Parameter values by name."""
         return dict(zip(self.names, map(float, p), strict=True))
 
-    def count_evaluation(self) -> None:
-        """One more parameter vector was evaluated."""
+    def count_evaluation(self) -> int:
+        """One more parameter vector was evaluated: how many so far."""
         self._evaluations += 1
+        return self._evaluations
 
     def unreadable(self, channel: str, stage: str) -> str | None:
         """Why a channel can't be read at a stage, or None if it can."""
@@ -209,9 +212,11 @@ class StagedModel:
         names: Sequence[str] = (),
         last: int | None = None,
         push: Push | None = None,
+        plastic: PlasticOptions = PERFECT,
     ) -> Iterator[Standing]:
         """March through the stages (see `March.run`) and tell ``on_state`` of each."""
-        for standing in self.march.run(values, names=names, last=last, push=push):
+        march = self.march.run(values, names=names, last=last, push=push, plastic=plastic)
+        for standing in march:
             if self.on_state is not None:
                 self.on_state(standing.state)
             yield standing

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoident.forward import actions, in_situ, materials, release, structures, thermal, water
-from geoident.forward.march import Push
-from geoident.model.arrays import Floats
+from geoident.forward.plastic_step import PlasticOptions
+from geoident.forward.standing import Push
+from geoident.model.arrays import Floats, Ints
+from geoident.model.certificate import Activity
 from geoident.model.condensed import Condensed
 from geoident.model.result import Counts
 
@@ -24,8 +26,14 @@ if TYPE_CHECKING:
 class StagedResponse:
     """Readings of some (channel, stage) pairs as a function of the parameters.
 
-    Fulfils the protocols ``Response`` and ``AffineElastic`` of the identifiers. The march ends with
-    the last stage that a reading needs.
+    Fulfils the protocols ``Response``, ``AffineElastic`` and ``YieldSystem`` of the identifiers.
+    The march ends with the last stage that a reading needs.
+
+    Args:
+        model: the staged model.
+        pairs: channel and stage of every reading.
+        times: when each was read; None for what is known of its stage.
+        ratio: hardening added to every yield plane, in parts of n^T E n.
     """
 
     def __init__(
@@ -33,9 +41,15 @@ class StagedResponse:
         model: StagedModel,
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
+        *,
+        ratio: float = 0.0,
     ) -> None:
         observation = model.observation
         self._model = model
+        self._pairs = tuple(pairs)
+        self._given_times = tuple(times)
+        self._ratio = ratio
+        self._evaluated: tuple[int, bytes] | None = None
         stages = model.case.stage_names
         self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
         self._state = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
@@ -65,6 +79,31 @@ class StagedResponse:
         """v(p), (g,), and its Jacobian, (g, n)."""
         table = self._run(p, names=self.names)
         return table[:, 0], table[:, 1:]
+
+    def yields(self) -> bool:
+        """Whether any material of the case has yield limits."""
+        return any(material.yields for material in self._model.case.materials.values())
+
+    def levels(self) -> Ints:
+        """(g,) number of the last stage on which each reading depends."""
+        return np.maximum(self._state, self._model.observation.zero[self._row])
+
+    def until(self, level: int) -> StagedResponse:
+        """The same for the readings whose level is at most this."""
+        kept = np.flatnonzero(self.levels() <= level)
+        pairs = [self._pairs[k] for k in kept]
+        times = [self._given_times[k] for k in kept] if self._given_times else ()
+        return StagedResponse(self._model, pairs, times, ratio=self._ratio)
+
+    def hardened(self, ratio: float) -> StagedResponse:
+        """The same with hardening added to every yield plane."""
+        return StagedResponse(self._model, self._pairs, self._given_times, ratio=ratio)
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,), of the last run if it was made here."""
+        if self._evaluated != (self._model.counts.evaluations, p.tobytes()):
+            self.readings(p)
+        return self._model.march.plastic.activity(self.names)
 
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
@@ -104,11 +143,15 @@ class StagedResponse:
 
     def _run(self, p: Floats, *, names: Sequence[str] = (), push: Push | None = None) -> Floats:
         """Readings (g, 1 + n + k)."""
-        self._model.count_evaluation()
+        number = self._model.count_evaluation()
         operator = self._model.observation.operator
         values = self._model.values(p)
-        march = self._model.run(values, names=names, last=self._last, push=push)
+        # Where the very first loads collapse, the user wants to know by how much; an identifier
+        # only that they do.
+        plastic = PlasticOptions(self._ratio, explain=number == 1)
+        march = self._model.run(values, names=names, last=self._last, push=push, plastic=plastic)
         observed = np.stack([operator @ standing.u for standing in march])
+        self._evaluated = number, p.tobytes()
         table = self._pick(observed)
         added = self._model.instruments.added(values, names, self._row, self._state, self._times)
         table[:, : added.shape[1]] += added

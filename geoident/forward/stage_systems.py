@@ -11,6 +11,7 @@ import numpy as np
 from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.ordering import nested_dissection
+from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
 from geoident.fem.stiffness import (
     GroupBlocks,
@@ -19,6 +20,7 @@ from geoident.fem.stiffness import (
     node_graph,
     stiffness_pattern,
 )
+from geoident.fem.tangent import PointBlocks, TangentPattern
 from geoident.forward.observation import format_point
 from geoident.forward.structures import Structures
 from geoident.forward.timeline import State, Timeline
@@ -86,6 +88,8 @@ class StageSystems:
         self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
+        self._point_blocks = PointBlocks(mesh, geometries, self.kinematics)
+        self._tangents: dict[frozenset[int], TangentPattern] = {}
         self._analyses: dict[frozenset[int], Analysis | None] = {}
         self._analysed: dict[bytes, Analysis] = {}
 
@@ -99,6 +103,17 @@ class StageSystems:
         if system.groups not in self._analyses:
             self._analyses[system.groups] = self._analyse(system.pattern.lower)
         return self._analyses[system.groups]
+
+    def tangents(self, system: StageSystem) -> TangentPattern:
+        """Where changes of moduli at strain points go in K of a state."""
+        if system.groups not in self._tangents:
+            self._tangents[system.groups] = TangentPattern(self._point_blocks, system.pattern)
+        return self._tangents[system.groups]
+
+    @property
+    def solver_counts(self) -> SolverCounts:
+        """What the solver has done so far."""
+        return self._solver.counts
 
     def values(
         self,
@@ -121,6 +136,15 @@ class StageSystems:
             return ""
         node = system.pattern.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
+
+    def describe_motion(self, u: Floats) -> str:
+        """Where displacements (n_dofs,) are largest, for a message."""
+        node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
+        return f" near {format_point(self._mesh.points[node])}"
+
+    def describe_point(self, point: int) -> str:
+        """Where a strain point stands, for a message."""
+        return format_point(self.points.position[point])
 
     def _prepare(self, number: int) -> StageSystem:
         timeline, state = self._timeline, self._timeline.states[number]

@@ -101,6 +101,13 @@ def plane_names(material: Material, n_strain: int) -> tuple[str, ...]:
     return facets_of(material, Point(_ANYWHERE, ()), n_strain).names
 
 
+def plane_distances(material: Material, values: Values, n_strain: int) -> Floats:
+    """Distances k (y,) of the planes of a material's law, Pa."""
+    if not material.yields:
+        return np.empty(0)
+    return facets_of(material, Point(values, ()), n_strain).planes().distances
+
+
 def facets_of(material: Material, point: Point, n_strain: int) -> Facets:
     """All planes of a material with their derivatives."""
     if is_smooth(material):

@@ -1,0 +1,61 @@
+"""SuperLU for matrices that are not symmetric, on a symmetric pattern.
+
+The tangent of a material whose plastic flow is not associated is not symmetric (theory 5). Such a
+matrix is given by the values of its lower triangle and, entry by entry, those of its upper one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from geoident.fem.solvers.counts import SolverCounts
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.model.arrays import Floats
+
+BLOCK = 4
+"""Right-hand sides solved together; SuperLU loses its cache with more."""
+
+
+class GeneralFactor:
+    """A factorized general matrix.
+
+    Args:
+        pattern: of the lower triangle, in a fill-reducing order.
+        below: (nnz,) values K[i, j] of the entries of the pattern.
+        above: (nnz,) values K[j, i].
+        counts: where to count.
+
+    Raises:
+        NotPositiveDefinite: the matrix is singular.
+    """
+
+    def __init__(
+        self, pattern: LowerPattern, below: Floats, above: Floats, counts: SolverCounts
+    ) -> None:
+        self._counts = counts
+        counts.factorizations += 1
+        columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
+        off = pattern.indices != columns
+        rows = np.concatenate([pattern.indices, columns[off]])
+        matrix = sp.csc_array(
+            (
+                np.concatenate([below, above[off]]),
+                (rows, np.concatenate([columns, pattern.indices[off]])),
+            ),
+            shape=(pattern.n, pattern.n),
+        )
+        try:
+            self._lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01)
+        except RuntimeError as error:
+            raise NotPositiveDefinite from error
+
+    def solve(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
+        self._counts.solves += rhs.shape[1]
+        result = np.empty_like(rhs)
+        for start in range(0, rhs.shape[1], BLOCK):
+            part = np.ascontiguousarray(rhs[:, start : start + BLOCK])
+            result[:, start : start + BLOCK] = self._lu.solve(part)
+        return result

@@ -1,0 +1,153 @@
+"""Changes of the stiffness at single strain points, added to K on its pattern.
+
+Where a point yields, its moduli change from E to T E (theory 5). K is the elastic matrix, which
+costs one pass over node pairs (see `stiffness`), plus
+
+    C_i^T V_i (T E - E)_i C_i
+
+over the points that yield: element matrices, scattered to places that are found once for every
+element that ever yields. The memory is linear in the number of elements; the work of a tangent in
+the number of yielded points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from geoident.fem.compatibility import BlockGeometry
+from geoident.fem.kinematics import Kinematics
+from geoident.fem.stiffness import StiffnessPattern
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.mesh import Mesh
+
+_CHUNK = 4_000_000  # entries of element matrices held at once
+
+
+class PointBlocks:
+    """Strain points of a mesh by the blocks of its elements.
+
+    Args:
+        mesh: the mesh.
+        geometries: geometry of its blocks.
+        kinematics: what makes strains.
+    """
+
+    def __init__(
+        self, mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
+    ) -> None:
+        self.mesh = mesh
+        self._geometries = geometries
+        self._kinematics = kinematics
+        counts = [geometry.volumes.size for geometry in geometries]
+        self._first = np.concatenate([[0], np.cumsum(counts)])
+
+    def split(self, points: Ints) -> Iterator[tuple[int, slice, Ints]]:
+        """Ascending points (q,) by block and in chunks.
+
+        Yields:
+            Number of the block, place in ``points``, and the points' numbers in the block.
+        """
+        ends = np.searchsorted(points, self._first)
+        for block, (start, stop) in enumerate(pairwise(ends)):
+            chunk = max(1, _CHUNK // self.n_unknowns(block) ** 2)
+            for at in range(start, stop, chunk):
+                part = slice(at, min(at + chunk, stop))
+                yield block, part, points[part] - self._first[block]
+
+    def n_unknowns(self, block: int) -> int:
+        """Displacements of one element."""
+        return int(self.mesh.blocks[block].nodes.shape[1]) * self.mesh.dim
+
+    def element(self, block: int, points: Ints) -> Ints:
+        """Elements (q,) within a block that hold some of its points."""
+        return np.asarray(points // self._geometries[block].volumes.shape[1])
+
+    def compatibility(self, block: int, points: Ints) -> Floats:
+        """C of single points of a block, (q, s, n_unknowns), and nothing of other elements."""
+        geometry = self._geometries[block]
+        gradients = geometry.gradients.reshape(-1, *geometry.gradients.shape[2:])[points]
+        adds = self._kinematics.incidence
+        full = np.tensordot(gradients, adds, axes=(2, 2))  # (q, n_a, s, dim)
+        return np.ascontiguousarray(full.transpose(0, 2, 1, 3)).reshape(
+            len(points), adds.shape[0], -1
+        )
+
+    def dofs(self, block: int, elements: Ints) -> Ints:
+        """Degrees of freedom (n, n_unknowns) of some elements of a block."""
+        nodes = self.mesh.blocks[block].nodes[elements]
+        dim = self.mesh.dim
+        return np.asarray((nodes[:, :, None] * dim + np.arange(dim)).reshape(len(nodes), -1))
+
+
+class TangentPattern:
+    """Where element matrices go in the values of K on one pattern.
+
+    Args:
+        blocks: the strain points.
+        pattern: the pattern of K.
+    """
+
+    def __init__(self, blocks: PointBlocks, pattern: StiffnessPattern) -> None:
+        self._blocks = blocks
+        lower = pattern.lower
+        columns = np.repeat(np.arange(lower.n), np.diff(lower.indptr))
+        self._keys = (columns << 32) | lower.indices
+        self._unknown = np.full(blocks.mesh.points.size, -1, dtype=np.int64)
+        self._unknown[pattern.dofs] = np.arange(lower.n)
+        self._slots: dict[int, Ints] = {}
+        self._known: dict[int, Bools] = {}
+
+    def added(self, points: Ints, change: Floats, *, symmetric: bool) -> tuple[Floats, Floats]:
+        """What changes of moduli at some points add to K.
+
+        Args:
+            points: (q,) numbers of strain points, ascending.
+            change: (q, s, s) change of the moduli times V, N m or N.
+            symmetric: whether the changes are symmetric matrices.
+
+        Returns:
+            (nnz,) for the lower triangle and (nnz,) for the upper one, entry by entry its mirror.
+        """
+        nnz = len(self._keys)
+        below, above = np.zeros(nnz + 1), np.zeros(nnz + 1)
+        for block, part, mine in self._blocks.split(points):
+            B = self._blocks.compatibility(block, mine)
+            matrices = np.matmul(B.transpose(0, 2, 1), np.matmul(change[part], B))
+            slots = self._slots_of(block, self._blocks.element(block, mine))
+            i, j = np.tril_indices(B.shape[2])
+            swapped = slots < 0  # the first of the pair comes earlier in the elimination
+            place = np.where(swapped, ~slots, slots).ravel()
+            one, other = matrices[:, i, j], matrices[:, j, i]
+            below += _sums(place, np.where(swapped, other, one), nnz + 1)
+            if not symmetric:
+                above += _sums(place, np.where(swapped, one, other), nnz + 1)
+        return below[:-1], (below if symmetric else above)[:-1]
+
+    def _slots_of(self, block: int, elements: Ints) -> Ints:
+        """Places (q, n_pairs) of the lower pairs of element matrices; ~place where swapped."""
+        if block not in self._slots:
+            n_el, n = len(self._blocks.mesh.blocks[block]), self._blocks.n_unknowns(block)
+            self._slots[block] = np.empty((n_el, n * (n + 1) // 2), dtype=np.int32)
+            self._known[block] = np.zeros(n_el, dtype=bool)
+        slots, known = self._slots[block], self._known[block]
+        new = np.unique(elements[~known[elements]])
+        if len(new):
+            slots[new] = self._find(self._unknown[self._blocks.dofs(block, new)])
+            known[new] = True
+        return slots[elements]
+
+    def _find(self, unknowns: Ints) -> Ints:
+        """Places of the pairs of unknowns (n, n_unknowns) of elements, -1 for fixed ones."""
+        i, j = np.tril_indices(unknowns.shape[1])
+        one, other = unknowns[:, i], unknowns[:, j]
+        row, column = np.maximum(one, other), np.minimum(one, other)
+        place = np.searchsorted(self._keys, (column << 32) | row)
+        place[column < 0] = len(self._keys)
+        return np.where(one >= other, place, ~place)
+
+
+def _sums(place: Ints, values: Floats, length: int) -> Floats:
+    return np.asarray(np.bincount(place, weights=values.ravel(), minlength=length))

@@ -1,0 +1,317 @@
+"""A step of the march where materials yield (theory 2 and 5).
+
+The state follows from `equilibrium`; its derivatives by the parameters from the same equations on
+the pieces of the yield surface that are active there. With s* = sigma_old + E C du and
+sigma = P(s*, p),
+
+    g_h  = T (dsigma_old/dp_h + dE/dp_h C du) + dP/dp_h       (du kept)
+    K_T ddu/dp_h = df/dp_h - C^T V g_h
+    dsigma/dp_h = g_h + T E C ddu/dp_h
+
+so one factorization of the consistent tangent serves all columns, and where the last Newton step
+did not leave its pieces it is there already. At a kink the derivative is that of the planes which
+the projection counts as active (see `geoident.fem.plastic.law`).
+
+Newton's method starts from what the last parameter vector needed, continued by its derivatives: a
+small change of the parameters costs one or two factorizations a stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import CollapseError, ModelError
+from geoident.fem.plastic.law import YieldLaw
+from geoident.fem.solvers.protocol import NotPositiveDefinite
+from geoident.forward.activity import ActivityRecord
+from geoident.forward.collapse import limit_of
+from geoident.forward.elastic_step import not_positive_definite
+from geoident.forward.equilibrium import (
+    Balance,
+    Ground,
+    NoEquilibrium,
+    StageEquations,
+    Trial,
+    flowing,
+    numbers,
+    solve,
+)
+from geoident.forward.hardening import Hardening
+from geoident.forward.plastic_slopes import PlasticSlopes
+from geoident.forward.stage_systems import StageSystems
+from geoident.forward.stage_tangents import StageTangents
+from geoident.forward.step import StepTask
+from geoident.forward.timeline import State
+from geoident.forward.yielding import yield_law
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case, format_path
+from geoident.model.certificate import Activity
+
+_OUTSIDE = 1e-6
+"""Excess over the yield surface, relative to the largest stress, that is not rounding."""
+
+_LOAD_STEPS = (1, 4, 16, 64)
+"""Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
+
+
+@dataclass(frozen=True)
+class PlasticOptions:
+    """How a march treats yielding.
+
+    Args:
+        ratio: hardening added to every plane, in parts of n^T E n.
+        explain: find the part of the load that can be carried, where there is a collapse.
+    """
+
+    ratio: float = 0.0
+    explain: bool = True
+
+
+PERFECT = PlasticOptions()
+"""The model as the case states it."""
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
+
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    du: Floats
+    slopes: Floats
+
+
+class PlasticSteps:
+    """Solves stages in which materials yield.
+
+    Args:
+        case: the case.
+        systems: the equations of the stages.
+    """
+
+    def __init__(self, case: Case, systems: StageSystems) -> None:
+        self._case = case
+        self._systems = systems
+        self._structures = systems.structures
+        self._slopes = PlasticSlopes(case, systems)
+        self._record = ActivityRecord(case, systems.points.n_strain)
+        self._memory: dict[int, _Memory] = {}
+        self._ratio = 0.0
+        self._explain = True
+
+    def begin(self, values: Mapping[str, float], options: PlasticOptions) -> None:
+        """A march begins at these parameter values."""
+        self._ratio, self._explain = options.ratio, options.explain
+        self._record.begin(values)
+
+    def activity(self, names: Sequence[str]) -> Activity:
+        """Which planes were reached in the last march, with slopes by some parameters."""
+        return self._record.activity(names)
+
+    def yields(self, state: State) -> bool:
+        """Whether any material of a state yields."""
+        return any(self._case.materials[m].yields for m in state.materials.values())
+
+    def step(self, task: StepTask) -> tuple[Floats, Bools]:
+        """Solve a stage; updates what is borne.
+
+        Returns:
+            Displacement steps (n_dofs, 1 + n + k), and which strain points (n_points,) yield.
+
+        Raises:
+            CollapseError: the loads cannot be carried.
+        """
+        laws = self._yield_laws(task)
+        if all(law.associated for law in laws.values()):
+            return self._part(task, laws, warm=True)
+        return self._in_load_steps(task, laws)
+
+    def _yield_laws(self, task: StepTask) -> dict[str, YieldLaw]:
+        laws = {}
+        for material in task.system.points_of:
+            law = yield_law(
+                self._case.materials[material], task.values, task.laws[material], ratio=self._ratio
+            )
+            if law is not None:
+                laws[material] = law
+        return laws
+
+    def refuse_virgin(self, task: StepTask) -> None:
+        """Raise if the virgin stress is outside a yield surface, with place and factor.
+
+        With added hardening there is no outside: the first stage flows.
+        """
+        if not self.yields(task.state) or self._ratio > 0.0:
+            return
+        for material, law in self._yield_laws(task).items():
+            mine = task.system.points_of[material]
+            stress = np.ascontiguousarray(task.borne.stress[:, mine, 0])
+            excess = law.excess(stress)
+            self._record.reach(material, excess)
+            worst = np.unravel_index(np.argmax(excess), excess.shape)
+            if excess[worst] > _OUTSIDE * np.abs(stress).max():
+                point = numbers(mine, self._systems.points.n_points)[worst[1]]
+                raise self._outside(task, material, int(worst[0]), int(point), excess[worst])
+
+    def _outside(
+        self, task: StepTask, material: str, plane: int, point: int, excess: float
+    ) -> ModelError:
+        distance = self._record.distance(material, plane)
+        msg = f"the in-situ stress is outside the yield surface of {material} near "
+        msg += f"{self._systems.describe_point(point)}, at its {self._record.name(material, plane)}"
+        if distance > 0.0:
+            msg += f": by a factor of {1.0 + excess / distance:.3g}"
+        else:
+            msg += f": by {excess:.3g} Pa"
+        hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
+        source = self._case.source
+        path = ("materials", material, "yield")
+        return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
+
+    def _in_load_steps(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+        """The same in parts of the load; more of them where Newton's method fails."""
+        start, before, done = task.borne.copy(), self._internal(task), 0.0
+        for count in _LOAD_STEPS:
+            total = np.zeros_like(task.forces)
+            yielded = np.zeros(self._systems.points.n_points, dtype=bool)
+            for part in range(1, count + 1):
+                forces = before + part / count * (task.forces - before)
+                thermal = task.thermal if part == 1 else None
+                piece = replace(task, forces=forces, thermal=thermal)
+                try:
+                    du, now = self._part(piece, laws, warm=False)
+                except CollapseError:
+                    task.borne.restore(start)
+                    break
+                total, yielded, done = total + du, yielded | now, max(done, part / count)
+            else:
+                return total, yielded
+        raise self._collapse(task, done, None)
+
+    def _internal(self, task: StepTask) -> Floats:
+        """Forces (n_dofs, 1 + n + k) that hold what is borne."""
+        points = self._systems.points
+        internal = points.forces(task.borne.stress, task.system.volume)
+        if self._structures.n_rows:
+            internal += self._structures.nodal_forces(task.borne.members)
+        return internal
+
+    def _part(
+        self, task: StepTask, laws: Mapping[str, YieldLaw], *, warm: bool
+    ) -> tuple[Floats, Bools]:
+        equations = self._equations(task, laws)
+        balance = self._balance(task, equations, self._guesses(task) if warm else [])
+        du = np.zeros_like(task.forces)
+        du[:, 0] = balance.trial.du
+        if du.shape[1] > 1:
+            du[:, 1:] = self._slopes.of(task, equations, balance, ratio=self._ratio)
+        self._accept(task, equations, balance.trial)
+        if warm:
+            self._remember(task, du)
+        return du, yielded_points(equations, balance.trial)
+
+    def _equations(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
+        grounds = [
+            Ground(m, mine, task.laws[m], laws.get(m), self._hardened(task, m, laws.get(m)))
+            for m, mine in task.system.points_of.items()
+        ]
+        members: Callable[[Floats], Floats] | None = None
+        if self._structures.n_rows:
+
+            def members(du: Floats) -> Floats:
+                more = task.moduli[:, 0] * self._structures.strain(du)
+                return self._structures.nodal_forces((task.borne.members[:, 0] + more)[:, None])[
+                    :, 0
+                ]
+
+        return StageEquations(
+            self._systems.points,
+            volume=task.system.volume,
+            dofs=task.system.pattern.dofs,
+            grounds=grounds,
+            stress=np.ascontiguousarray(task.borne.stress[..., 0]),
+            forces=task.forces[:, 0],
+            tangents=StageTangents(self._systems, task),
+            members=members,
+        )
+
+    def _hardened(self, task: StepTask, material: str, law: YieldLaw | None) -> Floats | None:
+        if law is None or not law.hardens or material not in task.borne.hardened:
+            return None
+        return task.borne.hardened[material][:, task.system.points_of[material], 0]
+
+    def _guesses(self, task: StepTask) -> list[Floats]:
+        """Displacement steps (n_dofs,) to try: what the last parameters needed, and its slope."""
+        memory = self._memory.get(task.number)
+        if memory is None:
+            return []
+        change = [task.values[name] - memory.values[name] for name in memory.names]
+        return [memory.du, memory.du + memory.slopes @ np.array(change)]
+
+    def _remember(self, task: StepTask, du: Floats) -> None:
+        names = tuple(task.names)
+        slopes = du[:, 1 : 1 + len(names)].copy()
+        self._memory[task.number] = _Memory(dict(task.values), names, du[:, 0].copy(), slopes)
+
+    def _balance(
+        self, task: StepTask, equations: StageEquations, guesses: Sequence[Floats]
+    ) -> Balance:
+        """Equilibrium, or the reason why there is none."""
+        try:
+            return solve(equations, [np.zeros_like(equations.forces), *guesses])
+        except NotPositiveDefinite as error:
+            place = self._systems.describe_unknown(task.system, error.unknown)
+            raise not_positive_definite(task.state.name, place) from error
+        except NoEquilibrium as error:
+            if not equations.associated:
+                raise self._collapse(task, np.nan, error.mechanism) from error
+            if error.proven and not self._explain:
+                raise self._collapse(task, np.nan, error.mechanism) from error
+            return self._after_limit(task, equations, error)
+
+    def _after_limit(
+        self, task: StepTask, equations: StageEquations, error: NoEquilibrium
+    ) -> Balance:
+        """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
+        limit = limit_of(equations)
+        if limit.fraction < 1.0:
+            raise self._collapse(task, limit.fraction, error.mechanism) from error
+        try:
+            return solve(equations, [limit.du])
+        except NoEquilibrium as again:
+            raise self._collapse(task, np.nan, again.mechanism) from again
+
+    def _collapse(self, task: StepTask, fraction: float, mechanism: Floats | None) -> CollapseError:
+        msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
+        if np.isfinite(fraction):
+            msg += f" at {100 * fraction:.3g} % of the change of load of this stage"
+        if mechanism is not None:
+            msg += self._systems.describe_motion(mechanism)
+        hint = "Raise the strengths (their start values or bounds), or see whether the stage "
+        hint += "lacks support or loads more than is meant."
+        return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
+
+    def _accept(self, task: StepTask, equations: StageEquations, trial: Trial) -> None:
+        """The state of what is borne after the step."""
+        task.borne.stress[..., 0] = trial.stress
+        if self._structures.n_rows:
+            task.borne.members[:, 0] += task.moduli[:, 0] * self._structures.strain(trial.du)
+        hardening = Hardening(task, 1, state=True)
+        for ground, projection, mine in flowing(equations, trial):
+            hardening.add(ground, mine, projection.multipliers.T[..., None])
+            self._record.flow(task.number, ground.name, projection)
+        for ground in equations.grounds:
+            if ground.law is not None:
+                excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
+                self._record.reach(ground.name, excess)
+
+
+def yielded_points(equations: StageEquations, trial: Trial) -> Bools:
+    """(n_points,) strain points with a positive multiplier."""
+    result = np.zeros(equations.operators.n_points, dtype=bool)
+    for _, projection, mine in flowing(equations, trial):
+        result[mine] = (projection.multipliers > 0.0).any(axis=1)
+    return result
