@@ -45,7 +45,7 @@ class FaceStep:
         for _ in range(2):
             rest = excess - multipliers @ self._system.coupling.T
             multipliers += self._spread(self._on_face(rest))
-        return np.maximum(multipliers, 0.0)
+        return multipliers
 
     def _on_face(self, values: Floats) -> Floats:
         """A_WW^-1 times the active ones of values (q, y), (q, w)."""
@@ -59,9 +59,14 @@ class FaceStep:
         return full
 
     @property
-    def multipliers(self) -> Floats:
-        """(q, y), of the planes as given."""
+    def signed_multipliers(self) -> Floats:
+        """(q, y), of the planes as given, with the sign that rounding left."""
         return self._scaled / self._system.scale
+
+    @property
+    def multipliers(self) -> Floats:
+        """(q, y) >= 0, of the planes as given."""
+        return np.maximum(self.signed_multipliers, 0.0)
 
     @cached_property
     def stress(self) -> Floats:
@@ -78,12 +83,26 @@ class FaceStep:
         return table[place]
 
     @cached_property
+    def _near(self) -> Floats:
+        """(q, y): what is zero but for rounding, in yield functions and scaled multipliers."""
+        return _REACHED * self._system.tolerance(self.trial, self._hardened).T
+
+    @cached_property
+    def reached(self) -> Bools:
+        """(q, y) planes on which the stress lies."""
+        limits = self._system.limits(self._hardened) + self._system.hardening @ self._scaled.T
+        excess = self._system.normals @ self.stress - limits
+        return np.asarray(excess.T + self._near >= 0.0)
+
+    @property
+    def working(self) -> Bools:
+        """(q, y) planes with a multiplier."""
+        return np.asarray(np.abs(self._scaled) > self._near)
+
+    @property
     def biactive(self) -> Bools:
         """(q, y)."""
-        limit = _REACHED * self._system.tolerance(self.trial, self._hardened).T
-        limits = self._system.limits(self._hardened) + self._system.hardening @ self._scaled.T
-        excess = (self._system.normals @ self.stress - limits).T
-        return np.asarray((excess >= -limit) & (self._scaled <= limit))
+        return self.reached & ~self.working
 
     @cached_property
     def reduction(self) -> Floats:
