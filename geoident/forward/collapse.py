@@ -76,7 +76,7 @@ def _controlled(before: StageEquations, load: Floats, alpha: float, start: Limit
         on_surface = abs(short) <= 1e-9 * alpha
         if on_surface and np.abs(rest).max() <= _BALANCED * _scale(trial, t, load):
             return Limit(t, trial.du)
-        factor, _ = before.factor(trial, softest=2)
+        factor, _ = before.factor(trial, least=1)
         free, ahead = factor.solve(np.column_stack([rest, load])).T
         step = before.spread(free + (short - load @ free) / (load @ ahead) * ahead)
         if on_surface:

@@ -48,8 +48,11 @@ MOST_STEPS = 60
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
-_SOFTENING = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
-"""Parts of the elastic stiffness left in a tangent, tried in turn."""
+_LEFT = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+"""Parts of the elastic stiffness left in a tangent, by level."""
+
+_STIFFER = 6
+"""Level from which a tangent whose step was too long is made stiffer."""
 
 Index = Ints | slice
 
@@ -222,15 +225,15 @@ class StageEquations:
         stress[:, mine] = projection.stress
         return projection
 
-    def factor(self, trial: Trial, *, softest: int = 0) -> tuple[Factor, int]:
-        """Factor of the consistent tangent, and which of `_SOFTENING` it needed, from a first."""
+    def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
+        """Factor of the consistent tangent, and which of `_LEFT` it needed, from a first."""
         points, change = self.changes(trial)
-        for level in range(softest, len(_SOFTENING)):
-            part = (1.0 - _SOFTENING[level]) * change
+        for level in range(least, len(_LEFT)):
+            part = (1.0 - _LEFT[level]) * change
             try:
                 return self._tangents(points, part, symmetric=self.associated), level
             except NotPositiveDefinite:
-                if level == len(_SOFTENING) - 1 or not len(points):
+                if level == len(_LEFT) - 1 or not len(points):
                     raise
         raise AssertionError
 
@@ -276,21 +279,32 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
     """
     trial = min((equations.at(guess) for guess in guesses), key=lambda t: t.error)
     search = follow_slope if equations.associated else _along_norm
-    factor, made_at, softest = None, None, 0
+    factor: Factor | None = None
+    made_at: Trial | None = None
+    least = 0
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, step, factor, made_at)
-        factor, level = equations.factor(trial, softest=softest)
-        made_at = trial
+        factor, level = equations.factor(trial, least=least)
+        made_at = trial if level == 0 else None
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
         following, share = search(equations, trial, d)
         if following.error >= trial.error and trial.error <= ROUNDING:
             return Balance(trial, step + 1, factor, made_at)
         if step > 2 and equations.associated and share == 1.0:
             _refuse_mechanism(equations, following, d)
-        softest = max(level, 3) if share < 0.02 else 0
+        least = _next_level(least, share)
         trial = following
     raise NoEquilibrium(trial.du, proven=False)
+
+
+def _next_level(level: int, share: float) -> int:
+    """How much of the elastic stiffness the next tangent keeps, after a share of a step."""
+    if share < 0.3:
+        return min(max(level + 1, _STIFFER), len(_LEFT) - 2)
+    if share < 0.9:
+        return level
+    return level - 1 if level > _STIFFER else 0
 
 
 def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
