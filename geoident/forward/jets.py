@@ -8,11 +8,15 @@ derivative per parameter.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
+
+Number: TypeAlias = "Jet | Floats | float"
+"""What a jet is computed with; plain numbers depend on no parameter."""
 
 
 class Jet:
@@ -34,19 +38,55 @@ class Jet:
         """The value (...)."""
         return np.asarray(self.columns[..., 0])
 
-    def __add__(self, other: Jet) -> Jet:
-        return Jet(self.columns + other.columns)
+    __array_ufunc__ = None  # so that array * jet is a jet
 
-    def __sub__(self, other: Jet) -> Jet:
-        return Jet(self.columns - other.columns)
+    def __add__(self, other: Number) -> Jet:
+        return Jet(self.columns + other.columns) if isinstance(other, Jet) else self.plus(other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Number) -> Jet:
+        return self + (-other)
+
+    def __rsub__(self, other: Floats | float) -> Jet:
+        return -self + other
 
     def __neg__(self) -> Jet:
         return Jet(-self.columns)
 
-    def __mul__(self, other: Jet) -> Jet:
+    def __mul__(self, other: Number) -> Jet:
+        if not isinstance(other, Jet):
+            return self.times(other)
         product = self.columns * other.columns[..., :1]
         product[..., 1:] += self.columns[..., :1] * other.columns[..., 1:]
         return Jet(product)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Number) -> Jet:
+        return self * (other.reciprocal() if isinstance(other, Jet) else 1.0 / np.asarray(other))
+
+    def __rtruediv__(self, other: Floats | float) -> Jet:
+        return self.reciprocal() * other
+
+    def __getitem__(self, index: Bools | Ints | int) -> Jet:
+        return Jet(self.columns[index])
+
+    def reciprocal(self) -> Jet:
+        """1 / value."""
+        return self.through(lambda x: 1.0 / x, lambda x: -1.0 / x**2)
+
+    def exp(self) -> Jet:
+        """Exponential."""
+        return self.through(np.exp, np.exp)
+
+    def log(self) -> Jet:
+        """Natural logarithm."""
+        return self.through(np.log, lambda x: 1.0 / x)
+
+    def power(self, exponent: Jet) -> Jet:
+        """Value ** exponent, of a positive value."""
+        return (self.log() * exponent).exp()
 
     def times(self, given: Floats | float) -> Jet:
         """Product with given numbers (...), which depend on no parameter."""

@@ -123,3 +123,75 @@ def rigid_plate(*, radius: float, force: float, E: float, nu: float) -> float:
     """
     G = E / (2 * (1 + nu))
     return force * (1 - 2 * nu) / (4 * G * radius * np.log(3 - 4 * nu))
+
+
+def salencon_wall(
+    *, pressure: float, inner: float, c: float, phi: float, psi: float, E: float, nu: float
+) -> tuple[float, float]:
+    """Plastic radius and inward wall displacement, both over the radius, of a circular opening.
+
+    J. Salencon (1969), Annales des Ponts et Chaussees 4, in the form in which manuals of programs
+    quote it. The stress out of the plane is taken as the middle one everywhere, which makes the
+    displacement a little too small where it is not. Compression positive, angles in rad.
+    """
+    G, K_p = E / (2 * (1 + nu)), (1 + np.sin(phi)) / (1 - np.sin(phi))
+    K_ps = (1 + np.sin(psi)) / (1 - np.sin(psi))
+    tip = 2 * c * np.sqrt(K_p) / (K_p - 1)
+    R = (2 / (K_p + 1) * (pressure + tip) / (inner + tip)) ** (1 / (K_p - 1))
+    chi = (2 * nu - 1) * (pressure + tip)
+    chi += (1 - nu) * (K_p**2 - 1) / (K_p + K_ps) * (inner + tip) * R ** (K_p + K_ps)
+    chi += ((1 - nu) * (K_p * K_ps + 1) / (K_p + K_ps) - nu) * (inner + tip)
+    return R, chi / (2 * G)
+
+
+def tresca_cylinder(
+    *, inner: float, outer: float, edge: float, c: float, E: float, nu: float
+) -> tuple[float, float]:
+    """Inner pressure and displacement of the outer face of a thick cylinder that yields to a radius.
+
+    R. Hill, The Mathematical Theory of Plasticity (1950), chapter V: Tresca with the axial stress
+    in the middle, plane strain. With the yield stress Y = 2 c and rho the edge of the plastic zone,
+    p / Y = ln(rho / a) + (1 - rho^2 / b^2) / 2; the outer face moves as in an elastic ring.
+    Fully plastic (edge = outer) the pressure is the limit 2 c ln(b / a).
+    """
+    Y = 2 * c
+    p = Y * (np.log(edge / inner) + (1 - edge**2 / outer**2) / 2)
+    return p, (1 - nu**2) / E * Y * edge**2 / outer
+
+
+def plastic_sphere(
+    r: np.ndarray,
+    *,
+    radius: float,
+    pressure: float,
+    inner: float,
+    c: float,
+    phi: float,
+    psi: float,
+    E: float,
+    nu: float,
+) -> tuple[float, np.ndarray]:
+    """Plastic radius and radial displacements (n,) of a spherical cavity under an all-round stress.
+
+    J. Salencon (1969), the spherical case; Tresca (phi = 0, taken as a limit by a small angle) is
+    Hill's. Compression positive, displacement positive outwards, angles in rad. At the yield edge
+    sigma_t = sigma_p both hoop directions flow: eps_r + 2 K eps_t plastic is zero.
+
+    d sigma_r / d ln r = 2 ((N - 1) sigma_r + Y);  u' + 2 K u / r = -(e_r + 2 K e_t), integrated
+    with the elastic strains e of the changes of stress.
+    """
+    N, K = ((1 + np.sin(x)) / (1 - np.sin(x)) for x in (phi, psi))
+    Y, G, m = 2 * c * np.sqrt(N), E / (2 * (1 + nu)), 2 * (N - 1)
+    tip = Y / (N - 1)
+    critical = (3 * pressure - 2 * Y) / (1 + 2 * N)
+    R = radius * ((critical + tip) / (inner + tip)) ** (1 / m)
+    outside = (critical - pressure) * R**3 / (4 * G * r**2)
+    # e_r + 2 K e_t = A r^m + B, as sigma_r = (inner + tip) (r / a)^m - tip
+    on_r, on_t = (1 - 2 * K * nu) / E, 2 * (K * (1 - nu) - nu) / E
+    A = (on_r + on_t * N) * (inner + tip) / radius**m
+    B = -(on_r + on_t) * (tip + pressure)
+    k = 2 * K + 1
+    edge = (critical - pressure) * R / (4 * G)
+    source = A * (R ** (m + k) - r ** (m + k)) / (m + k) + B * (R**k - r**k) / k
+    within = (edge * R ** (2 * K) + source) / r ** (2 * K)
+    return R, np.where(r < R, within, outside)
