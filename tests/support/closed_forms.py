@@ -147,7 +147,7 @@ def salencon_wall(
 def tresca_cylinder(
     *, inner: float, outer: float, edge: float, c: float, E: float, nu: float
 ) -> tuple[float, float]:
-    """Inner pressure and displacement of the outer face of a thick cylinder that yields to a radius.
+    """Inner pressure and motion of the outer face of a thick cylinder that yields to a radius.
 
     R. Hill, The Mathematical Theory of Plasticity (1950), chapter V: Tresca with the axial stress
     in the middle, plane strain. With the yield stress Y = 2 c and rho the edge of the plastic zone,
