@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.plastic.domain import EmptyDomain
 from geoident.fem.plastic.faces import Faces, rows_of_floats, rows_of_numbers, unique_pairs
 from geoident.model.arrays import Bools, Floats, Ints
 
@@ -23,19 +24,6 @@ _DEPENDENT = 1e-11
 """Squared sine of the angle to the active normals under which a normal depends on them."""
 _NEGLIGIBLE = 1e4
 """Times the tolerance: a contradiction of planes that is rounding of a slab without thickness."""
-
-
-class EmptyDomain(ValueError):
-    """No stress satisfies all yield conditions.
-
-    Args:
-        planes: indices of planes that contradict each other.
-    """
-
-    def __init__(self, planes: tuple[int, ...]) -> None:
-        names = ", ".join(str(plane + 1) for plane in planes)
-        super().__init__(f"no stress satisfies the yield planes {names} at once")
-        self.planes = planes
 
 
 class Rays:
@@ -65,27 +53,30 @@ class Rays:
         self._row.grow(len(self.faces.members) - self._row.size)
         rows = self._row.all[faces, planes]
         if (missing := rows < 0).any():
-            for face, plane in unique_pairs(faces[missing], planes[missing]):
-                self._row.all[face, plane] = self._loss.size
-                self._add(face, plane)
+            count = len(self.faces.coupling)
+            self._add(*unique_pairs(faces[missing], planes[missing], count))
             rows = self._row.all[faces, planes]
         return self._loss.all[rows], self._drop.all[rows], self._curvature.all[rows]
 
-    def _add(self, face: int, plane: int) -> None:
-        """Compute one ray."""
-        active = list(self.faces.members[face])
-        loss = np.zeros(len(self.faces.coupling))
-        loss[active] = self.faces.inverse(face) @ self.faces.coupling[active, plane]
-        loss[plane] = -1.0
-        lasting = -self._root @ loss  # the part of the new normal across the active ones
-        curvature = float(lasting @ lasting)
-        drop = self._root.T @ lasting
-        drop[active] = 0.0
-        for table, value in ((self._loss, loss), (self._drop, drop)):
-            table.grow(1)
-            table.all[-1] = value
-        self._curvature.grow(1)
-        self._curvature.all[-1] = curvature if curvature > _DEPENDENT else 0.0
+    def _add(self, faces: Ints, planes: Ints) -> None:
+        """Compute rays that are asked for the first time."""
+        start, count = self._loss.size, faces.size
+        for table in (self._loss, self._drop, self._curvature):
+            table.grow(count)
+        self._row.all[faces, planes] = np.arange(start, start + count)
+        for places, active, inverse in self.faces.by_size(faces.tolist()):
+            new = planes[places]
+            loss = np.zeros((places.size, len(self.faces.coupling)))
+            across = self.faces.coupling[active, new[:, None]]
+            np.put_along_axis(loss, active, np.einsum("gij,gj->gi", inverse, across), axis=1)
+            loss[np.arange(places.size), new] = -1.0
+            lasting = -loss @ self._root.T  # the part of the new normal across the active ones
+            drop = lasting @ self._root
+            np.put_along_axis(drop, active, 0.0, axis=1)
+            curvature = np.einsum("gr,gr->g", lasting, lasting)
+            self._loss.all[start + places] = loss
+            self._drop.all[start + places] = drop
+            self._curvature.all[start + places] = np.where(curvature > _DEPENDENT, curvature, 0.0)
 
 
 @dataclass(eq=False)

@@ -6,7 +6,7 @@ What a face needs of linear algebra depends on the face alone; a point only hold
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -58,7 +58,6 @@ class Faces:
         count = len(coupling)
         self._joined = rows_of_numbers(count)
         self._left = rows_of_numbers(count)
-        self._inverses: list[Floats] = []
         self.number(())
 
     def number(self, planes: Sequence[int]) -> int:
@@ -92,33 +91,47 @@ class Faces:
         found = table.all[faces, planes]
         missing = found == _UNKNOWN
         if missing.any():
-            for face, plane in unique_pairs(faces[missing], planes[missing]):
+            first, second = unique_pairs(faces[missing], planes[missing], len(self.coupling))
+            for face, plane in zip(first.tolist(), second.tolist(), strict=True):
                 number = self.number(change(self.members[face], plane))
                 table.all[face, plane] = number
             found = table.all[faces, planes]
         return found
 
-    def inverse(self, face: int) -> Floats:
-        """A_WW^-1 (w, w) of the active planes W of a face."""
-        for members in self.members[len(self._inverses) :]:
-            active = list(members)
-            self._inverses.append(_inverse(self.coupling[np.ix_(active, active)]))
-        return self._inverses[face]
+    def by_size(self, faces: Sequence[int]) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """Faces (f,) with equally many planes together: batches for linear algebra.
 
-    def compact(self, faces: Ints) -> tuple[Ints, Floats]:
-        """Active planes (q, w) of faces (q,) and A_WW^-1 (q, w, w), filled up to the largest.
-
-        Where a face has fewer planes, plane 0 stands with zeros in the inverse.
+        Yields:
+            (g,) places among the faces, (g, w) their active planes W, (g, w, w) A_WW^-1.
         """
-        used, place = np.unique(faces, return_inverse=True)
-        width = max((len(self.members[face]) for face in used), default=0)
-        planes = np.zeros((len(used), width), dtype=np.int64)
-        inverses = np.zeros((len(used), width, width))
-        for row, face in enumerate(used):
-            count = len(self.members[face])
-            planes[row, :count] = self.members[face]
-            inverses[row, :count, :count] = self.inverse(face)
-        return planes[place], inverses[place]
+        sizes = np.array([len(self.members[face]) for face in faces], dtype=np.int64)
+        for size in np.unique(sizes):
+            places = np.flatnonzero(sizes == size)
+            active = np.array(
+                [self.members[faces[place]] for place in places.tolist()], dtype=np.int64
+            )
+            active = active.reshape(places.size, size)
+            own = self.coupling[active[:, :, None], active[:, None, :]]
+            yield places, active, np.asarray(np.linalg.inv(own), dtype=np.float64)
+
+    def compact(self, faces: Sequence[int]) -> tuple[Ints, Floats]:
+        """Active planes (f, w) of faces (f,) and A_WW^-1 (f, w, w), filled up to the largest.
+
+        Where a face has fewer planes, others stand with zeros in the inverse: each plane once, so
+        that values can be written back to their places.
+        """
+        width = max((len(self.members[face]) for face in faces), default=0)
+        filled = [(*self.members[f], *self._others(f, width)) for f in faces]
+        inverses = np.zeros((len(faces), width, width))
+        for places, active, inverse in self.by_size(faces):
+            size = active.shape[1]
+            inverses[places, :size, :size] = inverse
+        return np.array(filled, dtype=np.int64).reshape(len(faces), width), inverses
+
+    def _others(self, face: int, width: int) -> list[int]:
+        """Planes that are not active on a face: as many as it lacks of a number."""
+        members = self.members[face]
+        return [plane for plane in range(width) if plane not in members][: width - len(members)]
 
 
 def rows_of_numbers(width: int) -> Rows[np.int64]:
@@ -131,12 +144,7 @@ def rows_of_floats(*shape: int) -> Rows[np.float64]:
     return Rows(np.zeros((_ROOM, *shape)))
 
 
-def unique_pairs(first: Ints, second: Ints) -> list[tuple[int, int]]:
-    """The different pairs of two vectors (w,)."""
-    pairs = np.unique(np.stack([first, second], axis=1), axis=0)
-    return [(int(a), int(b)) for a, b in pairs]
-
-
-def _inverse(matrix: Floats) -> Floats:
-    """Inverse of (w, w), w may be zero."""
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64) if len(matrix) else matrix
+def unique_pairs(first: Ints, second: Ints, count: int) -> tuple[Ints, Ints]:
+    """The different pairs of two vectors (w,), the second of numbers below `count`."""
+    pairs = np.unique(first * count + second)
+    return pairs // count, pairs % count

@@ -14,6 +14,9 @@ from geoident.fem.plastic.step import FaceStep
 from geoident.fem.plastic.system import system_of
 from geoident.model.arrays import Bools, Floats, Ints
 
+_MOST_FACES = 20_000
+"""Of many planes that harden there are as many faces as points, and none comes again."""
+
 
 class PolyhedralLaw:
     """Yield planes in the space of stresses, associated, perfect or hardening.
@@ -30,9 +33,12 @@ class PolyhedralLaw:
         if planes.flow is not None:
             raise ValueError("planes in the space of stresses flow along their normals")
         self.planes = planes
-        self.system = system_of(elasticity, planes)
-        self.faces = Faces(self.system.coupling)
-        self._rays = Rays(self.faces, self.system.root)
+        self._system = system_of(elasticity, planes)
+        self._rays = self._forgotten()
+
+    def _forgotten(self) -> Rays:
+        """Rays of which none is known yet."""
+        return Rays(Faces(self._system.coupling), self._system.root)
 
     @property
     def associated(self) -> bool:
@@ -47,7 +53,7 @@ class PolyhedralLaw:
     @property
     def hardens(self) -> bool:
         """Whether the multipliers of earlier steps count."""
-        return self.system.hardens
+        return self._system.hardens
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> PolyhedralProjection:
         """Bring trial stresses (s, m) to the polyhedron; `hardened` (y, m) as in `YieldLaw`.
@@ -55,17 +61,20 @@ class PolyhedralLaw:
         Raises:
             EmptyDomain: no stress satisfies all planes.
         """
-        yielded, face = self.faces_of(trial, hardened)
+        # Projections keep the faces they know; only a law between two of them may forget.
+        if len(self._rays.faces.members) > _MOST_FACES:
+            self._rays = self._forgotten()
+        yielded, face = self._faces_of(trial, hardened)
         some = None if hardened is None else hardened[:, yielded]
-        step = FaceStep(self.system, self.faces, trial[:, yielded], some, face)
+        step = FaceStep(self._system, self._rays.faces, trial[:, yielded], some, face)
         return PolyhedralProjection(trial, yielded, step)
 
-    def faces_of(self, trial: Floats, hardened: Floats | None = None) -> tuple[Ints, Ints]:
+    def _faces_of(self, trial: Floats, hardened: Floats | None) -> tuple[Ints, Ints]:
         """The points (q,) outside the polyhedron and the faces (q,) on which they end."""
-        excess = self.system.excess(trial, hardened)
+        excess = self._system.excess(trial, hardened)
         outside = np.flatnonzero((excess > 0.0).any(axis=0))
         some = None if hardened is None else hardened[:, outside]
-        tolerance = self.system.tolerance(trial[:, outside], some)
+        tolerance = self._system.tolerance(trial[:, outside], some)
         tolerance = np.broadcast_to(tolerance, (len(excess), outside.size))
         face = active_faces(
             np.ascontiguousarray(excess[:, outside].T),
@@ -76,7 +85,7 @@ class PolyhedralLaw:
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
-        return self.system.excess(stress, hardened) * self.system.scale[:, None]
+        return self._system.excess(stress, hardened) * self._system.scale[:, None]
 
 
 class PolyhedralProjection:

@@ -15,7 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.plastic.dual import EmptyDomain, Rays, active_faces
+from geoident.fem.plastic.domain import EmptyDomain, empty_principal_domain
+from geoident.fem.plastic.dual import Rays, active_faces
 from geoident.fem.plastic.faces import Faces
 from geoident.fem.plastic.images import Images, images_of
 from geoident.fem.plastic.law import LawSlopes, Planes
@@ -57,8 +58,8 @@ class PrincipalLaw:
         self._system = system_of(elasticity[:3, :3], self._images.planes(planes))
         self._faces = Faces(self._system.coupling)
         self._ends = self._finder()
-        if not self.hardens:
-            check_not_empty(planes)
+        if not self.hardens and (bad := empty_principal_domain(planes)) is not None:
+            raise EmptyDomain(bad)
 
     def _finder(self) -> _Finder:
         """What finds active sets: projection where there is one."""
@@ -238,25 +239,3 @@ def _check_isotropic(elasticity: Floats) -> None:
     model[:3, :3] += lame
     if np.abs(model - elasticity).max() > 1e-8 * np.abs(elasticity).max():
         raise ValueError("planes in principal stresses need an isotropic elasticity")
-
-
-def check_not_empty(planes: Planes) -> None:
-    """Refuse planes that leave no stress.
-
-    The surface is convex and the same in all orders of the principal stresses, so where it leaves a
-    stress, it leaves the mean of all six: a hydrostatic one.
-
-    Raises:
-        EmptyDomain: with the contradicting planes.
-    """
-    sums, limits = planes.normals.sum(axis=1), planes.distances
-    size = np.abs(planes.normals).sum(axis=1)
-    flat = np.abs(sums) <= 1e-12 * size
-    if (bad := flat & (limits < 0.0)).any():
-        raise EmptyDomain((int(np.argmax(bad)),))
-    if not ((upper := ~flat & (sums > 0.0)).any() and (lower := ~flat & (sums < 0.0)).any()):
-        return
-    ends = limits / np.where(flat, 1.0, sums)
-    first, last = np.where(upper, ends, np.inf), np.where(lower, ends, -np.inf)
-    if first.min() < last.max():
-        raise EmptyDomain((int(first.argmin()), int(last.argmax())))

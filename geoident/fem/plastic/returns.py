@@ -41,9 +41,7 @@ class Returns:
         plain = np.flatnonzero(~images.upright)
         sets = [c for size in (1, 2, 3) for c in combinations(plain.tolist(), size)]
         self._plain = plain
-        self._candidates = np.array(
-            [faces.number(c) for c in sets if self._independent(c)], dtype=np.int64
-        )
+        self._candidates = [faces.number(c) for c in sets if self._independent(c)]
 
     def _independent(self, planes: tuple[int, ...]) -> bool:
         matrix = self._system.coupling[np.ix_(planes, planes)]
@@ -63,7 +61,7 @@ class Returns:
         for face in self._candidates:
             if not left.size:
                 return found
-            lacking = self._lacking(int(face), excess[left], tolerance[left])
+            lacking = self._lacking(face, excess[left], tolerance[left])
             better = lacking < best[left]
             best[left[better]], found[left[better]] = lacking[better], face
             left = left[lacking > 1.0]
@@ -75,7 +73,8 @@ class Returns:
     def _lacking(self, face: int, excess: Floats, tolerance: Floats) -> Floats:
         """By how many tolerances the worst condition (q,) fails on a face; a solution has < 1."""
         active = list(self._faces.members[face])
-        multipliers = excess[:, active] @ self._faces.inverse(face).T
+        inverse = np.linalg.inv(self._system.coupling[np.ix_(active, active)])
+        multipliers = excess[:, active] @ inverse.T
         rest = excess - multipliers @ self._system.coupling[:, active].T
         rest[:, active] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -34,8 +34,10 @@ class FaceStep:
         self._faces = faces
         self.trial = trial
         self._hardened = hardened
-        self.face = face
-        self._planes, self._inverse = faces.compact(face)
+        self._used, self._place = np.unique(face, return_inverse=True)
+        self._face_planes, self._face_inverse = faces.compact(self._used.tolist())
+        self._planes = self._face_planes[self._place]
+        self._inverse = self._face_inverse[self._place]
         self._scaled = self._solve()
 
     def _solve(self) -> Floats:
@@ -55,7 +57,7 @@ class FaceStep:
     def _spread(self, compact: Floats) -> Floats:
         """Values (q, w) of active planes at their places among all, (q, y)."""
         full = np.zeros((len(compact), len(self._system.scale)))
-        np.add.at(full, (np.arange(len(compact))[:, None], self._planes), compact)
+        np.put_along_axis(full, self._planes, compact, axis=1)
         return full
 
     @property
@@ -76,11 +78,10 @@ class FaceStep:
     @cached_property
     def active(self) -> Bools:
         """(q, y)."""
-        used, place = np.unique(self.face, return_inverse=True)
-        table = np.zeros((len(used), len(self._system.scale)), dtype=np.bool_)
-        for row, face in enumerate(used):
+        table = np.zeros((len(self._used), len(self._system.scale)), dtype=np.bool_)
+        for row, face in enumerate(self._used):
             table[row, list(self._faces.members[face])] = True
-        return table[place]
+        return table[self._place]
 
     @cached_property
     def _near(self) -> Floats:
@@ -107,11 +108,10 @@ class FaceStep:
     @cached_property
     def reduction(self) -> Floats:
         """(q, s, s)."""
-        used, place = np.unique(self.face, return_inverse=True)
-        planes, inverse = self._faces.compact(used)
-        moved = self._system.moved.T[planes]
-        change = np.einsum("fis,fij,fjt->fst", moved, inverse, self._system.normals[planes])
-        return np.asarray((np.eye(len(self.trial)) - change)[place])
+        planes = self._face_planes
+        moved, normals = self._system.moved.T[planes], self._system.normals[planes]
+        change = np.einsum("fis,fij,fjt->fst", moved, self._face_inverse, normals, optimize=True)
+        return np.asarray((np.eye(len(self.trial)) - change)[self._place])
 
     @property
     def reserve(self) -> Floats:
@@ -144,7 +144,7 @@ class FaceStep:
         points = np.arange(excess.shape[1])[:, None]
         compact = np.einsum("qij,qjn->qin", self._inverse, excess[self._planes, points])
         full = np.zeros_like(excess)
-        np.add.at(full, (self._planes, points), compact)
+        full[self._planes, points] = compact
         return full
 
     def _add_direct(self, slopes: LawSlopes, stress: Floats, grown: Floats) -> None:
