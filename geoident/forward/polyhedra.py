@@ -22,33 +22,44 @@ so all that is not linear is r, the radius of a circle: a polygon of N equal sid
 does for all three, with kappa = cos(pi / N) inscribed and N / pi sin(pi / N) best. These are 3 N
 planes, whose error falls with 1 / N^2. The first family is that of S. W. Sloan (1988 and 1989, Int.
 J. Numer. Anal. Methods Geomech. 12 and 13: lower and upper bounds by linear programming).
+
+In a solid the pairs are those of frames that are spread evenly over all rotations, six from each;
+kappa is found as `roundness` tells. The error falls with y^(-2/3) in the number y of planes only:
+inscribed, kappa is 0.64 with 48 planes, 0.79 with 108, 0.87 with 300, 0.91 with 600. In solids the
+smooth surface is to be preferred.
 """
 
 from __future__ import annotations
+
+from functools import lru_cache
+from math import ceil
 
 import numpy as np
 
 from geoident.forward.facets import Facets, joined, stacked
 from geoident.forward.jets import Jet, Point
+from geoident.forward.roundness import principal_values, shrinkage
+from geoident.forward.spread import spread_frames
+from geoident.forward.tension import (
+    AXIAL,
+    MEAN,
+    PRESSURE,
+    angle_names,
+    circle,
+    cut_off,
+    products,
+)
 from geoident.model.arrays import Floats
 from geoident.model.yields import Fit, GivenPlanes, MohrCoulomb
 
-_COMPONENTS = {4: [0, 1, 2, 3], 6: [0, 1, 2, 3, 4, 5]}
-_MEAN = np.array([0.5, 0.5, 0.0, 0.0])
-_AXIAL = np.array([0.0, 0.0, 1.0, 0.0])
-
-
-def polygon_shrinkage(sides: int, fit: Fit) -> float:
-    """The factor kappa of a regular polygon in place of a circle."""
-    half = np.pi / sides
-    return float(
-        {"circumscribed": 1.0, "inscribed": np.cos(half), "best": np.sin(half) / half}[fit]
-    )
+_PAIRS = ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1))
+_SINES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 0.95)
+_BETWEEN_SINES = 0.995  # what the smallest ratio may fall between those
 
 
 def given_planes(surface: GivenPlanes, point: Point, n_strain: int) -> Facets:
     """The planes of a case, cut to the components of the analysis."""
-    normals = np.array([plane.normal for plane in surface.planes])[:, _COMPONENTS[n_strain]]
+    normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
     distances = stacked([point.jet(plane.distance) for plane in surface.planes])
     hardening = Jet(np.repeat(point.jet(surface.hardening).columns[None], len(normals), axis=0))
     still = not hardening.columns.any()
@@ -68,58 +79,68 @@ def cosine(angle: Jet) -> Jet:
 
 def mohr_coulomb(surface: MohrCoulomb, point: Point, n_strain: int) -> Facets:
     """Mohr-Coulomb as a polyhedron, with its cut-off of tension."""
-    parts = [_section_shear(surface, point)]
+    if surface.planes is None:
+        raise ValueError("the smooth surface is no polyhedron")
+    count = surface.planes if n_strain < 6 else ceil(surface.planes / 6)
+    parts = [(_section if n_strain < 6 else _solid)(surface, point, count)]
     if surface.tension is not None:
-        parts.append(_section_tension(surface, point.jet(surface.tension), point))
+        limit = point.jet(surface.tension)
+        parts.append(cut_off(limit, point, n_strain, count, surface.fit))
     return joined(parts).scaled()
 
 
-def _section_shear(surface: MohrCoulomb, point: Point) -> Facets:
+def _section(surface: MohrCoulomb, point: Point, sides: int) -> Facets:
     S, one = sine(point.jet(surface.friction)), point.given(1.0)
-    circle = _circle(_sides(surface), surface.fit)
+    round_ = circle(sides, surface.fit)
     normals = [
-        S * (2 * _MEAN) + one * (2 * circle),
-        (one + S) * (_MEAN + circle) - (one - S) * _AXIAL,
-        (one + S) * _AXIAL - (one - S) * (_MEAN - circle),
+        S * (2 * MEAN) + one * (2 * round_),
+        (one + S) * (MEAN + round_) - (one - S) * AXIAL,
+        (one + S) * AXIAL - (one - S) * (MEAN - round_),
     ]
-    names = [
-        f"{family} {angle}"
-        for family in ("in plane", "plane-axial", "axial-plane")
-        for angle in _angles(len(circle))
-    ]
-    strength = _strength(surface, point).columns
-    distances = Jet(np.repeat(strength, len(names), axis=0))
-    return Facets(tuple(names), Jet(np.concatenate([n.columns for n in normals])), distances)
+    families = ("shear", "shear, axial compression", "shear, axial tension")
+    names = tuple(f"{family} {angle}" for family in families for angle in angle_names(sides))
+    distances = Jet(np.repeat(_strength(surface, point).columns, len(names), axis=0))
+    return Facets(names, Jet(np.concatenate([n.columns for n in normals])), distances)
 
 
-def _section_tension(surface: MohrCoulomb, limit: Jet, point: Point) -> Facets:
-    circle = _circle(_sides(surface), surface.fit)
-    normals = np.concatenate([_MEAN + circle, _AXIAL[None]])
-    names = (*(f"tension {angle}" for angle in _angles(len(circle))), "axial tension")
-    distances = Jet(np.repeat(limit.columns[None], len(names), axis=0))
-    return Facets(names, point.given(normals), distances)
+def _solid(surface: MohrCoulomb, point: Point, count: int) -> Facets:
+    """2 S p + D^T sigma / kappa <= 2 c cos phi, with p the mean stress and D the pairs' deviator.
 
-
-def _sides(surface: MohrCoulomb) -> int:
-    if surface.planes is None:
-        raise ValueError("the smooth surface has no polyhedron")
-    return surface.planes
-
-
-def _circle(sides: int, fit: Fit) -> Floats:
-    """Directions (sides, 4) whose largest product with a stress stands for r.
-
-    The first takes (xx - yy) / 2; equally spaced, so that the mirror images of x and y are there.
+    D = (1 + S) a a^T - (1 - S) b b^T - 2 S / 3 I, linear in S.
     """
-    angle = 2 * np.pi * np.arange(sides) / sides
-    zero = np.zeros(sides)
-    unit = np.stack([np.cos(angle) / 2, -np.cos(angle) / 2, zero, np.sin(angle)], axis=1)
-    return np.asarray(unit / polygon_shrinkage(sides, fit))
+    S = sine(point.jet(surface.friction))
+    difference, total = _pair_deviators(count)
+    kappa = _solid_shrinkage(count, surface.fit)
+    normals = S * (2 * PRESSURE) + (S * total + point.given(difference)) / kappa
+    names = tuple(f"shear {n}" for n in range(1, 1 + len(difference)))
+    distances = Jet(np.repeat(_strength(surface, point).columns, len(names), axis=0))
+    return Facets(names, normals, distances)
 
 
-def _angles(sides: int) -> list[str]:
-    """Directions of the larger stress of the pairs, from x towards y."""
-    return [f"{180 * n / sides:g} deg" for n in range(sides)]
+def _pair_deviators(count: int) -> tuple[Floats, Floats]:
+    """Deviators of a a^T - b b^T and of a a^T + b b^T, (y, 6) each."""
+    axes = spread_frames(count).transpose(0, 2, 1)
+    first = products(axes, axes)[:, [a for a, _ in _PAIRS]].reshape(-1, 6)
+    second = products(axes, axes)[:, [b for _, b in _PAIRS]].reshape(-1, 6)
+    return first - second, first + second - 2 * PRESSURE
+
+
+@lru_cache(maxsize=32)
+def _solid_shrinkage(count: int, fit: Fit) -> float:
+    """The factor kappa for all angles of friction: it hardly changes with them (1 or 2 %)."""
+    difference, total = _pair_deviators(count)
+
+    def kappa(S: float) -> float:
+        return shrinkage(fit, difference + S * total, lambda x: _bears(principal_values(x), S))
+
+    if fit == "inscribed":
+        return _BETWEEN_SINES * min(kappa(S) for S in _SINES)
+    return kappa(0.5)
+
+
+def _bears(principal: Floats, S: float) -> Floats:
+    """(1 + S) of the largest less (1 - S) of the smallest, of principal stresses (m, 3)."""
+    return np.asarray((1 + S) * principal[:, 2] - (1 - S) * principal[:, 0])
 
 
 def _strength(surface: MohrCoulomb, point: Point) -> Jet:

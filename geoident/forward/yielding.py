@@ -12,7 +12,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from geoident.fem.plastic.law import LawSlopes, Planes, YieldLaw
+from geoident.fem.plastic.hardening import harden, harden_slopes
+from geoident.fem.plastic.law import LawSlopes, YieldLaw
+from geoident.fem.plastic.polyhedral import PolyhedralLaw
+from geoident.fem.plastic.principal import PrincipalLaw
+from geoident.forward.cones import drucker_prager, weak_plane
 from geoident.forward.facets import Facets, joined
 from geoident.forward.jets import Point
 from geoident.forward.materials import elasticity as elasticity_of
@@ -20,10 +24,17 @@ from geoident.forward.materials import elasticity_slopes
 from geoident.forward.polyhedra import given_planes, mohr_coulomb, smooth_mohr_coulomb
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
-from geoident.model.yields import GivenPlanes, MohrCoulomb, YieldSurface
+from geoident.model.yields import DruckerPrager, GivenPlanes, MohrCoulomb, WeakPlane, YieldSurface
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
+
+_KINDS: Mapping[type, str] = {
+    GivenPlanes: "planes",
+    MohrCoulomb: "mohr-coulomb",
+    DruckerPrager: "drucker-prager",
+    WeakPlane: "weak-plane",
+}
 
 _ANYWHERE: Values = defaultdict(lambda: 0.5)  # the names of planes depend on no value
 
@@ -48,15 +59,9 @@ def yield_law(
         return None
     planes = facets_of(material, Point(values, ()), len(elasticity)).planes()
     if ratio > 0.0:
-        planes = replace(
-            planes, hardening=_own(planes) + ratio * np.diag(_drop(planes, elasticity))
-        )
+        planes = harden(planes, elasticity, ratio)
     if is_smooth(material):
-        from geoident.fem.plastic.principal import PrincipalLaw  # noqa: PLC0415
-
         return PrincipalLaw(elasticity, planes)
-    from geoident.fem.plastic.polyhedral import PolyhedralLaw  # noqa: PLC0415
-
     return PolyhedralLaw(elasticity, planes)
 
 
@@ -86,7 +91,7 @@ def law_slopes(
         if all(getattr(found, field.name) is None for field in fields(found)):
             continue
         if ratio > 0.0:
-            found = _with_hardening(found, facets.planes(), E, ratio)
+            found = harden_slopes(found, facets.planes(), E, ratio)
         slopes[name] = found
     return slopes
 
@@ -114,48 +119,28 @@ def facets_of(material: Material, point: Point, n_strain: int) -> Facets:
         (surface,) = material.yields
         assert isinstance(surface, MohrCoulomb)
         return smooth_mohr_coulomb(surface, point)
-    return joined([_facets(surface, point, n_strain) for surface in material.yields])
+    parts = [_facets(surface, point, n_strain) for surface in material.yields]
+    return parts[0] if len(parts) == 1 else joined(_labelled(material.yields, parts))
 
 
 def _facets(surface: YieldSurface, point: Point, n_strain: int) -> Facets:
     if isinstance(surface, GivenPlanes):
         return given_planes(surface, point, n_strain)
-    assert isinstance(surface, MohrCoulomb)
-    return mohr_coulomb(surface, point, n_strain)
+    if isinstance(surface, MohrCoulomb):
+        return mohr_coulomb(surface, point, n_strain)
+    if isinstance(surface, DruckerPrager):
+        return drucker_prager(surface, point, n_strain)
+    return weak_plane(surface, point, n_strain)
 
 
-def _own(planes: Planes) -> Floats:
-    """H of the planes themselves, (y, y)."""
-    y = len(planes.normals)
-    return np.zeros((y, y)) if planes.hardening is None else planes.hardening
-
-
-def _drop(planes: Planes, elasticity: Floats) -> Floats:
-    """n^T E m, (y,): how far a plane's yield function falls by its own multiplier, Pa.
-
-    Normals of principal stresses take the block of normal stresses; E is isotropic there.
-    """
-    flow = planes.normals if planes.flow is None else planes.flow
-    s = planes.normals.shape[1]
-    return np.asarray(np.einsum("ys,st,yt->y", planes.normals, elasticity[:s, :s], flow))
-
-
-def _with_hardening(
-    slopes: LawSlopes, planes: Planes, elasticity: Floats, ratio: float
-) -> LawSlopes:
-    """Slopes that also have those of the hardening added by `ratio`."""
-    s = planes.normals.shape[1]
-    E = elasticity[:s, :s]
-    flow = planes.normals if planes.flow is None else planes.flow
-    change = np.zeros(len(flow))
-    if slopes.elasticity is not None:
-        change += _drop(planes, slopes.elasticity)
-    if slopes.normals is not None:
-        change += np.einsum("ys,st,yt->y", slopes.normals, E, flow)
-    by_flow = slopes.normals if planes.flow is None else slopes.flow
-    if by_flow is not None:
-        change += np.einsum("ys,st,yt->y", planes.normals, E, by_flow)
-    added = ratio * np.diag(change)
-    return replace(
-        slopes, hardening=added if slopes.hardening is None else slopes.hardening + added
-    )
+def _labelled(surfaces: Sequence[YieldSurface], parts: Sequence[Facets]) -> list[Facets]:
+    """Facets with names that also say which surface they are of."""
+    kinds = [_KINDS[type(surface)] for surface in surfaces]
+    labels = [
+        f"{kind} {kinds[: n + 1].count(kind)}" if kinds.count(kind) > 1 else kind
+        for n, kind in enumerate(kinds)
+    ]
+    return [
+        replace(part, names=tuple(f"{label}: {name}" for name in part.names))
+        for label, part in zip(labels, parts, strict=True)
+    ]

@@ -1,0 +1,139 @@
+"""Directions, and frames of directions, spread evenly over all there are.
+
+On the sphere of any dimension the widest hole between some points is the lowest facet of their
+convex hull: its normal points to the middle of the hole, its distance from the centre is the cosine
+of the hole's radius. Putting a point there, with its mirror images, again and again gives an even
+spread.
+
+A frame of three orthogonal directions is a point on the sphere of unit quaternions; to turn its
+axes into each other changes nothing, so 48 points stand for one frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from itertools import combinations, product
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from geoident.model.arrays import Floats
+
+_SAME = 1e-9
+
+
+@lru_cache(maxsize=32)
+def spread_directions(count: int) -> Floats:
+    """At least `count` directions (n, 3) in space, with their mirror images in x, y and z."""
+    return _directions(count, _signs(3))
+
+
+@lru_cache(maxsize=32)
+def spread_deviators(count: int, n_strain: int) -> Floats:
+    """At least `count` directions (n, d) of deviators, by the coordinates of `roundness`.
+
+    They keep their mirror images in the axes of the model: in a section (3 coordinates) all signs
+    may change; in a solid (5) shear stresses change theirs in pairs.
+    """
+    if n_strain < 6:
+        return _directions(count, _signs(3))
+    x, y, z, both = _signs(4).T
+    return _directions(count, np.stack([both, both, x * y * both, y * z * both, x * z * both], 1))
+
+
+@lru_cache(maxsize=32)
+def spread_frames(count: int) -> Floats:
+    """At least `count` frames, with their mirror images; their axes are columns, (n, 3, 3).
+
+    The model's own axes are among them.
+    """
+    octahedral = _octahedral()
+    halves = np.eye(4)  # half turns about the axes of the model
+
+    def images(middle: Floats) -> Floats:
+        turned = _distinct(_times(halves, middle[None]))
+        return _distinct(_times(turned[:, None], octahedral[None]).reshape(-1, 4))
+
+    points = _fill(octahedral, images, count * len(octahedral))
+    return _one_of_each(np.stack([_rotation(q) for q in points]))
+
+
+def _directions(count: int, signs: Floats) -> Floats:
+    d = signs.shape[1]
+    seeds = np.concatenate([np.eye(d), -np.eye(d)])
+    return _fill(seeds, lambda middle: _distinct(signs * middle), count)
+
+
+def _fill(seeds: Floats, images: Callable[[Floats], Floats], count: int) -> Floats:
+    """Points (n, d), at least `count`."""
+    from scipy.spatial import ConvexHull  # noqa: PLC0415
+
+    points = seeds
+    hull = ConvexHull(points, incremental=True)
+    while len(points) < count:
+        new = images(_middle_of_widest_hole(hull))
+        points = np.concatenate([points, new])
+        hull.add_points(new)
+    return points
+
+
+def _middle_of_widest_hole(hull: Any) -> Floats:
+    """A direction (d,); of several, always the same one."""
+    distances = -hull.equations[:, -1]
+    widest = hull.equations[distances < distances.min() + _SAME, :-1]
+    first = np.lexsort(np.round(widest, 6).T)[-1]
+    return np.array(widest[first])
+
+
+def _distinct(points: Floats) -> Floats:
+    """Each point once, in the order given."""
+    near = points @ points.T > 1.0 - _SAME
+    return points[~np.tril(near, -1).any(axis=1)]
+
+
+def _one_of_each(axes: Floats) -> Floats:
+    """One frame (n, 3, 3) of all that share their axes, in the order given.
+
+    The sum of a a a a over the axes a does not change with their order and signs.
+    """
+    alike = np.einsum("nia,nja,nka,nla->nijkl", axes, axes, axes, axes).reshape(len(axes), -1)
+    _, first = np.unique(np.round(alike, 6) + 0.0, axis=0, return_index=True)
+    return axes[np.sort(first)]
+
+
+def _signs(d: int) -> Floats:
+    return np.array(list(product((1.0, -1.0), repeat=d)))
+
+
+def _octahedral() -> Floats:
+    """The 48 unit quaternions of the 24 rotations that turn the axes into each other."""
+    half = sqrt(0.5)
+    found: list[Sequence[float]] = [*np.eye(4), *-np.eye(4)]
+    for i, j in combinations(range(4), 2):
+        for one, other in product((half, -half), repeat=2):
+            found.append([one if k == i else other if k == j else 0.0 for k in range(4)])
+    found += [[x / 2 for x in signs] for signs in product((1.0, -1.0), repeat=4)]
+    return np.array(found)
+
+
+def _times(p: Floats, q: Floats) -> Floats:
+    """Products of quaternions (..., 4): first the rotation q, then p."""
+    a, b, c, d = np.moveaxis(p, -1, 0)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    parts = [
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    ]
+    return np.stack(parts, axis=-1)
+
+
+def _rotation(q: Floats) -> Floats:
+    """Rotation matrix (3, 3) of a unit quaternion."""
+    w, *v = q
+    x, y, z = v
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
