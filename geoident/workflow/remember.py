@@ -12,13 +12,14 @@ largest count that any process saw is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
-from geoident.identify.protocols import AffineElastic, Condensed
-from geoident.model.arrays import Floats
+from geoident.identify.protocols import AffineElastic, Condensed, YieldSystem
+from geoident.model.arrays import Floats, Ints
+from geoident.model.certificate import Activity
 from geoident.model.result import Counts
 
 Arrays = Mapping[str, Floats]
@@ -34,6 +35,38 @@ class Log(Protocol):
         """Keep an evaluation."""
 
 
+class Staged(AffineElastic, YieldSystem, Protocol):
+    """All that the identifiers may ask of the staged model."""
+
+
+@dataclass
+class _Ledger:
+    """The log of a run and what the run spent: one for a model and all that derives from it.
+
+    Args:
+        log: of evaluations of the same problem.
+        before: called before every evaluation that must be computed; raises to stop the run.
+        counts: costs so far.
+        seen: evaluations that this run has asked for.
+    """
+
+    log: Log
+    before: Callable[[], None]
+    counts: Counts
+    seen: set[tuple[str, bytes]] = field(default_factory=set)
+
+    def spend(self, cost: Floats) -> None:
+        """Add what an evaluation cost."""
+        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
+        self.counts = replace(
+            self.counts,
+            evaluations=self.counts.evaluations + evaluations,
+            factorizations=self.counts.factorizations + factorizations,
+            solves=self.counts.solves + solves,
+            analyses=max(self.counts.analyses, analyses),
+        )
+
+
 class Remembered:
     """A response whose evaluations are logged, and answered from the log when they come again.
 
@@ -43,12 +76,16 @@ class Remembered:
         before: called before every evaluation that must be computed; raises to stop the run.
     """
 
-    def __init__(self, inner: AffineElastic, log: Log, *, before: Callable[[], None]) -> None:
+    def __init__(self, inner: Staged, log: Log, *, before: Callable[[], None]) -> None:
         self._inner = inner
-        self._log = log
-        self._before = before
-        self._counts = inner.counts
-        self._seen: set[tuple[str, bytes]] = set()
+        self._ledger = _Ledger(log, before, inner.counts)
+        self._prefix = ""
+
+    def _derived(self, inner: Staged, prefix: str) -> Remembered:
+        """Another response of the same model; its evaluations are kept apart by a prefix."""
+        other = Remembered(inner, self._ledger.log, before=self._ledger.before)
+        other._ledger, other._prefix = self._ledger, self._prefix + prefix
+        return other
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,7 +95,7 @@ class Remembered:
     @property
     def counts(self) -> Counts:
         """Costs so far, those of remembered evaluations among them."""
-        return self._counts
+        return self._ledger.counts
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain of the model, or None."""
@@ -94,6 +131,26 @@ class Remembered:
             vector=np.array(known["vector"]),
         )
 
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+        return self._inner.yields()
+
+    def levels(self) -> Ints:
+        """(g,) number of the last stage on which each reading depends."""
+        return self._inner.levels()
+
+    def until(self, level: int) -> Remembered:
+        """The same for the readings whose level is at most this."""
+        return self._derived(self._inner.until(level), f"until {level}: ")
+
+    def hardened(self, ratio: float) -> Remembered:
+        """The same with hardening added to every yield plane."""
+        return self._derived(self._inner.hardened(ratio), f"hardened {ratio!r}: ")
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,); never logged: it tells of what was logged."""
+        return self._inner.activity(p)
+
     def _evaluate(self, p: Floats) -> Arrays:
         v, dv_dp = self._inner.evaluate(p)
         return {"v": v, "dv_dp": dv_dp}
@@ -108,35 +165,27 @@ class Remembered:
         }
 
     def _recall(self, kind: str, p: Floats) -> Arrays | None:
-        known = self._log.find(kind, p)
-        if known is not None and (kind, p.tobytes()) not in self._seen:
-            self._seen.add((kind, p.tobytes()))
-            self._spend(known["cost"])
+        ledger, kind = self._ledger, self._prefix + kind
+        known = ledger.log.find(kind, p)
+        if known is not None and (kind, p.tobytes()) not in ledger.seen:
+            ledger.seen.add((kind, p.tobytes()))
+            ledger.spend(known["cost"])
         return known
 
     def _compute(self, kind: str, p: Floats, work: Callable[[], Arrays]) -> Arrays:
-        self._before()
+        ledger, kind = self._ledger, self._prefix + kind
+        ledger.before()
         before = self._inner.counts
         try:
             arrays = work()
         except Exception:
-            self._spend(_cost(before, self._inner.counts))
+            ledger.spend(_cost(before, self._inner.counts))
             raise
         cost = _cost(before, self._inner.counts)
-        self._log.add(kind, p, {**arrays, "cost": cost})
-        self._seen.add((kind, p.tobytes()))
-        self._spend(cost)
+        ledger.log.add(kind, p, {**arrays, "cost": cost})
+        ledger.seen.add((kind, p.tobytes()))
+        ledger.spend(cost)
         return arrays
-
-    def _spend(self, cost: Floats) -> None:
-        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
-        self._counts = replace(
-            self._counts,
-            evaluations=self._counts.evaluations + evaluations,
-            factorizations=self._counts.factorizations + factorizations,
-            solves=self._counts.solves + solves,
-            analyses=max(self._counts.analyses, analyses),
-        )
 
 
 def _cost(before: Counts, after: Counts) -> Floats:
