@@ -155,3 +155,42 @@ def test_the_time_given_ends_a_search_at_the_next_iteration():
     assert control.observe(None)
     assert control.out_of_time
     assert Control().observe(None) is None
+
+
+@dataclass
+class Yielding(Spring):
+    """The same with readings that depend on hardening and on the last stage."""
+
+    ratio: float = 0.0
+    level: int = 2
+
+    def readings(self, p):
+        self._work("readings", solves=1)
+        return (2.0 * p + self.ratio) * np.ones(self.level)
+
+    def yields(self):
+        return True
+
+    def levels(self):
+        return np.arange(1, self.level + 1)
+
+    def until(self, level):
+        return replace(self, level=level, asked=self.asked)
+
+    def hardened(self, ratio):
+        return replace(self, ratio=ratio, asked=self.asked)
+
+
+def test_what_derives_from_a_model_is_kept_apart_in_one_log_with_one_count():
+    log, p = Notebook(), np.array([1.0])
+    model = remembered(log, Yielding())
+    answers = [m.readings(p) for m in (model, model.hardened(0.5), model.until(1))]
+    assert [a.tolist() for a in answers] == [[2.0, 2.0], [2.5, 2.5], [2.0]]
+    assert model.until(1).hardened(0.5).readings(p).tolist() == [2.5]
+    assert model.counts.evaluations == 4
+    rest = Yielding()
+    again = remembered(log, rest)
+    for expected, m in zip(answers, (again, again.hardened(0.5), again.until(1)), strict=True):
+        assert m.readings(p).tolist() == expected.tolist()
+    assert rest.asked == []
+    assert again.counts.evaluations == 3
