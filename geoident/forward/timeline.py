@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -102,10 +102,15 @@ def used_groups(case: Case) -> dict[str, KeyPath]:
 def build_timeline(case: Case, mesh: Mesh) -> Timeline:
     """The timeline of a case whose groups are all in the mesh (see `group_faults`)."""
     groups = tuple(used_groups(case))
-    index = {name: n for n, name in enumerate(groups)}
     group_of = np.full(mesh.n_elements, -1, dtype=np.int64)
-    for name in groups:
-        group_of[mesh.groups[name]] = index[name]
+    for n, name in enumerate(groups):
+        group_of[mesh.groups[name]] = n
+    return Timeline(groups, group_of, states_of(case, groups))
+
+
+def states_of(case: Case, groups: Sequence[str]) -> tuple[State, ...]:
+    """The states of a case, the virgin state first; groups are counted as they are given."""
+    index = {name: n for n, name in enumerate(groups)}
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
     states = [State(VIRGIN, materials, frozenset(), dict(case.loads), water=case.water)]
     trunk = 0
@@ -113,7 +118,7 @@ def build_timeline(case: Case, mesh: Mesh) -> Timeline:
         base = trunk if stage.base is None else case.stage_names.index(stage.base)
         states.append(_state_after(states[base], base, stage, index))
         trunk = trunk if stage.independent else n
-    return Timeline(groups, group_of, tuple(states))
+    return tuple(states)
 
 
 def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int]) -> State:

@@ -10,10 +10,19 @@ from typing import Protocol, runtime_checkable
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
+from geoident.model.complementarity import StagedSystem
 from geoident.model.condensed import Condensed
 from geoident.model.result import Counts
 
-__all__ = ["Activity", "AffineElastic", "Condensed", "Response", "YieldSystem"]
+__all__ = [
+    "Activity",
+    "AffineElastic",
+    "ComplementaritySystem",
+    "Condensed",
+    "Response",
+    "StagedSystem",
+    "YieldSystem",
+]
 
 
 @runtime_checkable
@@ -79,3 +88,14 @@ class YieldSystem(Response, Protocol):
 
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""
+
+
+@runtime_checkable
+class ComplementaritySystem(YieldSystem, Protocol):
+    """A yield system that shows its equations: full-space and global need this (theory 5)."""
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are not those of a `StagedSystem`, a clause, or None if they are."""
+
+    def system(self) -> StagedSystem:
+        """The equations, with readings in the order of the response."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, pi
 
+from geoident.io.case_frames import FrameBuilder
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_values import Given
 from geoident.io.faults import Faults
@@ -20,20 +20,15 @@ from geoident.model.case import Analysis, KeyPath, Material
 from geoident.model.elastic import (
     ENTRIES,
     Anisotropic,
-    Attitude,
-    Axes,
     Elastic,
     Frame,
     Isotropic,
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
-    Vector3,
 )
 from geoident.model.parameter import Scalar
 
-_MOST_SLANT = 0.02  # cosine between axes that still pass for perpendicular, about one degree
-_TOWARDS_X = Scalar(pi / 2)
 _ENGINEERING = ("E_p", "nu_p", "E_n", "nu_np", "G_np")
 _LOVE = ("A", "C", "F", "L", "N")
 _THREE_AXES = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "G_23")
@@ -99,6 +94,7 @@ class _Builder:
         self.path = path
         self.dim = dim
         self.faults = faults
+        self.frames = FrameBuilder(path, dim, faults)
 
     def build(self, section: MaterialSection) -> Elastic:
         if isinstance(section, IsotropicSection):
@@ -112,9 +108,9 @@ class _Builder:
     def _strata(self, section: TransverselyIsotropicSection) -> Elastic:
         frame: Frame
         if section.normal is not None:
-            frame = _axes_about(self._vector("normal", section.normal))
+            frame = self.frames.about(section.normal)
         else:
-            frame = self._attitude(section.dip, section.dip_direction)
+            frame = self.frames.attitude(section.dip, section.dip_direction)
         if section.E_p is not None:
             return TransverselyIsotropic(**_named(section, _ENGINEERING), frame=frame)
         return LoveModuli(**_named(section, _LOVE), frame=frame)
@@ -122,9 +118,9 @@ class _Builder:
     def _orthotropic(self, section: OrthotropicSection) -> Elastic:
         frame: Frame
         if section.axis_1 is not None and section.axis_2 is not None:
-            frame = self._axes(section.axis_1, section.axis_2)
+            frame = self.frames.axes(section.axis_1, section.axis_2)
         else:
-            frame = self._attitude(section.dip, section.dip_direction, section.rotation)
+            frame = self.frames.attitude(section.dip, section.dip_direction, section.rotation)
         return Orthotropic(**_named(section, _THREE_AXES), frame=frame)
 
     def _anisotropic(self, section: AnisotropicSection) -> Elastic:
@@ -135,63 +131,7 @@ class _Builder:
                 self.faults.add(self.path, "missing-key", message, f"Add '{name}: ...'.", key=True)
         return Anisotropic({name: scalar for name, scalar in entries.items() if scalar})
 
-    def _attitude(
-        self, dip: Given | None, direction: Given | None, rotation: Given | None = None
-    ) -> Attitude:
-        flat = dip is None or (dip.parameter is None and dip.factor == 0)
-        if self.dim == 3 and direction is None and not flat:
-            message = "the direction of the dip is missing; a solid needs it"
-            hint = "Add 'dip_direction: ...', the azimuth of the line of dip."
-            self.faults.add(self.path, "missing-key", message, hint, key=True)
-        default = _TOWARDS_X if self.dim == 2 else Scalar(0.0)
-        return Attitude(
-            _scalar(dip) or Scalar(0.0),
-            _scalar(direction) or default,
-            _scalar(rotation) or Scalar(0.0),
-        )
-
-    def _axes(self, first: Sequence[Given], second: Sequence[Given]) -> Axes:
-        one, two = self._vector("axis_1", first), self._vector("axis_2", second)
-        slant = sum(a * b for a, b in zip(one, two, strict=True))
-        if abs(slant) > _MOST_SLANT:
-            message = "axis_1 and axis_2 are not at a right angle to each other"
-            hint = f"Their cosine is {slant:.3g}; a right angle has 0."
-            self.faults.add((*self.path, "axis_2"), "not-perpendicular", message, hint)
-            return _axes_about(one)
-        upright = _unit(tuple(b - slant * a for a, b in zip(one, two, strict=True)))
-        return Axes(one, upright)
-
-    def _vector(self, key: str, given: Sequence[Given]) -> Vector3:
-        """A vector of length one; (0, 0, 1) with a fault where there is none."""
-        numbers = [number.factor for number in given]
-        path = (*self.path, key)
-        if len(numbers) not in {self.dim, 3}:
-            expected = "2 or 3" if self.dim == 2 else "3"
-            message = f"found {len(numbers)} components; {expected} expected"
-            self.faults.add(path, "wrong-dimension", message)
-        elif not any(numbers):
-            self.faults.add(path, "zero-direction", "the direction has length zero")
-        else:
-            return _unit((*numbers, 0.0)[:3])
-        return (0.0, 0.0, 1.0)
-
 
 def _named(section: MaterialSection, names: Sequence[str]) -> dict[str, Scalar]:
     """Numbers of a section, which has made sure of them, by name."""
     return {name: getattr(section, name).scalar for name in names}
-
-
-def _unit(vector: Sequence[float]) -> Vector3:
-    length = hypot(*vector)
-    x, y, z = (component / length for component in vector)
-    return x, y, z
-
-
-def _axes_about(normal: Vector3) -> Axes:
-    """Axes 1, 2 and the given axis 3: 1 and 2 are any two in the plane of the strata."""
-    x, y, z = normal
-    smallest = min(range(3), key=lambda k: abs(normal[k]))
-    cross = [(0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)][smallest]
-    first = _unit(cross)
-    a, b, c = first
-    return Axes(first, (y * c - z * b, z * a - x * c, x * b - y * a))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -17,7 +16,8 @@ from geoident.io.case_values import (
     Pressure,
     Ratio,
 )
-from geoident.io.section import Section, Wrongs
+from geoident.io.section import Section, Wrongs, require_one_of
+from geoident.io.yield_schema import YieldSections
 
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
 
@@ -29,6 +29,12 @@ class _Material(Section):
     expansion: Expansion | None = Field(
         None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
     )
+    yields: YieldSections | None = Field(
+        None,
+        alias="yield",
+        description="How it yields: one yield surface, or a list of surfaces that all hold; it "
+        "stays elastic if missing.",
+    )
 
     @model_validator(mode="after")
     def _density_not_negative(self) -> _Material:
@@ -37,16 +43,6 @@ class _Material(Section):
             wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
             wrongs.raise_any()
         return self
-
-    def _require_one_of(self, ways: Sequence[Sequence[str]], expected: str, hint: str) -> None:
-        """Note that the keys given are none of the ways in which something can be said."""
-        known = dict.fromkeys(name for way in ways for name in way)
-        given = [name for name in known if getattr(self, name) is not None]
-        if given not in [list(way) for way in ways]:
-            wrongs = Wrongs()
-            message = f"found {' and '.join(given) or 'no constants'}; {expected} expected"
-            wrongs.add((), "wrong-pair", message, hint)
-            wrongs.raise_any()
 
 
 class IsotropicSection(_Material):
@@ -61,7 +57,7 @@ class IsotropicSection(_Material):
     @model_validator(mode="after")
     def _one_pair(self) -> IsotropicSection:
         expected = "E with nu, or K with G, is"
-        self._require_one_of([("E", "nu"), ("K", "G")], expected, "Give exactly one of the pairs.")
+        require_one_of(self, [("E", "nu"), ("K", "G")], expected, "Give exactly one of the pairs.")
         return self
 
 
@@ -116,10 +112,10 @@ class TransverselyIsotropicSection(_Inclined):
     def _one_set(self) -> TransverselyIsotropicSection:
         sets = [("E_p", "nu_p", "E_n", "nu_np", "G_np"), ("A", "C", "F", "L", "N")]
         expected = "E_p, nu_p, E_n, nu_np and G_np (or Love's A, C, F, L and N) are"
-        self._require_one_of(sets, expected, "Give all five of one set.")
+        require_one_of(self, sets, expected, "Give all five of one set.")
         ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
         hint = "Strata that lie flat: 'dip: 0 deg'."
-        self._require_one_of(ways, "dip (with dip_direction), or normal, is", hint)
+        require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
         return self
 
 
@@ -152,7 +148,7 @@ class OrthotropicSection(_Inclined):
         ways = [("dip",), ("dip", "rotation"), ("dip", "dip_direction"), ("axis_1", "axis_2")]
         ways += [("dip", "dip_direction", "rotation")]
         expected = "dip (with dip_direction and rotation), or axis_1 with axis_2, is"
-        self._require_one_of(ways, expected, "Axes along the model's: 'dip: 0 deg'.")
+        require_one_of(self, ways, expected, "Axes along the model's: 'dip: 0 deg'.")
         return self
 
 

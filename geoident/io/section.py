@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -57,3 +58,26 @@ class Wrongs:
         """
         if self.found:
             raise PydanticCustomError(WRONGS, "faults in a section", {"found": self.found})
+
+
+def require_one_of(
+    section: Section, ways: Sequence[Sequence[str]], expected: str, hint: str
+) -> None:
+    """Refuse a section whose keys are none of the ways in which something can be said.
+
+    Args:
+        section: the section.
+        ways: sets of keys, in the order of the section.
+        expected: what is expected, ending with its verb.
+        hint: the remedy.
+
+    Raises:
+        PydanticCustomError: the keys given are another set.
+    """
+    known = dict.fromkeys(name for way in ways for name in way)
+    given = [name for name in known if getattr(section, name) is not None]
+    if given not in [list(way) for way in ways]:
+        wrongs = Wrongs()
+        message = f"found {' and '.join(given) or 'no constants'}; {expected} expected"
+        wrongs.add((), "wrong-pair", message, hint)
+        wrongs.raise_any()

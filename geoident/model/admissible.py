@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import degrees, sqrt
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from geoident.model.elastic import (
 )
 
 Numbers = Mapping[str, float]
+
+_ANGLES = ("friction", "dilation")
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class Breach:
     @property
     def shown(self) -> str:
         """The value with its unit."""
+        if self.constant in _ANGLES:
+            return f"{degrees(self.value):.6g} deg"
         return f"{self.value:.6g}" + ("" if self.constant.startswith("nu") else " Pa")
 
 
