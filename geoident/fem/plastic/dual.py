@@ -4,7 +4,9 @@ Goldfarb & Idnani (1983), Mathematical Programming 27, 1-33. Each point starts a
 with no plane active and takes in the plane it violates most: along the ray on which the multiplier
 of that plane grows and the active planes stay active. Where an active multiplier would turn
 negative first, its plane is dropped on the way. The dual objective grows with every plane taken in,
-so no set of active planes comes twice, also where normals depend linearly on each other.
+so no set of active planes comes twice, also where normals depend linearly on each other. Only where
+planes miss each other by little more than rounding may it grow by too little to be told from it;
+points that take long are therefore asked for less and less accuracy.
 
 The ray depends on the active planes and the new one alone, so each is computed once (`Rays`) and a
 step of all points is a few operations on arrays (w, y).
@@ -112,13 +114,15 @@ def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
     work = _Work(
         point=np.arange(count),
         excess=excess.copy(),
-        tolerance=tolerance,
+        tolerance=tolerance.copy(),
         multipliers=np.zeros((count, planes)),
         face=found.copy(),
         plane=np.full(count, -1),
     )
-    for _ in range(step_limit(planes)):
+    for step in range(step_limit(planes)):
         _choose(work)
+        if step and step % (20 + planes) == 0:
+            work.tolerance *= 10.0
         if (done := work.plane < 0).any():
             found[work.point[done]] = work.face[done]
             work.keep(~done)
@@ -136,7 +140,10 @@ def step_limit(planes: int) -> int:
 def _choose(work: _Work) -> None:
     """Give points without a plane in hand the one they violate most, if there is one."""
     free = np.flatnonzero(work.plane < 0)
-    outside = work.excess[free] - work.tolerance[free]
+    if free.size == work.point.size:
+        outside = work.excess - work.tolerance
+    else:
+        outside = work.excess[free] - work.tolerance[free]
     worst = outside.argmax(axis=1)
     violated = outside[np.arange(free.size), worst] > 0.0
     work.plane[free[violated]] = worst[violated]
@@ -146,20 +153,33 @@ def _advance(work: _Work, rays: Rays) -> None:
     """Take one step along the rays: to the new plane, or until a multiplier vanishes."""
     rows = np.arange(work.point.size)
     loss, drop, curvature = rays.find(work.face, work.plane)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        bounds = np.where(loss > _DEPENDENT, work.multipliers / loss, np.inf)
-        to_plane = np.where(curvature > 0.0, work.excess[rows, work.plane] / curvature, np.inf)
-    first = bounds.argmin(axis=1)
-    length = np.minimum(bounds[rows, first], to_plane)
-    full = to_plane <= bounds[rows, first]
+    first, bound = _first_to_vanish(work, loss)
+    to_plane = np.full(rows.size, np.inf)
+    np.divide(work.excess[rows, work.plane], curvature, out=to_plane, where=curvature > 0.0)
+    full = (to_plane <= bound) & np.isfinite(to_plane)
+    length = np.minimum(bound, to_plane)
     if (stuck := np.isinf(length)).any():
         _leave_or_refuse(work, loss, stuck)
-        length = np.where(stuck, 0.0, length)
-        full = full & ~stuck
-    work.multipliers -= length[:, None] * loss
-    work.excess -= length[:, None] * drop
+        length[stuck] = 0.0
+    loss *= length[:, None]
+    drop *= length[:, None]
+    work.multipliers -= loss
+    work.excess -= drop
     _arrive(work, rays, full)
     _drop(work, rays, ~full & ~stuck, first)
+
+
+def _first_to_vanish(work: _Work, loss: Floats) -> tuple[Ints, Floats]:
+    """The active plane (w,) whose multiplier vanishes first on the way, and the step (w,) to it."""
+    first, bound = np.zeros(work.point.size, dtype=np.int64), np.full(work.point.size, np.inf)
+    some = np.flatnonzero(work.face)
+    losing = loss[some]
+    steps = np.full(losing.shape, np.inf)
+    with np.errstate(over="ignore"):
+        np.divide(work.multipliers[some], losing, out=steps, where=losing > _DEPENDENT)
+    first[some] = steps.argmin(axis=1)
+    bound[some] = steps[np.arange(some.size), first[some]]
+    return first, bound
 
 
 def _arrive(work: _Work, rays: Rays, rows: Bools) -> None:

@@ -75,7 +75,6 @@ class PolyhedralLaw:
         outside = np.flatnonzero((excess > 0.0).any(axis=0))
         some = None if hardened is None else hardened[:, outside]
         tolerance = self._system.tolerance(trial[:, outside], some)
-        tolerance = np.broadcast_to(tolerance, (len(excess), outside.size))
         face = active_faces(
             np.ascontiguousarray(excess[:, outside].T),
             np.ascontiguousarray(tolerance.T),

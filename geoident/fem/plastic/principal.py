@@ -114,7 +114,7 @@ class PrincipalLaw:
         shape = (len(system.scale), values.shape[1])
         rows = (
             system.excess(values, hardened),
-            np.broadcast_to(system.tolerance(values, hardened), shape),
+            system.tolerance(values, hardened),
             np.broadcast_to(system.limits(hardened), shape),
         )
         try:

@@ -74,10 +74,14 @@ class System:
         return np.asarray(self.normals @ stress - self.limits(hardened))
 
     def tolerance(self, stress: Floats, hardened: Floats | None = None) -> Floats:
-        """What rounding leaves of the scaled yield functions, (y, m)."""
+        """What rounding leaves of the scaled yield functions on the way from stresses, (y, m).
+
+        Their terms are distances, the stress, and how far the way goes: couplings are at most 1.
+        """
         largest = np.abs(stress).max(axis=0, initial=0.0)
-        terms = np.abs(self.limits(hardened)) + np.abs(self.normals).sum(axis=1)[:, None] * largest
-        return np.asarray(_ROUNDING * terms)
+        way = np.maximum(self.excess(stress, hardened).max(axis=0, initial=0.0), 0.0)
+        lengths = np.abs(self.normals).sum(axis=1)[:, None]
+        return np.asarray(_ROUNDING * (np.abs(self.limits(hardened)) + lengths * largest + way))
 
     def scaled(self, slopes: LawSlopes) -> LawSlopes:
         """Slopes of the planes as scaled here."""

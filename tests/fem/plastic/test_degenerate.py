@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.plastic import coulomb, definite, isotropic, projection_by_piqp, random_planes
+from support.plastic import coulomb, definite, images, isotropic, projection_by_piqp, random_planes
 
 from geoident.fem.plastic import dual
 from geoident.fem.plastic.domain import EmptyDomain, empty_domain, empty_principal_domain
@@ -153,6 +153,20 @@ def test_the_number_of_steps_stays_far_below_its_bound(monkeypatch):
     law = PolyhedralLaw(definite(rng, 6), random_planes(rng, 100, 6))
     law.project(1e6 * rng.normal(size=(6, 2000)))
     assert len(steps) < 0.05 * dual.step_limit(100)
+
+
+@pytest.mark.parametrize("size", [3, 4])
+@pytest.mark.parametrize("miss", [0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-6])
+def test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size, miss):
+    """The images of Mohr-Coulomb and a cut, many of them the same plane but for a little."""
+    plain = images(coulomb(0.6, 0.8, tension=0.3))
+    rng = np.random.default_rng(4)
+    normals = np.pad(plain[0], ((0, 0), (0, size - 3)))
+    planes = Planes(normals, plain[2] * (1.0 + miss * rng.uniform(-1, 1, len(normals))))
+    trial = 3.0 * rng.normal(size=(size, 2000))
+    trial[1, :1000] = trial[0, :1000]
+    trial[2, :500] = trial[0, :500]
+    check(isotropic(1.3, 0.9, 4)[:size, :size], planes, trial)
 
 
 @settings(max_examples=60, deadline=None)

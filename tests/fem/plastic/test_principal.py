@@ -205,6 +205,7 @@ def test_repeated_principal_values_have_the_tangent_of_their_limit(size, dilatio
     law = PrincipalLaw(isotropic(LAME, SHEAR, size), coulomb(FRICTION, COHESION, dilation=dilation))
     shears = [0.0] * (size - 3)
     cases = np.array([[1.0, 1.0, -4.0], [1.0, -4.0, -4.0], [1.0, -4.0, 1.0], [-4.0, -4.0, 1.0]])
+    cases = np.concatenate([cases, cases + 1e-13 * np.arange(3)])
     trial = np.array([[*case, *shears] for case in cases]).T
     rng = np.random.default_rng(0)
     found = law.project(trial).reduction
