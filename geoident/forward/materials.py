@@ -32,6 +32,7 @@ from geoident.model.elastic import (
     constants,
     numbers_of,
 )
+from geoident.model.strengths import yield_breach
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
@@ -64,15 +65,18 @@ def elasticity_slopes(material: Material, values: Values, n_strain: int) -> dict
 
 
 def inadmissible(material: Material, values: Values) -> str | None:
-    """Why the moduli are not positive definite, a sentence, or None if they are."""
-    found = breach(material.elastic, values)
+    """Why moduli or strengths are none, a sentence, or None if they are."""
+    breaches = (yield_breach(surface, values) for surface in material.yields)
+    found = breach(material.elastic, values) or next(filter(None, breaches), None)
     if found is None:
         return None
     return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
 
 
 def affine_obstacle(material: Material, free: frozenset[str]) -> str | None:
-    """Why the moduli are not affine in the free parameters, or None if they are."""
+    """Why the equations are not affine in the free parameters, or None if they are."""
+    if material.yields:
+        return f"{material.name} yields: its stresses are not linear in the displacements"
     elastic = material.elastic
     tied = {name: s.parameter for name, s in numbers_of(elastic).items() if s.parameter in free}
     for name in tied:

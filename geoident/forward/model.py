@@ -37,6 +37,7 @@ from geoident.forward.structures import Structures
 from geoident.forward.structures import inadmissible as impossible_structure
 from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
 from geoident.forward.timeline import Timeline, build_timeline, group_faults
+from geoident.forward.yield_checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh
@@ -163,6 +164,7 @@ class StagedModel:
         if any(state.water is not None for state in self.timeline.states):
             notes.append("there is water in the pores: all stresses are effective stresses")
         notes += self._odd_notes()
+        notes += yield_notes(self.case)
         notes += structure_notes(self.case, self.mesh, self.timeline, self._fixed)
         if self.march.imbalance > 1e-9:
             notes.append(
@@ -177,9 +179,11 @@ class StagedModel:
             return "a parameter is not finite"
         values = self.values(p)
         used = {m for state in self.timeline.states for m in state.materials.values()}
-        reasons = (inadmissible(self.case.materials[m], values) for m in sorted(used))
-        found = next((reason for reason in reasons if reason), None)
-        return found or impossible_structure(self.case, values)
+        for material in (self.case.materials[name] for name in sorted(used)):
+            found = inadmissible(material, values) or no_stress_left(self.case, material, values)
+            if found is not None:
+                return found
+        return impossible_structure(self.case, values)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values by name."""
@@ -264,6 +268,7 @@ def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
     return [
         *revolution_faults(case, mesh),
         *section_faults(case),
+        *yield_faults(case),
         *group_faults(case, mesh),
         *support_faults(case, mesh),
         *load_faults(case, mesh, table),

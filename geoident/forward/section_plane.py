@@ -34,7 +34,7 @@ def section_faults(case: Case) -> list[Fault]:
 def _fault(case: Case, material: Material) -> Fault | None:
     if isinstance(material.elastic, Anisotropic):
         return _entry_fault(case, material.name, material.elastic)
-    for values in _trials(case.parameters):
+    for values in trials(case.parameters):
         E = law_of(material.elastic, values, section=True).matrix
         largest = np.abs(E).max()
         if np.abs(E[np.ix_(_strains(case.analysis), (4, 5))]).max() > _NEGLIGIBLE * largest:
@@ -46,7 +46,7 @@ def _fault(case: Case, material: Material) -> Fault | None:
     return None
 
 
-def _trials(parameters: tuple[Parameter, ...]) -> list[Mapping[str, float]]:
+def trials(parameters: tuple[Parameter, ...]) -> list[Mapping[str, float]]:
     """The start values, and others near by: what holds at both is no coincidence."""
     start = {p.name: p.start for p in parameters}
     moved = {

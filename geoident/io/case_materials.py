@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from geoident.io.case_frames import FrameBuilder
 from geoident.io.case_schema import CaseSection
 from geoident.io.case_values import Given
+from geoident.io.case_yield import build_yields, check_strengths, surfaces_at
 from geoident.io.faults import Faults
 from geoident.io.material_schema import (
     AnisotropicSection,
@@ -28,6 +29,7 @@ from geoident.model.elastic import (
     TransverselyIsotropic,
 )
 from geoident.model.parameter import Scalar
+from geoident.model.yields import YieldSurface
 
 _ENGINEERING = ("E_p", "nu_p", "E_n", "nu_np", "G_np")
 _LOVE = ("A", "C", "F", "L", "N")
@@ -40,15 +42,20 @@ def build_materials(section: CaseSection, faults: Faults) -> dict[str, Material]
     materials = {}
     for name, given in section.materials.items():
         elastic = _Builder(("materials", name), dim, faults).build(given)
-        materials[name] = _material(name, elastic, given)
+        path = ("materials", name, "yield")
+        yields = build_yields(path, given.yields, elastic, dim, faults)
+        materials[name] = _material(name, elastic, yields, given)
         _check_start(("materials", name), elastic, section, given, faults)
+        check_strengths(surfaces_at(path, given.yields), yields, section.parameters, faults)
     return materials
 
 
-def _material(name: str, elastic: Elastic, section: MaterialSection) -> Material:
+def _material(
+    name: str, elastic: Elastic, yields: tuple[YieldSurface, ...], section: MaterialSection
+) -> Material:
     none = Scalar(0.0)
     density, expansion = _scalar(section.density), _scalar(section.expansion)
-    return Material(name, elastic, density or none, expansion or none)
+    return Material(name, elastic, density or none, expansion or none, yields)
 
 
 def _scalar(given: Given | None) -> Scalar | None:

@@ -215,7 +215,7 @@ class Count:
             number = -1.5
         if not number.is_integer() or not self.least <= number <= 10**9:
             message = f"'{shorten(text)}' is not a whole number from {self.least} on"
-            raise Refusal("bad-count", message)
+            raise Refusal("bad-count", message, "Write a number without decimals and unit.")
         return int(number)
 
     def __get_pydantic_core_schema__(
