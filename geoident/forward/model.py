@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions import Actions
+from geoident.forward.case_model import Survey
 from geoident.forward.fields import FieldRecorder
 from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
 from geoident.forward.instruments import Instruments
@@ -42,24 +42,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
-from geoident.model.result import Counts, FieldSeries, MemberForces
-
-
-@dataclass(frozen=True)
-class Survey:
-    """All that the model says at one parameter vector.
-
-    Args:
-        computed: (n_channels, n_stages) readings, m; NaN where a channel can't be read.
-        sensitivity: (n_channels, n_stages, n) their derivatives.
-        fields: displacements and stresses of all states, or None.
-        members: forces in linings and bolts, or None if there are none.
-    """
-
-    computed: Floats
-    sensitivity: Floats
-    fields: FieldSeries | None
-    members: MemberForces | None = None
+from geoident.model.result import Counts
 
 
 class StagedModel:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoident.forward import actions, in_situ, materials, release, structures, thermal, water
+from geoident.forward.opening_model import OpeningResponse, opening_in_mesh
+from geoident.forward.opening_site import Circle
 from geoident.forward.plastic_step import PlasticOptions
 from geoident.forward.standing import Push
 from geoident.model.arrays import Floats, Ints
@@ -104,6 +106,14 @@ class StagedResponse:
         if self._evaluated != (self._model.counts.evaluations, p.tobytes()):
             self.readings(p)
         return self._model.march.plastic.activity(self.names)
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningResponse | str:
+        """The closed form of these readings, or why there is none."""
+        model = self._model
+        found = opening_in_mesh(model.case, model.mesh, model.timeline, Circle(centre, radius))
+        return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
 
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""

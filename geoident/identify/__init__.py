@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoident.identify.methods import METHODS, Method, identify, refusal
+from geoident.identify.methods import METHODS, Method, identify, refusal, refusals
 from geoident.identify.problem import Observer, Outcome, Problem
 from geoident.identify.uncertainty import Assessment, assess, predict_band
 
@@ -17,4 +17,5 @@ __all__ = [
     "identify",
     "predict_band",
     "refusal",
+    "refusals",
 ]

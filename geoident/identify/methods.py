@@ -16,10 +16,15 @@ import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.problem import Observer, Outcome, Problem
-from geoident.identify.protocols import AffineElastic, Response
+from geoident.identify.protocols import AffineElastic, HasOpening, Response
 from geoident.model.arrays import Floats
 from geoident.model.loss import LossOptions, SquaredOptions, loss_name
-from geoident.model.methods import METHOD_OPTIONS, MethodOptions, method_name
+from geoident.model.methods import (
+    METHOD_OPTIONS,
+    ClosedFormOptions,
+    MethodOptions,
+    method_name,
+)
 
 Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
 
@@ -61,22 +66,46 @@ METHODS: Mapping[str, Method] = dict(
         _method("condensation", AffineElastic, "iterated linear least squares on the equations"),
         _method("simplex", Response, "search without derivatives, for any model"),
         _method("scan", Response, "the discrepancy on a grid"),
+        _method("closed-form", HasOpening, "formulas of a circular opening, also without a mesh"),
     ]
 )
 
 
-def refusal(response: Response, name: str, loss: LossOptions = SQUARED) -> str | None:
+def refusals(
+    response: Response, methods: Sequence[MethodOptions], loss: LossOptions = SQUARED
+) -> list[str]:
+    """Why the methods of a chain cannot work on a model, sentences; none if they can.
+
+    A closed form in a chain is only where the rest begins: it is passed over where there is none.
+    """
+    if len(methods) > 1:
+        methods = [options for options in methods if not isinstance(options, ClosedFormOptions)]
+    found = [refusal(response, method_name(o), loss, o) for o in methods]
+    return [reason for reason in found if reason is not None]
+
+
+def refusal(
+    response: Response,
+    name: str,
+    loss: LossOptions = SQUARED,
+    options: MethodOptions | None = None,
+) -> str | None:
     """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
-    why = _obstacle(response, METHODS[name], loss)
+    why = _obstacle(response, METHODS[name], loss, options)
     if why is None:
         return None
     able = [other for other, method in METHODS.items() if _obstacle(response, method, loss) is None]
     return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
 
 
-def _obstacle(response: Response, method: Method, loss: LossOptions) -> str | None:
+def _obstacle(
+    response: Response, method: Method, loss: LossOptions, options: MethodOptions | None = None
+) -> str | None:
     if method.needs is Response:
         return None
+    if method.needs is HasOpening:
+        given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
+        return opening_obstacle(response, given)
     if loss_name(loss) != "squared":
         return (
             f"its linear least squares know no loss but squared, and the loss is {loss_name(loss)}"
@@ -84,6 +113,18 @@ def _obstacle(response: Response, method: Method, loss: LossOptions) -> str | No
     if not isinstance(response, AffineElastic):
         return "the equations of the model are not at hand"
     return response.obstacle()
+
+
+def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | None:
+    """Why a model has no closed form, a clause, or None if it has one."""
+    if not isinstance(response, HasOpening):
+        return "the model is no opening"
+    found = response.opening(options.centre, options.radius)
+    if isinstance(found, str):
+        return found
+    if len(found.covered) and not found.covered.any():
+        return "no reading is of a stage and a point that the closed form covers"
+    return None
 
 
 def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observer) -> Outcome:
@@ -114,8 +155,8 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
 
 
 def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:
-    reasons = [refusal(problem.response, method_name(o), problem.loss) for o in methods]
-    faults = [Fault("method-not-possible", reason) for reason in reasons if reason is not None]
+    reasons = refusals(problem.response, methods, problem.loss)
+    faults = [Fault("method-not-possible", reason) for reason in reasons]
     if faults:
         raise InputError(faults)
 
@@ -138,5 +179,6 @@ def _joined(done: Sequence[Outcome]) -> Outcome:
         values=best.values,
         objective=best.objective,
         iterations=tuple(entry for outcome in done for entry in outcome.iterations),
+        remarks=tuple(remark for outcome in done for remark in outcome.remarks),
         grid=next((outcome.grid for outcome in reversed(done) if outcome.grid is not None), None),
     )

@@ -45,6 +45,7 @@ class Outcome:
         reason: why it stopped, a sentence; with its remedy where it did not converge.
         iterations: the history.
         grid: of a scan, else None.
+        remarks: what else is to be known of how it was found, sentences without a full stop.
     """
 
     values: Floats
@@ -53,3 +54,4 @@ class Outcome:
     reason: str
     iterations: tuple[Iteration, ...]
     grid: Grid | None = None
+    remarks: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Activity
 from geoident.model.complementarity import StagedSystem
 from geoident.model.condensed import Condensed
@@ -19,6 +19,8 @@ __all__ = [
     "AffineElastic",
     "ComplementaritySystem",
     "Condensed",
+    "HasOpening",
+    "OpeningForm",
     "Response",
     "StagedSystem",
     "YieldSystem",
@@ -56,6 +58,32 @@ class AffineElastic(Response, Protocol):
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for the measured readings (g,) of standard deviation sd (g,)."""
+
+
+class OpeningForm(Response, Protocol):
+    """The closed form of an opening: readings by formulas."""
+
+    @property
+    def covered(self) -> Bools:
+        """(g,) which readings of the model it answers; ``readings`` are these, in their order."""
+
+    def remarks(self, p: Floats) -> tuple[str, ...]:
+        """What is to be known of it at p (n,), sentences without a full stop."""
+
+
+@runtime_checkable
+class HasOpening(Response, Protocol):
+    """A model that may be a circular opening in uniform ground: closed-form needs this."""
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """Its closed form, or why it has none, a clause.
+
+        Args:
+            centre: of the opening, m; None to find it.
+            radius: of the opening, m; None to find it.
+        """
 
 
 @runtime_checkable

@@ -24,13 +24,15 @@ from geoident.model.case import (
     Support,
 )
 from geoident.model.loss import LOSS_OPTIONS, LossOptions
-from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
+from geoident.model.methods import METHOD_OPTIONS, ClosedFormOptions, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
 
 _AXES = "xyz"
 
 
-def build_case(section: CaseSection, read: ReadReadings, mesh_file: str, faults: Faults) -> Case:
+def build_case(
+    section: CaseSection, read: ReadReadings, mesh_file: str | None, faults: Faults
+) -> Case:
     """The case; what does not fit its number of axes is noted as a fault."""
     in_situ, zones = build_in_situ(section.in_situ, _dim(section), faults)
     builder = LoadBuilder(
@@ -133,7 +135,9 @@ def _stages(section: CaseSection, builder: LoadBuilder, faults: Faults) -> tuple
 def _fit(section: CaseSection) -> FitSettings:
     methods = tuple(_options(section, method) for method in section.fit.chain)
     stages = None if section.fit.stages is None else tuple(section.fit.stages)
-    return FitSettings(methods, stages, _loss(section))
+    opening = _options(section, "closed-form")
+    assert isinstance(opening, ClosedFormOptions)
+    return FitSettings(methods, stages, _loss(section), opening)
 
 
 def _loss(section: CaseSection) -> LossOptions:
@@ -148,10 +152,17 @@ def _options(section: CaseSection, method: str) -> MethodOptions:
     values: dict[str, Any] = {}
     for option in fields(kind):
         value = getattr(given, option.name)
-        values[option.name] = value.factor if isinstance(value, Given) else value
+        values[option.name] = _plain(value)
     if method == "scan":
         values["grid"] = {
             name: ScanAxis(axis.start.factor, axis.stop.factor, axis.points or values["points"])
             for name, axis in values["grid"].items()
         }
     return kind(**values)
+
+
+def _plain(value: Any) -> Any:
+    """An option as numbers in SI units."""
+    if isinstance(value, list):
+        return tuple(_plain(entry) for entry in value)
+    return value.factor if isinstance(value, Given) else value

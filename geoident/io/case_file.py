@@ -40,14 +40,14 @@ class LoadedCase:
         case: the case.
         text: the file verbatim.
         resolved: the same as YAML with overrides and defaults filled in, without comments.
-        mesh_path: path of the mesh, relative paths against the folder of the case.
+        mesh_path: path of the mesh, relative paths against the folder of the case; None for none.
         readings_paths: paths of the files of readings, in their order.
     """
 
     case: Case
     text: str
     resolved: str
-    mesh_path: str
+    mesh_path: str | None
     readings_paths: tuple[str, ...]
 
 
@@ -82,7 +82,9 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     places = with_temperatures(places, folder)
     section = _validate(places)
     faults = Faults(places)
-    mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
+    mesh_path = None
+    if section.mesh is not None:
+        mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     case = build_case(section, read, mesh_path, faults)

@@ -22,6 +22,7 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     _check_groups(section, faults)
     _check_stages(section, faults)
     _check_fit(section, faults)
+    _check_mesh(section, faults)
     check_sequence(section, faults)
 
 
@@ -102,6 +103,17 @@ def _check_fit(section: CaseSection, faults: Faults) -> None:
         if axis.start.factor == axis.stop.factor:
             message = f"the axis begins and ends at '{axis.stop.text}'"
             faults.add((*path, name, "to"), "zero-length", message, "Let them differ.")
+
+
+def _check_mesh(section: CaseSection, faults: Faults) -> None:
+    """Only a circular opening that the case gives does without a mesh."""
+    circle = section.fit.options("closed-form")
+    given = [getattr(circle, name) is not None for name in ("centre", "radius")]
+    if section.mesh is not None or all(given):
+        return
+    message = "there is no mesh, and fit.closed-form gives no opening to compute in its place"
+    hint = "Write 'mesh: {file: ...}', or in 'fit' 'closed-form: {centre: [0, 0 m], radius: 3 m}'."
+    faults.add((), "no-mesh", message, hint)
 
 
 def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) -> None:

@@ -219,7 +219,11 @@ class CaseSection(Section):
         description="Kind of analysis. Axisymmetric: the mesh is half a section, x is the radius "
         "(>= 0), y the axis; the stresses xx, yy, zz, xy are radial, axial, hoop and shear rz."
     )
-    mesh: MeshSection
+    mesh: MeshSection | None = Field(
+        None,
+        description="The finite element mesh. Without it the case is a circular opening that "
+        "`fit.closed-form` gives, computed by formulas: all that the stages excavate.",
+    )
     parameters: dict[ParameterName, ParameterSection] = Field(
         {}, description="What is identified; elsewhere $NAME stands for it."
     )

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
-from geoident.io.case_values import AnyQuantity, Count, Given, Of, Positive, shape_of
+from geoident.io.case_values import (
+    AnyQuantity,
+    Count,
+    Given,
+    Length,
+    Of,
+    Positive,
+    SharesUnit,
+    shape_of,
+)
 from geoident.io.case_words import Name, ParameterName, require_text
 from geoident.io.section import Section
 from geoident.io.wording import Refusal, did_you_mean, listing, shorten
@@ -25,6 +34,14 @@ _RANGES: Mapping[str, Any] = {
     "beta": Annotated[Given, Of(DIMENSIONLESS, above=0.0, below=1.0)],
     "gamma": Annotated[Given, Of(DIMENSIONLESS, above=1.0)],
 }
+PlanePoint = Annotated[
+    list[Length],
+    SharesUnit(),
+    Field(
+        min_length=2, max_length=2, description="Coordinates x and y.", examples=[["0 m", "3 m"]]
+    ),
+]
+Radius = Annotated[Given, Of("length", above=0.0)]
 _KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}
 
 
@@ -102,6 +119,10 @@ def _option_model(kind: type[MethodOptions | LossOptions]) -> type[Section]:
 def _annotation(name: str, hint: Any) -> Any:
     if hint == Mapping[str, ScanAxis]:
         return dict[ParameterName, AxisSection]
+    if hint == tuple[float, float] | None:
+        return PlanePoint | None
+    if name == "radius":
+        return Radius | None
     return _RANGES.get(name, _KINDS.get(hint, hint))
 
 

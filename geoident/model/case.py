@@ -12,7 +12,7 @@ from geoident.model.elastic import Elastic
 from geoident.model.gauges import Channel, Reading
 from geoident.model.in_situ import InSitu
 from geoident.model.loss import LossOptions, SquaredOptions
-from geoident.model.methods import MethodOptions
+from geoident.model.methods import ClosedFormOptions, MethodOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
 from geoident.model.yields import YieldSurface
@@ -142,11 +142,13 @@ class FitSettings:
         methods: the chain of methods, each with its options, run one after the other.
         stages: names of the stages whose readings are used; None for all stages.
         loss: how much a large residual counts.
+        closed_form: the opening of a case without mesh, among the options of closed-form.
     """
 
     methods: tuple[MethodOptions, ...]
     stages: tuple[str, ...] | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
+    closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,8 @@ class Case:
     Args:
         title: free text.
         analysis: kind of analysis.
-        mesh_file: path of the mesh, resolved against the folder of the case.
+        mesh_file: path of the mesh, resolved against the folder of the case; None for a case that
+            is computed in closed form.
         parameters: what is identified, in the order of the file.
         materials: by name.
         groups: element group to material name at stage 0, or None for absent.
@@ -178,7 +181,7 @@ class Case:
 
     title: str
     analysis: Analysis
-    mesh_file: str
+    mesh_file: str | None
     parameters: tuple[Parameter, ...]
     materials: Mapping[str, Material]
     groups: Mapping[str, str | None]

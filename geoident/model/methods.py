@@ -86,13 +86,35 @@ class ScanOptions:
     points: int = 21
 
 
-MethodOptions = GaussNewtonOptions | CondensationOptions | SimplexOptions | ScanOptions
+@dataclass(frozen=True)
+class ClosedFormOptions:
+    """Circular opening in elastic or Mohr-Coulomb ground, by formulas (Lame, Kirsch, Salencon).
+
+    Args:
+        centre: centre of the opening; without it, that of the round ground that leaves the mesh.
+        radius: radius of the opening; without it, likewise.
+        starts: number of starts (the first is the given one, the others spread in the bounds).
+        tolerance: relative size of a step, or of the gain it promises, that ends the search.
+        max_iterations: steps of a start at most.
+    """
+
+    centre: tuple[float, float] | None = None
+    radius: float | None = None
+    starts: int = 10
+    tolerance: float = 1e-8
+    max_iterations: int = 100
+
+
+MethodOptions = (
+    GaussNewtonOptions | CondensationOptions | SimplexOptions | ScanOptions | ClosedFormOptions
+)
 
 METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
     "gauss-newton": GaussNewtonOptions,
     "condensation": CondensationOptions,
     "simplex": SimplexOptions,
     "scan": ScanOptions,
+    "closed-form": ClosedFormOptions,
 }
 
 

@@ -126,7 +126,7 @@ class CaseSummary:
         case: its path as the user named it.
         title: of the case.
         analysis: kind of analysis as users write it.
-        mesh: path of the mesh.
+        mesh: path of the mesh; empty for a closed form, which has no groups, places and cost.
         nodes, elements: their numbers.
         groups: the element groups.
         stages: of construction.
@@ -137,7 +137,7 @@ class CaseSummary:
         methods: names of the identifiers in their order.
         used: number of readings that take part.
         unused: reason to number of readings that do not, for it.
-        cost: estimate of what the computation needs.
+        cost: estimate of what the computation needs, or None.
         notes: what else the user should know.
     """
 
@@ -156,5 +156,5 @@ class CaseSummary:
     methods: tuple[str, ...]
     used: int
     unused: tuple[tuple[str, int], ...]
-    cost: CostEstimate
+    cost: CostEstimate | None
     notes: tuple[str, ...]

@@ -26,10 +26,16 @@ def _head(summary: CaseSummary) -> str:
     parameters = ", ".join(summary.parameters) or "none"
     lines = [
         f"{summary.case}: {summary.title}" if summary.title else summary.case,
-        f"{summary.analysis}, {summary.nodes} nodes, {summary.elements} elements ({summary.mesh})",
+        f"{summary.analysis}, {_model(summary)}",
         f"parameters {parameters}; method {' + '.join(summary.methods)}",
     ]
     return "\n".join(sentence(line) for line in lines)
+
+
+def _model(summary: CaseSummary) -> str:
+    if not summary.mesh:
+        return "no mesh: closed form of a circular opening"
+    return f"{summary.nodes} nodes, {summary.elements} elements ({summary.mesh})"
 
 
 def _groups(summary: CaseSummary) -> str:
@@ -113,7 +119,9 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
-def _cost(cost: CostEstimate) -> str:
+def _cost(cost: CostEstimate | None) -> str:
+    if cost is None:
+        return ""
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
         f"stages take {_many(cost.factor_flops)} operations (counted).",

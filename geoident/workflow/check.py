@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.forward.case_model import CaseModel
 from geoident.forward.model import StagedModel
 from geoident.forward.placement import placements
 from geoident.model.case import Case
@@ -30,10 +31,10 @@ from geoident.workflow.selection import Selection, require_enough, select_readin
 
 @dataclass(frozen=True)
 class Checked:
-    """A case in which nothing wrong was found, its mesh, and what it amounts to."""
+    """A case in which nothing wrong was found, its mesh if it has one, and what it amounts to."""
 
     case: Case
-    mesh: Mesh
+    mesh: Mesh | None
     summary: CaseSummary
 
 
@@ -50,29 +51,31 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
     if inputs.case.readings:
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
-    return Checked(inputs.case, model.mesh, summarize(inputs, model, selection))
+    mesh = model.mesh if isinstance(model, StagedModel) else None
+    return Checked(inputs.case, mesh, summarize(inputs, model, selection))
 
 
-def summarize(inputs: Inputs, model: StagedModel, selection: Selection) -> CaseSummary:
+def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSummary:
     """What a case amounts to."""
     case = inputs.case
+    staged = model if isinstance(model, StagedModel) else None
     return CaseSummary(
         case=inputs.path,
         title=case.title,
         analysis=case.analysis.value,
-        mesh=str(inputs.loaded.mesh_path),
-        nodes=model.mesh.n_nodes,
-        elements=model.mesh.n_elements,
-        groups=_groups(case, model),
+        mesh=inputs.loaded.mesh_path or "",
+        nodes=staged.mesh.n_nodes if staged else 0,
+        elements=staged.mesh.n_elements if staged else 0,
+        groups=_groups(case, staged) if staged else (),
         stages=_stages(case, model, selection),
         gauges=_gauges(case, selection),
-        places=_places(case, model),
+        places=_places(case, staged) if staged else (),
         readings=_readings(case, selection),
         parameters=tuple(parameter.name for parameter in case.parameters),
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=len(selection.used),
         unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
-        cost=estimate_cost(model, solver=model.solver_name),
+        cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
         notes=(*case.notes, *model.notes, *bad_notes(selection)),
     )
 
@@ -87,7 +90,7 @@ def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
     )
 
 
-def _stages(case: Case, model: StagedModel, selection: Selection) -> tuple[StageSummary, ...]:
+def _stages(case: Case, model: CaseModel, selection: Selection) -> tuple[StageSummary, ...]:
     used = Counter(stage for _, stage in selection.pairs)
     return tuple(
         StageSummary(

@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
-from geoident.forward.model import StagedModel, Survey
-from geoident.identify import identify, refusal
+from geoident.forward.case_model import CaseModel, Survey
+from geoident.forward.response import StagedResponse
+from geoident.identify import identify, refusals
 from geoident.identify.problem import Outcome, Problem
+from geoident.identify.protocols import Response
 from geoident.io.checkpoint import EvaluationLog
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.methods import MethodOptions, method_name
+from geoident.model.methods import MethodOptions
 from geoident.model.result import Counts
 from geoident.workflow.control import Control
 from geoident.workflow.inputs import build_model
@@ -34,7 +36,7 @@ class Setup:
         selection: which readings take part.
     """
 
-    model: StagedModel
+    model: CaseModel
     selection: Selection
 
 
@@ -52,14 +54,12 @@ def prepare(job: Job) -> Setup:
     return Setup(model, selection)
 
 
-def require_possible(model: StagedModel, case: Case, methods: Sequence[MethodOptions]) -> None:
+def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
     """Raise `InputError` where a method needs what the model cannot offer."""
     response, loss = model.response(()), case.fit.loss
-    reasons = [refusal(response, method_name(options), loss) for options in methods]
     faults = [
         case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
-        for reason in reasons
-        if reason is not None
+        for reason in refusals(response, methods, loss)
     ]
     if faults:
         raise InputError(faults)
@@ -106,7 +106,10 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     names = selection.case.stage_names
     setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
     staged = setup.model.response(selection.pairs, selection.times)
-    response = Remembered(staged, log, before=control.stop.check)
+    # the closed form costs nothing: there is nothing to remember
+    response: Response = staged
+    if isinstance(staged, StagedResponse):
+        response = Remembered(staged, log, before=control.stop.check)
     parameters = selection.case.parameters
     loss = selection.case.fit.loss
     return Problem(response, selection.measured, selection.sd, parameters, loss)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ExitCode
-from geoident.forward.model import Survey
+from geoident.forward.case_model import Survey
 from geoident.identify.problem import Outcome, Problem
 from geoident.identify.uncertainty import Assessment
 from geoident.model.arrays import Bools
@@ -121,7 +121,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         diagnostics=found.diagnostics,
         notes=(
             *case.notes,
-            *setup.model.notes,
+            *dict.fromkeys((*setup.model.notes, *found.outcome.remarks)),
             *unused_notes(setup.selection),
             *score(gauges, prediction),
         ),

@@ -14,6 +14,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import StagedModel
+from geoident.forward.opening_model import OpeningModel, opening_model
 from geoident.io.case_file import LoadedCase, parse_case, read_case
 from geoident.io.mesh_file import read_mesh
 from geoident.model.case import Case, Source
@@ -36,7 +37,7 @@ class Inputs:
         path: the case as the user named it.
         loaded: the case, its text, and the files that it names.
         case_sha256: of the case after overrides.
-        mesh_sha256: of the bytes of the mesh.
+        mesh_sha256: of the bytes of the mesh; empty if there is none.
         readings_sha256: of the bytes of the readings; empty if there is no file of them.
     """
 
@@ -50,6 +51,12 @@ class Inputs:
     def case(self) -> Case:
         """The case."""
         return self.loaded.case
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Paths of the case and its mesh: what no output may replace."""
+        mesh = self.loaded.mesh_path
+        return (self.path,) if mesh is None else (self.path, mesh)
 
     def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
         """Hash of everything that the result of a command depends on."""
@@ -122,7 +129,7 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
         path,
         loaded,
         case_sha256=sha256(loaded.resolved.encode()),
-        mesh_sha256=_hash_file(str(loaded.mesh_path), "mesh"),
+        mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
         readings_sha256=_hash_readings(loaded.readings_paths),
     )
 
@@ -147,15 +154,15 @@ def _hash_file(path: str, what: str) -> str:
         raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
 
 
-def load_mesh(inputs: Inputs) -> Mesh:
-    """Parse the mesh of a case.
+def load_mesh(inputs: Inputs, path: str) -> Mesh:
+    """Parse the mesh of a case that stands at a path.
 
     Raises:
         InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
             file, is placed where the case names the mesh.
     """
     try:
-        return read_mesh(inputs.loaded.mesh_path, dim=inputs.case.analysis.dim)
+        return read_mesh(path, dim=inputs.case.analysis.dim)
     except InputError as error:
         raise InputError(_in_case(fault, inputs.case) for fault in error.faults) from error
 
@@ -167,11 +174,14 @@ def _in_case(fault: Fault, case: Case) -> Fault:
     return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
 
 
-def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel:
-    """The staged model of a case.
+def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | OpeningModel:
+    """The staged model of a case, the closed form where it has no mesh.
 
     Raises:
         InputError: what the case says does not fit the mesh.
         ModelError: the model moves freely somewhere.
     """
-    return StagedModel(load_mesh(inputs), inputs.case, solver=pick_solver(solver))
+    path = inputs.loaded.mesh_path
+    if path is None:
+        return opening_model(inputs.case)
+    return StagedModel(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))

@@ -72,11 +72,8 @@ class Job:
     @property
     def files_read(self) -> tuple[str, ...]:
         """Paths of all files that the job reads."""
-        loaded = self.inputs.loaded
-        paths = [str(loaded.mesh_path)]
-        paths += loaded.readings_paths
-        paths += [self.request.case] if self.request.case != STDIN else []
-        return tuple(paths)
+        files = [path for path in self.inputs.files if path != STDIN]
+        return (*files, *self.inputs.loaded.readings_paths)
 
 
 def plan_fit(request: Request) -> Job:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
-from geoident.forward.model import StagedModel, Survey
+from geoident.forward.case_model import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.io.result_file import read_result, write_result
 from geoident.model.arrays import Ints
@@ -136,7 +136,7 @@ def predict(task: Task, control: Control) -> Finished:
     if found is Standing.UP_TO_DATE and not request.fresh:
         return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
     require_free(found, place, force=request.force)
-    require_writable(place, inputs=[request.result, task.inputs.path, task.inputs.loaded.mesh_path])
+    require_writable(place, inputs=[request.result, *task.inputs.files])
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
@@ -163,7 +163,7 @@ def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
         "changed-mesh",
         "The mesh is not the one that the fit was made with.",
         "Run the fit again, or give the case to predict with --case.",
-        Location(origin.loaded.mesh_path),
+        Location(origin.loaded.mesh_path or origin.path),
     )
     raise InputError([fault])
 
@@ -192,7 +192,7 @@ def require_identified(fit: Result, inputs: Inputs) -> None:
         raise InputError(faults)
 
 
-def what_is_known(fit: Result, origin: Case, model: StagedModel) -> Known:
+def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
     """What a fit knows, for the parameters of the case of a model, matched by name.
 
     How well they are known is assessed again from the sensitivities that the fit holds.

@@ -17,7 +17,13 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.identify.protocols import AffineElastic, Condensed, YieldSystem
+from geoident.identify.protocols import (
+    AffineElastic,
+    Condensed,
+    HasOpening,
+    OpeningForm,
+    YieldSystem,
+)
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
 from geoident.model.result import Counts
@@ -35,8 +41,14 @@ class Log(Protocol):
         """Keep an evaluation."""
 
 
-class Staged(AffineElastic, YieldSystem, Protocol):
+class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
     """All that the identifiers may ask of the staged model."""
+
+    def until(self, level: int) -> Staged:
+        """The same for the readings whose level is at most this."""
+
+    def hardened(self, ratio: float) -> Staged:
+        """The same with hardening added to every yield plane."""
 
 
 @dataclass
@@ -104,6 +116,12 @@ class Remembered:
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None."""
         return self._inner.obstacle()
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """The closed form, whose evaluations cost nothing and are not kept, or why none is."""
+        return self._inner.opening(centre, radius)
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""

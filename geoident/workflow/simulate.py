@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.model import StagedModel
+from geoident.forward.case_model import CaseModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
@@ -43,14 +43,14 @@ def simulate(
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
     if output is not None:
-        refuse_inputs(output, [path, str(inputs.loaded.mesh_path)])
+        refuse_inputs(output, inputs.files)
     model = build_model(inputs, solver=solver)
     computed = model.survey(start_values(inputs.case, model), fields=False).computed
     readings = _readings(inputs.case, computed)
     return with_noise(inputs.case, readings, seed=seed) if noise is Noise.ACCURACY else readings
 
 
-def start_values(case: Case, model: StagedModel) -> Floats:
+def start_values(case: Case, model: CaseModel) -> Floats:
     """The start values (n,) of the parameters, SI.
 
     Raises:

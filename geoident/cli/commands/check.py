@@ -94,6 +94,10 @@ def _check(case: str, picture: str | None, options: Options) -> int:
         from geoident.report.drawing.case import case_picture
         from geoident.workflow.outputs import write_bytes
 
+        if checked.mesh is None:
+            raise click.UsageError(
+                f"--picture {picture}: the case has no mesh, so nothing to draw."
+            )
         drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())
         write_bytes(drawn, picture, force=options.force)
         if not options.as_json and not options.quiet:

@@ -56,7 +56,7 @@ FAULTS = {
         None,
     ),
     "no bounds": (E_ROCK, "{start: 15 GPa}", "parameters.E_rock", ["bounds", "are required"]),
-    "no mesh": ("mesh: {file: cavern.msh}\n", "", "", ["'mesh' is missing"]),
+    "no mesh": ("mesh: {file: cavern.msh}\n", "", "", ["there is no mesh"]),
     "other format": ("case/1", "case/9", "format", ["found 'geoident-case/9'", "geoident-case/1"]),
     "unknown analysis": ("plane-strain", "«plane-stress", "analysis", ["mean 'plane-strain'?"]),
     "unknown gauge kind": (

@@ -1,0 +1,108 @@
+"""The ground around an opening at one parameter vector, and its state at every stage."""
+
+from __future__ import annotations
+
+from geoident.errors import CollapseError, ModelError
+from geoident.forward.jets import Jet, Point
+from geoident.forward.opening_site import Site
+from geoident.forward.openings import (
+    NO_EQUILIBRIUM,
+    BeyondClosedForm,
+    Opening,
+    Rock,
+    State,
+    Strength,
+    mohr_coulomb,
+)
+from geoident.forward.timeline import Timeline
+from geoident.model.actions import Pressure
+from geoident.model.case import Material
+from geoident.model.elastic import Isotropic
+from geoident.model.parameter import Scalar
+from geoident.model.yields import MohrCoulomb
+
+_WHOLE = Scalar(1.0)
+
+
+class OpeningLoad:
+    """Numbers of a case as jets, pressures positive in compression.
+
+    Args:
+        timeline: the states of the case.
+        site: where the opening is.
+        material: of the ground around it.
+        stress: (4, k) in-situ stress xx, yy, zz, xy, the first at the centre; tension positive, Pa.
+        point: the parameters.
+
+    Attributes:
+        stress: see above.
+        rock: the ground.
+        opening: in it.
+        deviation: (xx - yy) / 2 at the centre, positive where x is pressed more, Pa.
+        shear: xy at the centre, of the same sign.
+    """
+
+    def __init__(
+        self, timeline: Timeline, site: Site, material: Material, stress: Jet, point: Point
+    ) -> None:
+        self._timeline, self._site, self._point = timeline, site, point
+        self._tension = [s.tension for s in material.yields if isinstance(s, MohrCoulomb)]
+        self.stress = stress
+        xx, yy, zz, xy = (-stress[row][0] for row in range(4))
+        E, nu = young_and_poisson(material, point)
+        self.rock = Rock(E, nu, 0.5 * (xx + yy), zz)
+        self.deviation, self.shear = 0.5 * (xx - yy), xy
+        self.opening = Opening(site.radius, self.rock, _strength(material, point))
+
+    def at(self, n: int) -> tuple[State, Jet]:
+        """The ground at a state in which the opening is there, and the released part of stress.
+
+        Raises:
+            ModelError: it has no equilibrium, or none in closed form.
+        """
+        way = [int(k) for k in self._timeline.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
+        try:
+            *_, state = self.opening.history([self._pressure(k) for k in way])
+        except BeyondClosedForm as beyond:
+            name = self._timeline.states[n].name
+            text = f"at stage '{name}' the ground around the opening: {beyond.reason}"
+            if beyond.reason == NO_EQUILIBRIUM:
+                raise CollapseError(text, stage=name, fraction=float("nan")) from beyond
+            raise ModelError(text) from beyond
+        return state, self._released(n)
+
+    def _is_open(self, n: int) -> bool:
+        return not self._site.groups & self._timeline.states[n].materials.keys()
+
+    def _released(self, n: int) -> Jet:
+        (part,) = {self._timeline.states[n].release.get(g, _WHOLE) for g in self._site.groups}
+        return self._point.jet(part)
+
+    def _pressure(self, n: int) -> Jet:
+        """What presses on the wall from inside, Pa."""
+        total = (1.0 - self._released(n)) * self.rock.pressure
+        for load in self._timeline.states[n].loads.values():
+            assert isinstance(load, Pressure)
+            total = total + self._point.jet(load.value)
+        return total
+
+
+def young_and_poisson(material: Material, point: Point) -> tuple[Jet, Jet]:
+    """E (Pa) and nu of an isotropic material."""
+    elastic = material.elastic
+    assert isinstance(elastic, Isotropic)
+    if elastic.E is not None and elastic.nu is not None:
+        return point.jet(elastic.E), point.jet(elastic.nu)
+    assert elastic.K is not None
+    assert elastic.G is not None
+    K, G = point.jet(elastic.K), point.jet(elastic.G)
+    return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (6.0 * K + 2.0 * G)
+
+
+def _strength(material: Material, point: Point) -> Strength | None:
+    for surface in material.yields:
+        assert isinstance(surface, MohrCoulomb)
+        cohesion, friction = point.jet(surface.cohesion), point.jet(surface.friction)
+        dilation = friction if surface.dilation is None else point.jet(surface.dilation)
+        return mohr_coulomb(cohesion, friction, dilation)
+    return None
