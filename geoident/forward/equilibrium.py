@@ -221,7 +221,10 @@ class StageEquations:
         if ground.law is None:
             stress[:, mine] = trial
             return None
-        projection = ground.law.project(trial, ground.hardened)
+        try:
+            projection = ground.law.project(trial, ground.hardened)
+        except ArithmeticError as error:  # flow that is not associated may lead nowhere
+            raise NoEquilibrium(None, proven=False) from error
         stress[:, mine] = projection.stress
         return projection
 

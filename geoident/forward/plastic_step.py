@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
+from geoident.fem.plastic.domain import EmptyDomain
 from geoident.fem.plastic.law import YieldLaw
 from geoident.fem.solvers.protocol import NotPositiveDefinite
 from geoident.forward.activity import ActivityRecord
@@ -99,12 +100,14 @@ class PlasticSteps:
         self._slopes = PlasticSlopes(case, systems)
         self._record = ActivityRecord(case, systems.points.n_strain)
         self._memory: dict[int, _Memory] = {}
+        self._laws: dict[str, YieldLaw | None] = {}
         self._ratio = 0.0
         self._explain = True
 
     def begin(self, values: Mapping[str, float], options: PlasticOptions) -> None:
         """A march begins at these parameter values."""
         self._ratio, self._explain = options.ratio, options.explain
+        self._laws = {}
         self._record.begin(values)
 
     def activity(self, names: Sequence[str]) -> Activity:
@@ -130,14 +133,14 @@ class PlasticSteps:
         return self._in_load_steps(task, laws)
 
     def _yield_laws(self, task: StepTask) -> dict[str, YieldLaw]:
-        laws = {}
-        for material in task.system.points_of:
-            law = yield_law(
-                self._case.materials[material], task.values, task.laws[material], ratio=self._ratio
-            )
-            if law is not None:
-                laws[material] = law
-        return laws
+        """Laws of the materials that are there; one for the whole march, since it keeps faces."""
+        for name in task.system.points_of:
+            if name not in self._laws:
+                material, elasticity = self._case.materials[name], task.laws[name]
+                law = yield_law(material, task.values, elasticity, ratio=self._ratio)
+                self._laws[name] = law
+        found = ((name, self._laws[name]) for name in task.system.points_of)
+        return {name: law for name, law in found if law is not None}
 
     def refuse_virgin(self, task: StepTask) -> None:
         """Raise if the virgin stress is outside a yield surface, with place and factor.
@@ -265,6 +268,9 @@ class PlasticSteps:
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(task.system, error.unknown)
             raise not_positive_definite(task.state.name, place) from error
+        except EmptyDomain as error:
+            msg = f"the yield planes of a material contradict each other: {error}"
+            raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
         except NoEquilibrium as error:
             if not equations.associated:
                 raise self._collapse(task, np.nan, error.mechanism) from error
