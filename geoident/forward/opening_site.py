@@ -144,9 +144,8 @@ class _Search:
         materials = {self._timeline.states[0].materials[g] for g in around}
         if len(materials) > 1:
             return f"the ground at the wall is of several materials: {_listed(materials)}"
-        site = Site(
-            (float(centre[0]), float(centre[1])), radius, self._groups, around[0], self._walls()
-        )
+        x, y = (round(float(coordinate), 9) + 0.0 for coordinate in centre)
+        site = Site((x, y), radius, self._groups, around[0], self._walls())
         return replace(site, remarks=self._remarks(far, materials.pop()))
 
     def _remarks(self, far: float, material: str) -> tuple[str, ...]:
