@@ -94,6 +94,11 @@ class StagedModel:
         return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
 
     @property
+    def yields(self) -> bool:
+        """Whether any material of the case has yield limits."""
+        return any(material.yields for material in self.case.materials.values())
+
+    @property
     def solver_name(self) -> str:
         """Name of the sparse solver."""
         return self._solver.name

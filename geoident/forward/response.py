@@ -84,7 +84,7 @@ class StagedResponse:
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""
-        return any(material.yields for material in self._model.case.materials.values())
+        return self._model.yields
 
     def levels(self) -> Ints:
         """(g,) number of the last stage on which each reading depends."""

@@ -109,6 +109,7 @@ class CostEstimate:
         factor_flops: multiplications and additions of all factorizations, counted likewise.
         memory: estimate of the peak, bytes.
         seconds: estimate of the time.
+        newton_steps: factorizations of a stage that were reckoned with; 1 where nothing yields.
     """
 
     solver: str
@@ -116,6 +117,7 @@ class CostEstimate:
     factor_flops: float
     memory: float
     seconds: float
+    newton_steps: int = 1
 
 
 @dataclass(frozen=True)

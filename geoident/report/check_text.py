@@ -129,6 +129,9 @@ def _cost(cost: CostEstimate | None) -> str:
         f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); a fit by "
         "gauss-newton takes some 5 to 10 of them.",
     ]
+    if cost.newton_steps > 1:
+        lines[0] += f" Ground yields: {cost.newton_steps} Newton steps a stage are reckoned with."
+        lines.append("After a small change of the parameters a stage takes two to four steps.")
     return "\n".join(sentence(line) for line in lines)
 
 

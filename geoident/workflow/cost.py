@@ -14,6 +14,8 @@ _BYTES = {"cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 
 _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
 _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
+_NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
+_YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _PROGRAM = 120e6  # bytes of Python and its libraries
 
 
@@ -21,18 +23,21 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
     """The cost of one evaluation: all stages with the derivatives, and the memory for it.
 
     The entries of the factors and the operations are exact counts, the seconds are those of the
-    computer on which the rates were measured.
+    computer on which the rates were measured. Where ground yields, the Newton steps are a guess.
     """
     costs = _stage_costs(model)
     columns, points = 1 + len(model.names), model.systems.points.n_points
-    flops, entries = sum(c.flops for c in costs), sum(c.entries for c in costs)
+    steps = _NEWTON_STEPS if model.yields else 1
+    flops, entries = steps * sum(c.flops for c in costs), sum(c.entries for c in costs)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
+    if model.yields:
+        seconds += _YIELD_SECONDS * points * steps * len(costs)
     largest = max((c.entries for c in costs), default=0)
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
     state = 8 * points * columns * (model.systems.points.n_strain + 2)
     memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
-    return CostEstimate(solver, largest, flops, float(memory), seconds)
+    return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
 def _states(model: StagedModel) -> range:
