@@ -37,6 +37,8 @@ def exp_divided(*nodes: Jet) -> Jet:
     values = np.broadcast_arrays(*(node.value for node in nodes))
     result = np.zeros(np.broadcast_shapes(*(node.columns.shape for node in nodes)))
     result[..., 0] = _corner([np.zeros_like(values[0]), *values])
+    if result.shape[-1] == 1:  # no parameters
+        return Jet(result)
     for value, node in zip(values, nodes, strict=True):
         slope = _corner([np.zeros_like(value), *values, value])
         result[..., 1:] += slope[..., None] * node.columns[..., 1:]

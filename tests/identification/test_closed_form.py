@@ -1,0 +1,262 @@
+"""Identification by the closed form of an opening: alone, without a mesh, and as a start."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.cases import model, rollers
+from support.commands import run_command
+from support.meshes import box, opening, regroup
+from support.yielding import constant, mohr, rock
+
+from geoident.errors import InputError
+from geoident.forward.model import StagedModel
+from geoident.identify import Problem, identify
+from geoident.model.case import Stage
+from geoident.model.gauges import Channel
+from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
+from geoident.model.parameter import Parameter, Scalar
+
+MPa = 1e6
+CASE = """\
+format: geoident-case/1
+title: Round tunnel behind its face, no mesh
+analysis: plane-strain
+parameters:
+  c: {start: 2 MPa, bounds: [0.2 MPa, 10 MPa], scale: log}
+  phi: {start: 30 deg, bounds: [10 deg, 50 deg]}
+  E: {start: 5 GPa, bounds: [1 GPa, 50 GPa], scale: log}
+materials:
+  rock:
+    elastic: isotropic
+    E: $E
+    nu: 0.25
+    yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 5 deg}
+groups: {rock: rock, tunnel: rock}
+in_situ: {model: heim, vertical: 20 MPa, K0: 1.0}
+stages:
+  - {name: face, excavate: [tunnel], release: {tunnel: 0.4}}
+  - {name: near, release: {tunnel: 0.8}}
+  - {name: far, release: {tunnel: 1.0}}
+gauges:
+  CV: {kind: convergence, between: [[-2.5 m, 0 m], [2.5 m, 0 m]], accuracy: 0.05 mm}
+  EX: {kind: extensometer, head: [0 m, 2.5 m], anchors: {a1: [0 m, 3.2 m], a6: [0 m, 8.5 m]}, \
+accuracy: 0.05 mm}
+readings: readings.csv
+fit:
+  method: closed-form
+  closed-form: {centre: [0 m, 0 m], radius: 2.5 m}
+"""
+TRUTH = {"c": "3 MPa", "phi": "25 deg", "E": "8 GPa"}
+SI = {"c": 3 * MPa, "phi": np.deg2rad(25), "E": 8e9}
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A case without mesh and the readings of its truth."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "case.yaml"
+    path.write_text(CASE)
+    true = [f"--set=parameters.{name}.start={value}" for name, value in TRUTH.items()]
+    readings = run_command("simulate", "case.yaml", *true)
+    assert readings.exit_code == 0, readings.stderr
+    (tmp_path / "readings.csv").write_text(readings.stdout)
+    return path
+
+
+def fitted(*arguments: str) -> dict:
+    return json.loads(run_command("fit", "case.yaml", "--json", "--force", *arguments).stdout)
+
+
+def test_strength_and_modulus_are_recovered(project):
+    found = fitted()
+    for name, truth in SI.items():
+        assert found["parameters"][name]["value"] == pytest.approx(truth, rel=1e-6)
+    assert found["objective"] < 1e-10
+    assert found["counts"]["factorizations"] == 0
+
+
+def test_every_method_works_on_the_formulas(project):
+    # closed-form is gauss-newton with many starts; one start and the simplex find it from here too
+    for method in ("gauss-newton", "simplex"):
+        found = fitted(f"--set=fit.method={method}", "--set=fit.simplex.delta=1e-4")
+        assert found["parameters"]["c"]["value"] == pytest.approx(SI["c"], rel=1e-3)
+
+
+def test_strength_and_far_stress_are_recovered(project):
+    text = CASE.replace("E: $E", "E: 8 GPa").replace("vertical: 20 MPa", "vertical: $s")
+    text = text.replace(
+        "  E: {start: 5 GPa, bounds: [1 GPa, 50 GPa], scale: log}",
+        ("  s: {start: 12 MPa, bounds: [5 MPa, 50 MPa]}"),
+    )
+    project.write_text(text)
+    found = fitted()
+    for name, truth in {"c": SI["c"], "phi": SI["phi"], "s": 20 * MPa}.items():
+        assert found["parameters"][name]["value"] == pytest.approx(truth, rel=1e-6)
+
+
+def test_one_convergence_determines_no_strength(project):
+    """One reading of the wall tells one combination of c and phi, and that is said."""
+    project.write_text(
+        CASE.replace("E: $E", "E: 8 GPa").replace(
+            "  E: {start: 5 GPa, bounds: [1 GPa, 50 GPa], scale: log}\n", ""
+        )
+    )
+    rows = (project.parent / "readings.csv").read_text().splitlines()
+    kept = [row for row in rows if row.startswith(("gauge", "CV,far", "CV,face"))]
+    (project.parent / "readings.csv").write_text("\n".join(kept))
+    found = fitted()
+    assert found["status"] == "not-determined"
+    assert not found["parameters"]["c"]["determined"]
+    assert any("c and phi" in finding for finding in found["findings"])
+
+
+def test_every_command_works_without_a_mesh(project):
+    fitted()
+    for words in (
+        ("check", "case.yaml"),
+        ("check", "case.yaml", "--identifiability"),
+        ("show", "case.fit.h5"),
+        ("show", "case.fit.h5", "--json"),
+        ("predict", "case.fit.h5"),
+        ("scan", "case.yaml", "--set", "fit.scan.points=4"),
+        ("report", "case.fit.h5"),
+        ("export", "case.fit.h5", "--format", "csv", "-o", "tables"),
+        ("fit", "case.yaml", "--dry-run", "--force"),
+    ):
+        done = run_command(*words)
+        assert done.exit_code == 0, (words, done.stderr)
+    assert "closed form of a circular opening" in run_command("check", "case.yaml").stdout
+    said = run_command("show", "case.fit.h5").stdout
+    assert "the ground yields up to" in said
+    assert "radius 2.5 m" in said
+
+
+def test_what_a_case_without_mesh_lacks_is_said(project):
+    project.write_text(CASE.replace(", radius: 2.5 m", ""))
+    refused = run_command("check", "case.yaml")
+    assert refused.exit_code == 3
+    assert "there is no mesh" in refused.stderr
+    project.write_text(
+        CASE.replace("type: mohr-coulomb", "type: drucker-prager").replace(", dilation: 5 deg", "")
+    )
+    refused = run_command("check", "case.yaml")
+    assert refused.exit_code == 3
+    assert "other yield limits than one of Mohr-Coulomb" in refused.stderr
+    project.write_text(CASE)
+    assert run_command("check", "case.yaml", "--picture", "x.svg").exit_code == 2
+
+
+E, C = (Scalar(1.0, name) for name in ("E", "c"))
+TRUE = np.array([6e9, 1.2 * MPa])
+UNKNOWN = (
+    Parameter("E", 3e9, 1e9, 50e9, "log"),
+    Parameter("c", 6 * MPa, 0.3 * MPa, 20 * MPa, "log"),
+)
+
+
+def gauge(name: str, first: tuple[float, float], second: tuple[float, float]) -> Channel:
+    way = np.subtract(second, first)
+    along = tuple(map(float, way / np.linalg.norm(way)))
+    return Channel(name, name, "extensometer", first, second, along, 1e-4, "virgin")
+
+
+GAUGES = (gauge("a", (0.0, 1.0), (0.0, 1.6)), gauge("b", (0.0, 1.0), (0.0, 5.0)))
+STAGES = (
+    Stage("face", ("core",), release={"core": Scalar(0.4)}),
+    Stage("open", release={"core": Scalar(1.0)}),
+)
+
+
+def staged(mesh, **changes) -> StagedModel:
+    settings = {
+        "parameters": UNKNOWN,
+        "materials": {"rock": rock(E, 0.25, mohr(C, 0.5, psi=0.1))},
+        "groups": {"core": "rock", "rock": "rock"},
+        "supports": rollers(2),
+        "in_situ": constant(*(-12 * MPa,) * 3),
+        "stages": STAGES,
+        "channels": GAUGES,
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+def problem(ground: StagedModel) -> Problem:
+    response = ground.response([(c.name, s.name) for s in STAGES for c in ground.case.channels])
+    measured = response.readings(TRUE)
+    return Problem(response, measured, np.full(len(measured), 1e-5), ground.case.parameters)
+
+
+def ignore(_) -> None:
+    return None
+
+
+def test_closed_form_is_near_and_shortens_the_rest():
+    given = problem(staged(opening("quad8", 2, n=4, layers=16, radius=1.0, reach=30.0)))
+    before = given.response.counts.evaluations
+    start = identify(given, [ClosedFormOptions()], ignore)
+    assert given.response.counts.evaluations == before
+    np.testing.assert_allclose(start.values, TRUE, rtol=0.05)
+    both = identify(given, [ClosedFormOptions(), GaussNewtonOptions()], ignore)
+    np.testing.assert_allclose(both.values, TRUE, rtol=1e-6)
+    assert given.response.counts.evaluations - before <= 6
+    assert {entry.method for entry in both.iterations} == {"closed-form", "gauss-newton"}
+    assert any("closed form of a circular opening" in remark for remark in both.remarks)
+
+
+def square() -> StagedModel:
+    mesh = box("quad4", (12, 12), size=(24.0, 24.0))
+    core = regroup(mesh, core=lambda x: (abs(x - 12) < 2.5).all(axis=1))
+    gauges = (gauge("a", (12.0, 16.0), (12.0, 18.0)), gauge("b", (12.0, 16.0), (12.0, 22.0)))
+    return staged(core, channels=gauges)
+
+
+def test_where_there_is_no_opening_the_rest_begins_at_the_start():
+    given = problem(square())
+    alone = identify(given, [GaussNewtonOptions()], ignore)
+    both = identify(given, [ClosedFormOptions(), GaussNewtonOptions()], ignore)
+    np.testing.assert_array_equal(both.values, alone.values)
+    (remark,) = both.remarks
+    assert remark.startswith("the closed form was passed over")
+    assert "is no circle" in remark
+
+
+def test_alone_it_is_refused_where_there_is_no_opening():
+    with pytest.raises(InputError, match=r"closed-form is not possible here: .* no circle") as said:
+        identify(problem(square()), [ClosedFormOptions()], ignore)
+    assert "Possible are gauss-newton" in str(said.value)
+
+
+def test_parameters_that_do_not_enter_keep_their_values():
+    spare = Parameter("spare", 7.0, 1.0, 9.0)
+    ground = staged(
+        opening("quad8", 2, n=3, layers=8, radius=1.0, reach=10.0), parameters=(*UNKNOWN, spare)
+    )
+    pairs = [(c.name, s.name) for s in STAGES for c in GAUGES]
+    response = ground.response(pairs)
+    measured = response.readings(np.array([*TRUE, 7.0]))
+    given = Problem(response, measured, np.full(len(measured), 1e-5), ground.case.parameters)
+    assert identify(given, [ClosedFormOptions()], ignore).values[2] == 7.0
+
+
+def test_readings_without_closed_form_take_no_part():
+    later = Stage("fill", install={"core": "rock"})
+    ground = staged(
+        opening("quad8", 2, n=3, layers=8, radius=1.0, reach=10.0), stages=(*STAGES, later)
+    )
+    pairs = [(c.name, s.name) for s in (*STAGES, later) for c in GAUGES]
+    response = ground.response(pairs)
+    measured = response.readings(TRUE)
+    measured[-2:] = 1.0  # nonsense
+    given = Problem(response, measured, np.full(len(measured), 1e-5), ground.case.parameters)
+    found = identify(given, [ClosedFormOptions()], ignore)
+    np.testing.assert_allclose(found.values, TRUE, rtol=0.1)
+    assert any("does not answer 2 of 6 readings" in remark for remark in found.remarks)
+    last = ground.response(pairs[-2:])
+    given = replace(given, response=last, measured=measured[-2:], sd=given.sd[-2:])
+    with pytest.raises(InputError, match="no reading is of a stage"):
+        identify(given, [ClosedFormOptions()], ignore)
