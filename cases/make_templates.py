@@ -14,12 +14,14 @@ from click.testing import CliRunner
 from geoident.cli.app import geoident
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "geoident" / "templates"
-DIMENSIONS = {"cavern": 2, "dam": 2, "tunnel": 3}
-FINE = {"cavern": 0.5, "dam": 0.6, "tunnel": 0.75}
+DIMENSIONS = {"cavern": 2, "dam": 2, "tunnel": 3, "squeezing": 2}
+FINE = {"cavern": 0.5, "dam": 0.6, "tunnel": 0.75, "squeezing": 0.5}
+ORDER = {"squeezing": 2}  # where ground yields, linear triangles are too stiff
 TRUTH = {
     "cavern": {"E_rock": "9 GPa", "K0": "1.5"},
     "dam": {"E_shell": "60 MPa", "E_core": "25 MPa"},
     "tunnel": {"E_rock": "4.5 GPa", "K0": "0.7"},
+    "squeezing": {"E_rock": "1.8 GPa", "c": "1.3 MPa"},
 }
 
 
@@ -53,7 +55,7 @@ def make_readings(name: str, mesh: Path) -> None:
 def main() -> None:
     for name, dim in DIMENSIONS.items():
         geometry = TEMPLATES / name / f"{name}.geo"
-        make_mesh(geometry, geometry.with_suffix(".msh"), dim=dim)
+        make_mesh(geometry, geometry.with_suffix(".msh"), dim=dim, order=ORDER.get(name, 1))
         with tempfile.TemporaryDirectory() as scratch:
             fine = Path(scratch) / "fine.msh"
             make_mesh(geometry, fine, dim=dim, size=FINE[name], order=2)

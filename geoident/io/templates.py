@@ -8,6 +8,7 @@ from importlib.resources import files
 TEMPLATES: Mapping[str, str] = {
     "cavern": "a heading and two benches, extensometers and convergence lines, plane strain",
     "tunnel": "four rounds with shotcrete, in three dimensions",
+    "squeezing": "a tunnel in rock that yields, released in parts, plane strain",
     "dam": "four lifts of rockfill with a core, settlement cells, plane strain",
 }
 """Name to what it is about."""
