@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from geoident.errors import CollapseError, ModelError
 from geoident.forward.jets import Jet, Point
 from geoident.forward.opening_site import Site
@@ -46,7 +48,8 @@ class OpeningLoad:
         self, timeline: Timeline, site: Site, material: Material, stress: Jet, point: Point
     ) -> None:
         self._timeline, self._site, self._point = timeline, site, point
-        self._tension = [s.tension for s in material.yields if isinstance(s, MohrCoulomb)]
+        surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb)]
+        self._limits = [s.tension for s in surfaces if s.tension is not None]
         self.stress = stress
         xx, yy, zz, xy = (-stress[row][0] for row in range(4))
         E, nu = young_and_poisson(material, point)
@@ -69,7 +72,15 @@ class OpeningLoad:
             if beyond.reason == NO_EQUILIBRIUM:
                 raise CollapseError(text, stage=name, fraction=float("nan")) from beyond
             raise ModelError(text) from beyond
+        self._refuse_tension(state, self._timeline.states[n].name)
         return state, self._released(n)
+
+    def _refuse_tension(self, state: State, name: str) -> None:
+        """The cut-off of tension is no part of the closed form: the wall must not meet it."""
+        least = min(float(jet.value[0]) for jet in state.stresses(np.array([self._site.radius])))
+        if any(least < -float(self._point.jet(limit).value) for limit in self._limits):
+            text = f"at stage '{name}' the wall of the opening is torn by tension, for which there "
+            raise ModelError(text + "is no closed form")
 
     def _is_open(self, n: int) -> bool:
         return not self._site.groups & self._timeline.states[n].materials.keys()

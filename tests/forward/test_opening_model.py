@@ -12,7 +12,7 @@ from support.meshes import box, opening, regroup
 from support.tunnels import walled
 from support.yielding import constant, mohr, parameters, rock
 
-from geoident.errors import CollapseError, InputError
+from geoident.errors import CollapseError, InputError, ModelError
 from geoident.forward.opening_model import OpeningResponse, opening_model
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage
@@ -277,3 +277,15 @@ def test_other_yield_limits_have_no_closed_form():
     ground = rock(5e9, 0.25, mohr(MPa, 0.5), mohr(2 * MPa, 0.1))
     with pytest.raises(InputError, match="other yield limits"):
         without_mesh(ground)
+
+
+def test_a_wall_that_is_torn_has_no_closed_form():
+    press = Stage("press", excavate=("core",), loads={"water": Pressure("wall", Scalar(23 * MPa))})
+    strong = {"cohesion": 30 * MPa, "tension": 2 * MPa}
+    ground = rock(5e9, 0.25, mohr(strong["cohesion"], 0.5, tension=strong["tension"]))
+    with pytest.raises(ModelError, match="torn by tension"):
+        without_mesh(ground, stages=(press,)).survey(np.empty(0), fields=False)
+    press = replace(press, loads={"water": Pressure("wall", Scalar(21 * MPa))})
+    assert np.isfinite(
+        without_mesh(ground, stages=(press,)).survey(np.empty(0), fields=False).computed
+    ).all()
