@@ -40,7 +40,7 @@ def principal_values(deviators: Floats) -> Floats:
     tensor = np.zeros((len(deviators), 3, 3))
     for k, (i, j) in enumerate(_PAIRS):
         tensor[:, i, j] = tensor[:, j, i] = components[:, k] / (1 if i == j else 2)
-    return np.linalg.eigvalsh(tensor)
+    return np.asarray(np.linalg.eigvalsh(tensor), dtype=np.float64)
 
 
 def polygon_shrinkage(sides: int, fit: Fit) -> float:
