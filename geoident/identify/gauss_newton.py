@@ -26,6 +26,7 @@ Where residuals vanish at the solution, convergence is quadratic and the first r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,11 +51,16 @@ _STALLED = (
     "the model are not smooth here; go on with the method simplex."
 )
 _FLAT = "The discrepancy is flat here: it has no slope along any parameter that is free to move."
+_HOPELESS = "The descent was given up: it did not come near to the best point."
 _ROUNDING = "The discrepancy cannot be lowered further: what is left is rounding."
 
 
+Hopeless = Callable[[Walk, int], bool]
+"""Whether a descent that has made this many steps is to be given up."""
+
+
 @dataclass(frozen=True)
-class _Ending:
+class Ending:
     """Where one descent ended, and why."""
 
     point: Point
@@ -76,18 +82,24 @@ def gauss_newton(problem: Problem, options: GaussNewtonOptions, observe: Observe
     Raises:
         ModelError: the model has no solution at the start.
     """
-    return _Search(problem, options, observe).run()
+    return Search(problem, options, History("gauss-newton", problem.response, observe)).run()
 
 
-class _Search:
-    """One run: what all its descents share."""
+class Search:
+    """One run: what all its descents share.
 
-    def __init__(self, problem: Problem, options: GaussNewtonOptions, observe: Observer) -> None:
+    Args:
+        problem: readings, model and parameters.
+        options: tolerance, steps, starts.
+        history: is told of every evaluation.
+    """
+
+    def __init__(self, problem: Problem, options: GaussNewtonOptions, history: History) -> None:
         self.discrepancy = Discrepancy(problem)
         self.scaling = self.discrepancy.scaling
         self.box = TrustBox(self.scaling)
         self.options = options
-        self.history = History("gauss-newton", problem.response, observe)
+        self.history = history
 
     def run(self) -> Outcome:
         """All starts; the first must have a solution, the others give what they can."""
@@ -104,18 +116,25 @@ class _Search:
                 best = min(best, self.descend(further), key=lambda ending: ending.point.phi)
         return self.outcome(best)
 
-    def outcome(self, best: _Ending) -> Outcome:
+    def outcome(self, best: Ending) -> Outcome:
         """The best ending, or the observer's reason to stop."""
         status, reason = best.status, best.reason
         if self.history.stop is not None:
             status, reason = "out-of-budget", self.history.stop
         return Outcome(best.point.p, best.point.phi, status, reason, self.history.iterations)
 
-    def descend(self, start: Point) -> _Ending:
-        """Goes down from a start until a rule of the module's head ends it."""
+    def descend(self, start: Point, hopeless: Hopeless | None = None) -> Ending:
+        """Goes down from a start until a rule of the module's head ends it.
+
+        Args:
+            start: where from.
+            hopeless: is asked before every step whether the descent is worth going on.
+        """
         walk = Walk(start)
-        for _ in range(self.options.max_iterations):
+        for number in range(self.options.max_iterations):
             ending = self.ended(walk)
+            if ending is None and hopeless is not None and hopeless(walk, number):
+                ending = Ending(walk.best, "not-converged", _HOPELESS)
             if ending is not None:
                 return ending
             point, step = walk.point, self.step(walk.point, walk.radius)
@@ -123,20 +142,20 @@ class _Search:
             note = walk.judge(step, trial)
             self.record(self.box.reach(point.x, step.d), trial, step.length, note)
             if note == "rejected" and self.negligible(point):
-                return _Ending(walk.best, "converged", _ROUNDING)
-        return self.ended(walk) or _Ending(walk.best, "not-converged", self.exhausted())
+                return Ending(walk.best, "converged", _ROUNDING)
+        return self.ended(walk) or Ending(walk.best, "not-converged", self.exhausted())
 
-    def ended(self, walk: Walk) -> _Ending | None:
+    def ended(self, walk: Walk) -> Ending | None:
         """The end of a descent, or None while there is something to do."""
         reason = self.finished(walk.point, self.step(walk.point, np.inf))
         if reason and walk.point is not walk.best:
             walk.return_to_best()
         elif reason:
-            return _Ending(walk.best, "converged", reason)
+            return Ending(walk.best, "converged", reason)
         if walk.radius <= self.options.tolerance and self.flat(walk.best):
-            return _Ending(walk.best, "converged", _FLAT)
+            return Ending(walk.best, "converged", _FLAT)
         if walk.radius <= self.options.tolerance or self.history.stop is not None:
-            return _Ending(walk.best, "not-converged", _STALLED)
+            return Ending(walk.best, "not-converged", _STALLED)
         return None
 
     def step(self, point: Point, radius: float) -> Step:

@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.problem import Observer, Outcome, Problem
-from geoident.identify.protocols import AffineElastic, HasOpening, Response
+from geoident.identify.protocols import AffineElastic, HasOpening, Response, YieldSystem
 from geoident.model.arrays import Floats
 from geoident.model.loss import LossOptions, SquaredOptions, loss_name
 from geoident.model.methods import (
@@ -67,6 +67,7 @@ METHODS: Mapping[str, Method] = dict(
         _method("simplex", Response, "search without derivatives, for any model"),
         _method("scan", Response, "the discrepancy on a grid"),
         _method("closed-form", HasOpening, "formulas of a circular opening, also without a mesh"),
+        _method("complementarity", YieldSystem, "yield limits from several starts (their default)"),
     ]
 )
 
@@ -103,6 +104,8 @@ def _obstacle(
 ) -> str | None:
     if method.needs is Response:
         return None
+    if method.needs is YieldSystem:
+        return _yield_obstacle(response)
     if method.needs is HasOpening:
         given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
         return opening_obstacle(response, given)
@@ -113,6 +116,12 @@ def _obstacle(
     if not isinstance(response, AffineElastic):
         return "the equations of the model are not at hand"
     return response.obstacle()
+
+
+def _yield_obstacle(response: Response) -> str | None:
+    if isinstance(response, YieldSystem) and response.yields():
+        return None
+    return "no material of the model has yield limits"
 
 
 def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | None:

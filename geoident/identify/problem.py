@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from geoident.identify.protocols import Response
 from geoident.model.arrays import Floats
+from geoident.model.certificate import Certificate
 from geoident.model.loss import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.result import Grid, Iteration
@@ -46,6 +47,7 @@ class Outcome:
         iterations: the history.
         grid: of a scan, else None.
         remarks: what else is to be known of how it was found, sentences without a full stop.
+        certificate: what an identification of yield limits proved, else None.
     """
 
     values: Floats
@@ -55,3 +57,4 @@ class Outcome:
     iterations: tuple[Iteration, ...]
     grid: Grid | None = None
     remarks: tuple[str, ...] = ()
+    certificate: Certificate | None = None

@@ -37,6 +37,10 @@ class TrustBox:
         lower, upper = self._scaling.lower - x, self._scaling.upper - x
         return np.minimum(np.maximum(low, lower), 0.0), np.maximum(np.minimum(high, upper), 0.0)
 
+    def unit(self, x: Floats) -> Floats:
+        """What counts as a step of one in each parameter (n,), to first order, at x (n,)."""
+        return np.where(self._relative, np.abs(x), self._unit)
+
     def length(self, x: Floats, d: Floats) -> float:
         """Length of the step d (n,) at x (n,): the largest change of a parameter."""
         change = np.abs(d) / self._unit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -20,12 +21,14 @@ from geoident.model.case import (
     Analysis,
     Case,
     FitSettings,
+    Material,
     Stage,
     Support,
 )
 from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, ClosedFormOptions, MethodOptions, ScanAxis
 from geoident.model.parameter import Parameter, Prior, Scalar
+from geoident.model.strengths import numbers_of_yield
 
 _AXES = "xyz"
 
@@ -38,12 +41,13 @@ def build_case(
     builder = LoadBuilder(
         Analysis(section.analysis), gravity=section.gravity is not None, faults=faults
     )
+    materials = build_materials(section, faults)
     return Case(
         title=section.title,
         analysis=Analysis(section.analysis),
         mesh_file=mesh_file,
         parameters=tuple(_parameter(name, p) for name, p in section.parameters.items()),
-        materials=build_materials(section, faults),
+        materials=materials,
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=_supports(section, faults),
         in_situ=in_situ,
@@ -52,7 +56,7 @@ def build_case(
         stages=_stages(section, builder, faults),
         channels=build_channels(section, faults),
         readings=read.readings,
-        fit=_fit(section),
+        fit=_fit(section, strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
         water=build_water(section.water),
@@ -132,8 +136,19 @@ def _stages(section: CaseSection, builder: LoadBuilder, faults: Faults) -> tuple
     )
 
 
-def _fit(section: CaseSection) -> FitSettings:
-    methods = tuple(_options(section, method) for method in section.fit.chain)
+def _seek_strengths(materials: Mapping[str, Material]) -> bool:
+    """Whether strengths of yield limits are parameters."""
+    return any(
+        number.parameter is not None
+        for material in materials.values()
+        for surface in material.yields
+        for number in numbers_of_yield(surface)
+    )
+
+
+def _fit(section: CaseSection, *, strengths: bool) -> FitSettings:
+    chain = section.fit.chain(strengths=strengths)
+    methods = tuple(_options(section, method) for method in chain)
     stages = None if section.fit.stages is None else tuple(section.fit.stages)
     opening = _options(section, "closed-form")
     assert isinstance(opening, ClosedFormOptions)

@@ -28,6 +28,7 @@ from geoident.io.text_file import STDIN, decode, read_bytes
 from geoident.io.wording import shorten
 from geoident.io.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import Case, KeyPath
+from geoident.model.methods import method_name
 
 STDIN_NAME = "<stdin>"
 
@@ -89,7 +90,8 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     case = build_case(section, read, mesh_path, faults)
     faults.raise_any()
-    return LoadedCase(case, text, resolved_text(section), mesh_path, read.paths)
+    chain = [method_name(options) for options in case.fit.methods]
+    return LoadedCase(case, text, resolved_text(section, chain), mesh_path, read.paths)
 
 
 def _shown(path: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -13,17 +13,19 @@ from geoident.model.loss import LOSS_OPTIONS
 from geoident.model.methods import METHOD_OPTIONS
 
 
-def resolved_text(section: CaseSection) -> str:
+def resolved_text(section: CaseSection, chain: Sequence[str]) -> str:
     """The case as YAML, without empty sections and options of methods and losses not used.
 
     Quantities stay as they were written, so that the text can be read as a case again.
+
+    Args:
+        section: the case.
+        chain: names of the methods, those that stand for a missing one among them.
     """
     data = section.model_dump(by_alias=True, exclude_none=True)
-    fit: dict[str, Any] = data["fit"]
-    for name in (METHOD_OPTIONS.keys() | LOSS_OPTIONS.keys()) - {
-        *section.fit.chain,
-        section.fit.loss,
-    }:
+    fit: dict[str, Any] = {"method": chain[0], **data["fit"]}
+    data["fit"] = fit
+    for name in (METHOD_OPTIONS.keys() | LOSS_OPTIONS.keys()) - {*chain, section.fit.loss}:
         fit.pop(name, None)
     return yaml.dump(
         _without_empty(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100

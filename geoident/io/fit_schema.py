@@ -26,7 +26,9 @@ from geoident.model.loss import LOSS_OPTIONS, LossOptions
 from geoident.model.methods import METHOD_OPTIONS, MethodOptions, ScanAxis
 from geoident.units import DIMENSIONLESS
 
-DEFAULT_METHOD = next(iter(METHOD_OPTIONS))
+DEFAULT_METHOD = "gauss-newton"
+DEFAULT_FOR_STRENGTHS = "complementarity"
+"""What identifies strengths of yield limits where the case names no method."""
 
 _RANGES: Mapping[str, Any] = {
     "restarts": Annotated[int, Count(least=0)],
@@ -72,11 +74,18 @@ class AxisSection(Section):
 class FitBase(Section):
     """How the parameters are identified."""
 
-    method: Annotated[
-        Annotated[MethodName, Tag("text")]
-        | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
-        Discriminator(shape_of),
-    ] = Field(DEFAULT_METHOD, description="A method, or several that follow each other.")
+    method: (
+        Annotated[
+            Annotated[MethodName, Tag("text")]
+            | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
+            Discriminator(shape_of),
+        ]
+        | None
+    ) = Field(
+        None,
+        description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
+        f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters.",
+    )
     stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
         None, description="Stages whose readings are used (all if missing); others are predicted."
     )
@@ -86,9 +95,14 @@ class FitBase(Section):
         description="How much a large residual counts: huber and student-t bear wrong readings.",
     )
 
-    @property
-    def chain(self) -> tuple[str, ...]:
-        """Names of the methods in their order."""
+    def chain(self, *, strengths: bool) -> tuple[str, ...]:
+        """Names of the methods in their order.
+
+        Args:
+            strengths: strengths of yield limits are parameters.
+        """
+        if self.method is None:
+            return (DEFAULT_FOR_STRENGTHS if strengths else DEFAULT_METHOD,)
         return (self.method,) if isinstance(self.method, str) else tuple(self.method)
 
     def options(self, name: str) -> Section:

@@ -105,8 +105,34 @@ class ClosedFormOptions:
     max_iterations: int = 100
 
 
+@dataclass(frozen=True)
+class ComplementarityOptions:
+    """Yield limits by complementarity (Maier & Gioda, section 5).
+
+    Args:
+        formulation: ``implicit`` solves the stages for every trial, ``full-space`` is a nonlinear
+            program in all unknowns (extra full-space), ``global`` proves a bound for small cases
+            (extra global).
+        restarts: descents from around the best point at most, in search of a better one.
+        max_evaluations: analyses of all stages at most.
+        tolerance: relative size of a step, or of the gain it promises, that ends a descent.
+        seed: of the random directions of the restarts.
+    """
+
+    formulation: Literal["implicit", "full-space", "global"] = "implicit"
+    restarts: int = 100
+    max_evaluations: int = 1000
+    tolerance: float = 1e-8
+    seed: int = 1
+
+
 MethodOptions = (
-    GaussNewtonOptions | CondensationOptions | SimplexOptions | ScanOptions | ClosedFormOptions
+    GaussNewtonOptions
+    | CondensationOptions
+    | SimplexOptions
+    | ScanOptions
+    | ClosedFormOptions
+    | ComplementarityOptions
 )
 
 METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
@@ -115,6 +141,7 @@ METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
     "simplex": SimplexOptions,
     "scan": ScanOptions,
     "closed-form": ClosedFormOptions,
+    "complementarity": ComplementarityOptions,
 }
 
 

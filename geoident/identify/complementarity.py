@@ -1,0 +1,312 @@
+"""Yield limits by complementarity (theory 5): the strengths with which the ground meets readings.
+
+The implicit formulation takes the complementarity system of every stage as solved: the response
+is a function of the parameters alone, continuous and piecewise smooth, with the exact derivative
+of the active pieces. Its discrepancy has many local minima. The way to the global one is
+
+    scan      all strengths lowered together from what hardly yields (`strength_scan`),
+    descent   Gauss-Newton from its best point, or from the given start if that is better,
+    restarts  descents from around the best point along what the readings hardly see (`valley`),
+              until the readings are met exactly or some of them in a row found nothing better,
+    proof     what kind of point it is (`certify`); on from there where a side of it is lower.
+
+On the way planes that no strain point reaches are kept as near as can be (`slack`): the response
+is the same to the last digit, and they bite as soon as others give way.
+
+Parameters at which the ground collapses have no discrepancy and are stepped back from; the start
+may be one of them. The formulations ``full-space`` and ``global`` are in modules of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import cast
+
+import numpy as np
+
+from geoident.errors import ModelError
+from geoident.identify.certify import GLOBAL, NONE, Checked, certificate, check
+from geoident.identify.gauss_newton import Ending, Search
+from geoident.identify.history import History
+from geoident.identify.problem import Observer, Outcome, Problem
+from geoident.identify.protocols import YieldSystem
+from geoident.identify.slack import headroom, strengths, unreached
+from geoident.identify.spread import spread_starts
+from geoident.identify.strength_scan import strength_scan
+from geoident.identify.valley import Valley
+from geoident.identify.walk import Point, Walk
+from geoident.model.arrays import Bools, Floats
+from geoident.model.certificate import Activity, Certificate
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+
+EXACT = 1e-4
+"""Residuals below this part of the accuracies meet the readings exactly."""
+
+CLOSE = 1e-6
+"""An unreached plane is kept this far, relative, from where it is reached."""
+
+SAME = 1e-3
+"""A discrepancy lower by less than this part is no better one."""
+
+_KINK = 1e-5
+"""Steps shorter than this, relative, only go back and forth over a kink."""
+
+_TRIAL_STEPS, _SLOW, _FAR = 12, 3, 10.0
+"""Steps of a restart; after the first few, phi must be below this many times the best."""
+
+_ROUNDS = 3
+"""How often a descent goes on from a better point at the side of a kink."""
+
+_STALLED = (
+    "The search ended at a kink of the response near which points are better: raise restarts or "
+    "max_evaluations, or go on with the method simplex."
+)
+
+_RESCUES = 8
+"""Starts that are tried where neither the start nor the strongest ground has a solution."""
+
+
+Formulation = Callable[[Problem, ComplementarityOptions, Observer], Outcome]
+
+
+def complementarity(
+    problem: Problem, options: ComplementarityOptions, observe: Observer
+) -> Outcome:
+    """Minimises the discrepancy of a model with yield limits, theory 5.
+
+    Args:
+        problem: readings, a `YieldSystem`, and parameters.
+        options: formulation, restarts, tolerance, budget.
+        observe: is told of every trial; its reason to stop ends the search.
+
+    Returns:
+        The best point that was evaluated, with its certificate.
+
+    Raises:
+        InputError: the formulation is not possible for this model.
+        ModelError: no start has a solution.
+    """
+    return _FORMULATIONS[options.formulation](problem, options, observe)
+
+
+def _implicit(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+    return _Implicit(problem, options, observe).run()
+
+
+def _other(module: str) -> Formulation:
+    """A formulation of the same name as its module, which is imported when it runs."""
+
+    def run(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+        function = getattr(import_module(f"geoident.identify.{module}"), module)
+        return cast(Formulation, function)(problem, options, observe)
+
+    return run
+
+
+_FORMULATIONS: Mapping[str, Formulation] = {
+    "implicit": _implicit,
+    "full-space": _other("full_space"),
+    "global": _other("global_bound"),
+}
+
+
+@dataclass(frozen=True)
+class Seen(Point):
+    """A point with the planes there, those that no strain point reaches as near as can be.
+
+    Args:
+        idle: (n,) strengths whose planes no strain point reaches.
+        activity: of the evaluation.
+    """
+
+    idle: Bools
+    activity: Activity
+
+
+class YieldSearch(Search):
+    """Evaluations and descents of a model with yield limits."""
+
+    @property
+    def model(self) -> YieldSystem:
+        """The model."""
+        return cast(YieldSystem, self.discrepancy.problem.response)
+
+    def evaluate(self, x: Floats) -> Seen:
+        """The model at x (n,), its unreached planes brought near."""
+        point = super().evaluate(x)
+        activity = self.model.activity(point.p)
+        idle = unreached(activity, point.model.jacobian)
+        room = np.where(idle, headroom(activity), 0.0)
+        room[~np.isfinite(room)] = 0.0
+        p = np.where(room > CLOSE * point.p, point.p - room + CLOSE * np.abs(point.p), point.p)
+        x = self.scaling.to_scaled(p)
+        return Seen(x, self.scaling.to_natural(x), point.model, idle, activity)
+
+
+class _Implicit:
+    """One run of the implicit formulation."""
+
+    def __init__(
+        self, problem: Problem, options: ComplementarityOptions, observe: Observer
+    ) -> None:
+        steps = GaussNewtonOptions(tolerance=options.tolerance)
+        history = History("complementarity", problem.response, observe)
+        self.search = YieldSearch(problem, steps, history)
+        self.history = history
+        self.options = options
+        self.remarks: list[str] = []
+        self.exact = EXACT**2 * len(problem.measured)
+        self.tried = 0
+        self._first = problem.response.counts.evaluations
+
+    def run(self) -> Outcome:
+        """All of the module's head."""
+        best = self.improve(self.begin())
+        found = self.check(best)
+        for _ in range(_ROUNDS):
+            if found.lower is None or self.spent():
+                break
+            best = self.search.descend(found.lower, self.stuck)
+            found = self.check(best)
+        return self.outcome(best, found)
+
+    def check(self, best: Ending) -> Checked:
+        """What one-sided derivatives say of the best ending."""
+        point = cast(Seen, best.point)
+        kinks = int(point.activity.biactive.sum())
+        exact = point.phi <= self.exact
+        return check(self.search, point, kinks=kinks, exact=exact, spent=self.spent)
+
+    def begin(self) -> Seen:
+        """The given start or the best point of the scan, whichever is better.
+
+        Raises:
+            ModelError: no start has a solution.
+        """
+        search = self.search
+        start = self.first(search.scaling.start)
+        seen = start or self.rescue()
+        strength = strengths(seen.activity, search.scaling.slope(seen.p))
+        if not strength.any() or seen.phi <= self.exact:
+            return seen
+        found = cast("Seen | None", strength_scan(search, strength))
+        return min([p for p in (start, found) if p is not None] or [seen], key=lambda p: p.phi)
+
+    def first(self, x: Floats) -> Seen | None:
+        """The start, or None where the ground collapses, which is noted."""
+        try:
+            point = self.search.evaluate(x)
+        except ModelError as error:
+            self.search.record(x, None, 0.0, "start: no solution")
+            self.remarks.append(f"The search began elsewhere than at the start: {error.message}")
+            self.refused = error
+            return None
+        self.search.record(x, point, 0.0, "start")
+        return point
+
+    def rescue(self) -> Seen:
+        """Any point that has a solution, where the start has none.
+
+        Raises:
+            ModelError: why the start has none, if nothing else was found.
+        """
+        scaling = self.search.scaling
+        corner = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start)
+        for x in (corner, *spread_starts(scaling, _RESCUES)):
+            point = self.search.try_point(x)
+            self.search.record(x, point, 0.0, "rescue" if point else "rescue: no solution")
+            if point is not None:
+                return cast(Seen, point)
+        raise self.refused
+
+    def improve(self, start: Point) -> Ending:
+        """The best ending of a descent from a start and of restarts around it."""
+        best = self.search.descend(start, self.stuck)
+        valley = Valley(self.strength_of(best.point), self.options.seed)
+        fruitless = 0
+        for _ in range(self.options.restarts):
+            if self.spent() or best.point.phi <= self.exact or fruitless >= self.patience(best):
+                break
+            ending = self.restart(valley, best)
+            self.tried += 1
+            better = ending is not None and ending.point.phi < (1.0 - SAME) * best.point.phi
+            fruitless = 0 if better else fruitless + 1
+            if ending is not None and ending.point.phi < best.point.phi:
+                best = ending
+        return self.search.descend(best.point, self.stuck)
+
+    def restart(self, valley: Valley, best: Ending) -> Ending | None:
+        """One descent from around the best point; None where it has no solution."""
+        point, search = cast(Seen, best.point), self.search
+        x = search.scaling.clip(valley.start(point, point.idle, search.box.unit(point.x)))
+        start = search.try_point(x)
+        search.record(x, start, 0.0, "restart" if start else "restart: no solution")
+        if start is None:
+            return None
+
+        def hopeless(walk: Walk, number: int) -> bool:
+            far = number >= _SLOW and walk.best.phi > _FAR * point.phi
+            return far or number >= _TRIAL_STEPS or self.stuck(walk, number)
+
+        return search.descend(start, hopeless)
+
+    def stuck(self, walk: Walk, number: int) -> bool:
+        """The descent goes back and forth over a kink, or may cost no more."""
+        return (number > 0 and walk.radius <= _KINK) or self.spent()
+
+    def spent(self) -> bool:
+        """The evaluations are used up, or somebody stopped the search."""
+        used = self.search.model.counts.evaluations - self._first
+        return used >= self.options.max_evaluations or self.history.stop is not None
+
+    def patience(self, best: Ending) -> int:
+        """Restarts in a row without a better point that end the search.
+
+        Three times as many where the accuracies do not explain what is left of the residuals.
+        """
+        n = len(self.search.scaling)
+        freedom = max(len(self.search.discrepancy.problem.measured) - n, 1)
+        explained = best.point.phi <= freedom + 2.0 * np.sqrt(2.0 * freedom)
+        return max(n * (n + 1) // 2, 2) * (1 if explained else 3)
+
+    def strength_of(self, point: Point) -> Bools:
+        """Strengths (n,) at a point."""
+        activity = cast(Seen, point).activity
+        return strengths(activity, self.search.scaling.slope(point.p))
+
+    def outcome(self, best: Ending, found: Checked) -> Outcome:
+        """The best point with its certificate and the reason for stopping."""
+        point, model = best.point, self.search.model
+        exact = point.phi <= self.exact
+        proof = certificate(found, model.activity(point.p), model.names, exact=exact)
+        status, reason = self.ending(best, proof)
+        return Outcome(
+            point.p,
+            point.phi,
+            status,
+            reason,
+            self.history.iterations,
+            remarks=tuple(self.remarks),
+            certificate=proof,
+        )
+
+    def ending(self, best: Ending, proof: Certificate) -> tuple[str, str]:
+        """Status and reason."""
+        if self.history.stop is not None:
+            return "out-of-budget", self.history.stop
+        if proof.kind == GLOBAL:
+            return "converged", proof.remarks[0]
+        if self.spent():
+            return "not-converged", self.exhausted()
+        if proof.kind == NONE:
+            return "not-converged", _STALLED
+        return "converged", f"{best.reason} {self.tried} further descents found nothing better."
+
+    def exhausted(self) -> str:
+        """That the evaluations were used up, and what to do."""
+        return (
+            f"The search was not finished in {self.options.max_evaluations} evaluations: raise "
+            "max_evaluations, start nearer to the expected values or give tighter bounds."
+        )
