@@ -22,6 +22,7 @@ TRUTH = {
     "dam": {"E_shell": "60 MPa", "E_core": "25 MPa"},
     "tunnel": {"E_rock": "4.5 GPa", "K0": "0.7"},
     "squeezing": {"E_rock": "1.8 GPa", "c": "1.3 MPa"},
+    "opening": {"E_rock": "2.4 GPa", "c": "1.1 MPa", "phi": "29 deg"},  # formulas, no mesh
 }
 
 
@@ -37,11 +38,12 @@ def make_mesh(geometry: Path, mesh: Path, *, dim: int, size: float = 1.0, order:
     gmsh.finalize()
 
 
-def make_readings(name: str, mesh: Path) -> None:
-    """Simulates the truth on a mesh, and rounds the readings to 0.01 mm as they would be noted."""
+def make_readings(name: str, mesh: Path | None) -> None:
+    """Simulates the truth, on a mesh if one is given, and rounds the readings to 0.01 mm as they would be noted."""
     folder = TEMPLATES / name
     values = [f"parameters.{key}.start={value}" for key, value in TRUTH[name].items()]
-    changes = [f"--set={change}" for change in (f"mesh.file={mesh}", "readings=[]", *values)]
+    changes = [f"--set={change}" for change in ("readings=[]", *values)]
+    changes += [f"--set=mesh.file={mesh}"] if mesh else []
     command = ["simulate", str(folder / "case.yaml"), *changes, "--noise", "--seed", "1"]
     done = CliRunner().invoke(geoident, command)
     if done.exit_code:
@@ -60,6 +62,7 @@ def main() -> None:
             fine = Path(scratch) / "fine.msh"
             make_mesh(geometry, fine, dim=dim, size=FINE[name], order=2)
             make_readings(name, fine)
+    make_readings("opening", None)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ TEMPLATES: Mapping[str, str] = {
     "cavern": "a heading and two benches, extensometers and convergence lines, plane strain",
     "tunnel": "four rounds with shotcrete, in three dimensions",
     "squeezing": "a tunnel in rock that yields, released in parts, plane strain",
+    "opening": "a circular tunnel in rock that yields, by formulas, without a mesh",
     "dam": "four lifts of rockfill with a core, settlement cells, plane strain",
 }
 """Name to what it is about."""
 
 
 def template_files(name: str) -> dict[str, bytes]:
-    """File name to contents: the case, its mesh with the geometry, its readings."""
+    """File name to contents: the case, its mesh with the geometry if it has one, its readings."""
     folder = files("geoident") / "templates" / name
     return {item.name: item.read_bytes() for item in folder.iterdir() if item.is_file()}

@@ -16,9 +16,10 @@ ROOT = Path(__file__).parents[2]
 
 def path_of(name):
     """The commands, in the order in which the program itself proposes them."""
+    picture = [] if name == "opening" else ["--picture", "mine/case.svg"]  # it has no mesh
     return [
         ["init", "mine", "--template", name],
-        ["check", "mine/case.yaml", "--picture", "mine/case.svg"],
+        ["check", "mine/case.yaml", *picture],
         ["fit", "mine/case.yaml"],
         ["show", "mine/case.fit.h5"],
         ["predict", "mine/case.fit.h5"],
