@@ -34,10 +34,11 @@ def exp_divided(*nodes: Jet) -> Jet:
     >>> round(float(exp_divided(one).value), 12) == round(np.e - 1.0, 12)
     True
     """
-    values = np.broadcast_arrays(*(node.value for node in nodes))
+    shape = np.broadcast_shapes(*(node.value.shape for node in nodes))
+    values = [np.broadcast_to(node.value, shape) for node in nodes]
     result = np.zeros(np.broadcast_shapes(*(node.columns.shape for node in nodes)))
     result[..., 0] = _corner([np.zeros_like(values[0]), *values])
-    if result.shape[-1] == 1:  # no parameters
+    if nodes[0].columns.shape[-1] == 1:  # no parameters
         return Jet(result)
     for value, node in zip(values, nodes, strict=True):
         slope = _corner([np.zeros_like(value), *values, value])

@@ -41,7 +41,7 @@ _INSIDE = 0.95
 """A point nearer than this to the centre, in radii, is inside the opening; others on its wall."""
 
 
-NO_SECTION = "it is one of a section in plane strain"
+NO_SECTION = "its formulas are those of plane strain"
 
 
 def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:

@@ -6,11 +6,13 @@ circle. A model cut along planes of symmetry shows a half or a quarter of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.fem.faces import face_table, patches
+from geoident.forward.observation import format_point
 from geoident.forward.supports import fixed_dofs, group_nodes
 from geoident.forward.timeline import Timeline
 from geoident.model.arrays import Bools, Floats, Ints
@@ -25,6 +27,8 @@ FAR = 3.0
 
 DEEP = 10.0
 """The same, from which on the end of the model is not worth a word."""
+
+_SHOWN = 4  # names in a message
 
 _WIDEST = np.pi / 4
 """Widest part of the wall, as an angle, without a node."""
@@ -111,7 +115,7 @@ class _Search:
         if np.abs(away - radius).max() > ROUND * radius:
             return (
                 f"the wall of {names} is no circle: it lies {away.min():.3g} to "
-                f"{away.max():.3g} m from ({centre[0]:.4g}, {centre[1]:.4g}) m"
+                f"{away.max():.3g} m from {format_point(np.round(centre, 6) + 0.0)}"
             )
         sides = self._symmetries(centre, radius)
         if self._widest_gap(centre, sides) > _WIDEST:
@@ -216,5 +220,7 @@ class _Search:
         return np.concatenate(parts)
 
 
-def _listed(names: object) -> str:
-    return ", ".join(f"'{name}'" for name in sorted(names))  # type: ignore[call-overload]
+def _listed(names: Iterable[str]) -> str:
+    shown = [f"'{name}'" for name in sorted(names)]
+    more = f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
+    return ", ".join(shown[:_SHOWN]) + more
