@@ -21,12 +21,15 @@ class Survey:
         sensitivity: (n_channels, n_stages, n) their derivatives.
         fields: displacements and stresses of all states, or None.
         members: forces in linings and bolts, or None if there are none.
+        collapses: a sentence for every stage at which the ground cannot carry the loads; what
+            builds on it is NaN.
     """
 
     computed: Floats
     sensitivity: Floats
     fields: FieldSeries | None
     members: MemberForces | None = None
+    collapses: tuple[str, ...] = ()
 
 
 class PairResponse(Protocol):
@@ -93,5 +96,8 @@ class CaseModel(Protocol):
     ) -> PairResponse:
         """The response in the readings of some (channel, stage) pairs."""
 
-    def survey(self, p: Floats, *, fields: bool) -> Survey:
-        """All channels at all stages, their derivatives, and the fields if wanted."""
+    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+        """All channels at all stages, their derivatives, and the fields if wanted.
+
+        With ``partial`` what stages that collapse leave unknown is NaN.
+        """

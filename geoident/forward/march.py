@@ -35,6 +35,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from geoident.errors import CollapseError
 from geoident.forward.actions import Actions
 from geoident.forward.branches import Branches
 from geoident.forward.elastic_step import ElasticSteps
@@ -47,7 +48,7 @@ from geoident.forward.standing import Borne, Push, Standing
 from geoident.forward.step import StepTask
 from geoident.forward.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.timeline import State, Timeline
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 
@@ -79,6 +80,7 @@ class March:
         self._elastic = ElasticSteps(case, systems)
         self.plastic = PlasticSteps(case, systems)
         self.imbalance = 0.0
+        self.collapses: list[CollapseError] = []  # of the last run, if it was to go on
 
     @property
     def n_outside(self) -> int:
@@ -110,7 +112,8 @@ class March:
 
         Raises:
             ModelError: the stiffness of a stage is not positive definite, the virgin stress is
-                outside a yield surface, or the ground collapses (`CollapseError`).
+                outside a yield surface, or the ground collapses (`CollapseError`), unless
+                ``plastic`` says to go on: then that state and all that build on it are NaN.
         """
         points = self._systems.points
         n_columns = 1 + len(names)
@@ -121,30 +124,62 @@ class March:
         states = self._timeline.states[: None if last is None else last + 1]
         branches = Branches(states)
         self._elastic.forget()
+        self.collapses = []
         self.plastic.begin(values, plastic)
+        lost: set[int] = set()
         for n, state in enumerate(states):
+            if n and state.base in lost:
+                lost.add(n)
+                yield _unknown(n, u, borne)
+                continue
             branches.go_to(n, u, borne)
-            system = self._systems[n]
-            yielded = np.zeros(points.n_points, dtype=bool)
             forces = np.zeros_like(u)
             forces[:, :n_columns] = self._actions.forces(n, values, names)
             if push is not None:
                 push.add_to(forces, n)
-            if n == 0:
-                self._begin(values, names, borne, forces)
-            else:
-                forces += self._release.forces(n, stress, values, names)
-                self._clear(system, state, borne, u)
-                strain = self._thermal.change(n, values, names)
-                task = self._task(n, values, names, borne, forces, strain)
-                if self.plastic.yields(state):
-                    du, yielded = self.plastic.step(task)
-                else:
-                    du = self._elastic.step(task)
-                u += du
+            try:
+                yielded = self._advance(n, values, names, u, borne, forces)
+            except CollapseError as error:
+                if not plastic.partial:
+                    raise
+                self.collapses.append(error)
+                lost.add(n)
+                yield _unknown(n, u, borne)
+                continue
             yield Standing(n, u, stress, borne.members, yielded)
             branches.leave(n, u, borne)
         self._elastic.forget()
+
+    def _advance(
+        self,
+        number: int,
+        values: Mapping[str, float],
+        names: Sequence[str],
+        u: Floats,
+        borne: Borne,
+        forces: Floats,
+    ) -> Bools:
+        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is borne.
+
+        Returns:
+            (n_points,) the strain points that yield.
+        """
+        still = np.zeros(self._systems.points.n_points, dtype=bool)
+        if number == 0:
+            self._begin(values, names, borne, forces)
+            return still
+        system, state = self._systems[number], self._timeline.states[number]
+        forces += self._release.forces(number, borne.stress, values, names)
+        self._clear(system, state, borne, u)
+        strain = self._thermal.change(number, values, names)
+        task = self._task(number, values, names, borne, forces, strain)
+        du, yielded = (
+            self.plastic.step(task)
+            if self.plastic.yields(state)
+            else (self._elastic.step(task), still)
+        )
+        u += du
+        return yielded
 
     def _begin(
         self, values: Mapping[str, float], names: Sequence[str], borne: Borne, forces: Floats
@@ -200,6 +235,12 @@ class March:
             _impose(thermal, system, laws, borne.stress)
         moduli = self._structures.moduli(state, values, names)
         return StepTask(number, system, state, values, names, laws, borne, forces, moduli, thermal)
+
+
+def _unknown(state: int, u: Floats, borne: Borne) -> Standing:
+    """A state that is not reached."""
+    still = np.zeros(borne.stress.shape[1], dtype=bool)
+    return Standing(state, u * np.nan, borne.stress * np.nan, borne.members * np.nan, still)
 
 
 def _impose(

@@ -213,16 +213,25 @@ class StagedModel:
                 self.on_state(standing.state)
             yield standing
 
-    def survey(self, p: Floats, *, fields: bool) -> Survey:
+    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        One factorization per stage. ``p`` is (n,).
+        One factorization per stage, more where ground yields.
+
+        Args:
+            p: (n,) parameters.
+            fields: whether displacements and stresses are wanted.
+            partial: where a stage collapses, give what can be known without it.
+
+        Raises:
+            CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
         observed = []
         recorder = FieldRecorder(self.mesh, self.timeline, self.systems) if fields else None
         members = MemberRecorder(self.structures, self.timeline, self.values(p))
-        for standing in self.run(self.values(p), names=self.names):
+        plastic = PlasticOptions(partial=partial)
+        for standing in self.run(self.values(p), names=self.names, plastic=plastic):
             observed.append(self.observation.operator @ standing.u)
             if recorder is not None:
                 recorder.add(standing)
@@ -233,7 +242,11 @@ class StagedModel:
         added = self.instruments.added(self.values(p), self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
         series = None if recorder is None else recorder.series()
-        return Survey(table[..., 0], table[..., 1:], series, members.table())
+        collapses = self.march.collapses
+        if collapses and not np.isfinite(table).any():
+            raise collapses[0]
+        said = tuple(error.message for error in collapses)
+        return Survey(table[..., 0], table[..., 1:], series, members.table(), said)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from relative displacements since placing: less what was there at zero.

@@ -81,7 +81,7 @@ class OpeningModel:
         """The response in the readings of some (channel, stage) pairs."""
         return OpeningResponse(self, pairs, times)
 
-    def survey(self, p: Floats, *, fields: bool) -> Survey:
+    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
         """All channels at all stages and their derivatives; there are no fields."""
         values = self.values(p)
         table = self.relative(values, self.names)

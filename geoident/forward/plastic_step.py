@@ -54,6 +54,13 @@ from geoident.model.certificate import Activity
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
 
+_WITHOUT_MEANING = 1.0
+"""Strain of yielding points beyond which an equilibrium needs the confirmation of the arc.
+
+Meshes that lock under flow without change of volume let pressures grow without end: where all else
+flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
+"""
+
 _LOAD_STEPS = (1, 4, 16, 64)
 """Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
 
@@ -65,10 +72,12 @@ class PlasticOptions:
     Args:
         ratio: hardening added to every plane, in parts of n^T E n.
         explain: find the part of the load that can be carried, where there is a collapse.
+        partial: go on after a collapse with the states that do not build on it.
     """
 
     ratio: float = 0.0
     explain: bool = True
+    partial: bool = False
 
 
 PERFECT = PlasticOptions()
@@ -264,7 +273,10 @@ class PlasticSteps:
     ) -> Balance:
         """Equilibrium, or the reason why there is none."""
         try:
-            return solve(equations, [np.zeros_like(equations.forces), *guesses])
+            found = solve(equations, [np.zeros_like(equations.forces), *guesses])
+            if self._means_nothing(equations, found):
+                raise NoEquilibrium(found.trial.du, proven=False)
+            return found
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(task.system, error.unknown)
             raise not_positive_definite(task.state.name, place) from error
@@ -277,6 +289,12 @@ class PlasticSteps:
             if error.proven and not self._explain:
                 raise self._collapse(task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
+
+    def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
+        """Whether yielding points are strained beyond what small strains can describe."""
+        flows = [mine for _, _, mine in flowing(equations, found.trial)]
+        strain = self._systems.points.strain(found.trial.du)
+        return any(np.abs(strain[:, mine]).max() > _WITHOUT_MEANING for mine in flows)
 
     def _after_limit(
         self, task: StepTask, equations: StageEquations, error: NoEquilibrium

@@ -26,7 +26,12 @@ from geoident.workflow.estimate import (
 )
 from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
 from geoident.workflow.jobs import Job
-from geoident.workflow.predictions import predict_stages, predicted_stages, score
+from geoident.workflow.predictions import (
+    collapse_findings,
+    predict_stages,
+    predicted_stages,
+    score,
+)
 from geoident.workflow.provenance import job_provenance
 from geoident.workflow.tables import accuracies, gauge_table, parameter_table
 
@@ -73,7 +78,7 @@ def fit(job: Job, control: Control) -> Finished:
 def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
     """One survey of the model at the end of the search says everything else."""
     before = setup.model.counts
-    survey = setup.model.survey(outcome.values, fields=True)
+    survey = setup.model.survey(outcome.values, fields=True, partial=True)
     readings, jacobian = used_readings(setup, survey, outcome.values)
     assessment = assess_robustly(problem, outcome.values, readings, jacobian)
     diagnostics = diagnostics_table(
@@ -103,6 +108,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         reason=_reason(found, parameters.names),
         objective=found.outcome.objective,
         findings=(
+            *collapse_findings(survey),
             *found.assessment.findings,
             *remarks(found.diagnostics, gauges, parameters.names),
         ),

@@ -26,7 +26,13 @@ from geoident.workflow.outputs import (
     standing,
     target,
 )
-from geoident.workflow.predictions import chosen_stages, predict_stages, predicted_stages, score
+from geoident.workflow.predictions import (
+    chosen_stages,
+    collapse_findings,
+    predict_stages,
+    predicted_stages,
+    score,
+)
 from geoident.workflow.provenance import case_path, provenance
 from geoident.workflow.selection import Selection
 from geoident.workflow.tables import accuracies, gauge_table
@@ -140,7 +146,7 @@ def predict(task: Task, control: Control) -> Finished:
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
-    survey = model.survey(known.parameters.values, fields=True)
+    survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, known, survey, model.counts)
     paths = write_result(result, place.path, overwrite=found is not Standing.NOTHING)
     return Finished(result, paths)
@@ -279,7 +285,7 @@ def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status}).",
         objective=fit.objective,
-        findings=fit.findings,
+        findings=(*collapse_findings(survey), *fit.findings),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geoident.forward.case_model import Survey
 from geoident.identify.spectrum import NORMAL_95
 from geoident.identify.uncertainty import Assessment, predict_band
 from geoident.model.arrays import Bools, Floats
@@ -73,3 +74,11 @@ def _inside(gauges: GaugeTable, prediction: Prediction, column: int) -> Bools:
     measured = gauges.measured[:, column]
     above = measured >= prediction.lower95[:, column]
     return above & (measured <= prediction.upper95[:, column])
+
+
+def collapse_findings(survey: Survey) -> tuple[str, ...]:
+    """One sentence for every stage that the ground does not survive at the estimate."""
+    return tuple(
+        f"With these parameters, {sentence}. Nothing is predicted from there on."
+        for sentence in survey.collapses
+    )

@@ -36,7 +36,7 @@ def scan(job: Job, control: Control) -> Finished:
         problem = problem_of(setup, log, control)
         outcome = search(problem, job.methods, control)
         before = setup.model.counts
-        survey = setup.model.survey(outcome.values, fields=False)
+        survey = setup.model.survey(outcome.values, fields=False, partial=True)
         counts = total(problem.response.counts, before, setup.model.counts)
         return write(job, _result(job, setup, outcome, counts, computed=survey.computed))
 
