@@ -202,6 +202,17 @@ class StageEquations:
         internal = self.operators.forces(self.stress, self.volume)
         return internal if self._members is None else internal + self._members(0.0 * internal)
 
+    @cached_property
+    def _at_work(self) -> float:
+        """Largest force that is given or borne before, N.
+
+        Signs at random keep the forces of an element from cancelling those of the next, so that
+        stress in equilibrium with itself counts.
+        """
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], self.stress.shape)
+        alone = self.operators.forces(self.stress * signs, self.volume)
+        return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
+
     def at(self, du: Floats) -> Trial:
         """Stresses and residual at a displacement step (n_dofs,)."""
         stress = self.stress.copy()
@@ -210,7 +221,7 @@ class StageEquations:
         internal = self.operators.forces(stress, self.volume)
         if self._members is not None:
             internal = internal + self._members(du)
-        scale = max(np.abs(internal).max(initial=0.0), np.abs(self.forces).max(initial=0.0))
+        scale = max(np.abs(internal).max(initial=0.0), self._at_work)
         rest = (self.forces - internal)[self.dofs]
         return Trial(du, stress, tuple(projections), rest, float(scale))
 

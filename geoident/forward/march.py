@@ -207,9 +207,9 @@ class March:
 
     def _clear(self, system: StageSystem, state: State, borne: Borne, u: Floats) -> None:
         """What is gone or placed anew bears nothing; nodes that are gone forget their motion."""
-        borne.stress[:, ~system.present] = 0.0
+        borne.clear(~system.present)
         for group in state.placed:
-            borne.stress[:, self._systems.points_of[group]] = 0.0
+            borne.clear(self._systems.points_of[group])
         self._structures.clear(state, borne.members)
         u[~system.touched] = 0.0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,12 @@ class Borne:
     def columns(self, part: slice) -> Borne:
         """Some of its columns, not copied."""
         return Borne(self.stress[..., part], self.members[:, part])
+
+    def clear(self, points: Bools | Ints | slice) -> None:
+        """Strain points that are gone or placed anew bear nothing and have not hardened."""
+        self.stress[:, points] = 0.0
+        for multipliers in self.hardened.values():
+            multipliers[:, points] = 0.0
 
     def copy(self) -> Borne:
         """A copy of its own."""

@@ -1,0 +1,154 @@
+"""Models of ground that yields, put together in code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from geoident.forward.model import StagedModel
+from geoident.forward.plastic_step import PlasticOptions
+from geoident.forward.standing import Standing
+from geoident.model.actions import Pressure
+from geoident.model.case import Material, Stage
+from geoident.model.in_situ import ConstantStress
+from geoident.model.mesh import Mesh
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.yields import GivenPlanes, MohrCoulomb, YieldPlane, YieldSurface
+from support.cases import as_scalar, material, model, rollers
+from support.meshes import opening
+
+NOTHING = np.empty(0)
+
+
+def rock(
+    E: float | Scalar,
+    nu: float | Scalar,
+    *yields: YieldSurface,
+    name: str = "rock",
+    density: float | Scalar = 0.0,
+    expansion: float | Scalar = 0.0,
+) -> Material:
+    """An isotropic material that yields."""
+    plain = material(name, E, nu, density)
+    return Material(name, plain.elastic, plain.density, as_scalar(expansion), yields)
+
+
+def mohr(
+    c: float | Scalar,
+    phi: float | Scalar,
+    *,
+    psi: float | Scalar | None = None,
+    tension: float | Scalar | None = None,
+    planes: int | None = None,
+    fit: str = "best",
+) -> MohrCoulomb:
+    """Mohr-Coulomb; numbers or parameters, angles in rad."""
+    dilation = None if psi is None else as_scalar(psi)
+    cut = None if tension is None else as_scalar(tension)
+    return MohrCoulomb(as_scalar(c), as_scalar(phi), dilation, cut, planes, fit)
+
+
+def given(
+    normals: np.ndarray, distances: Sequence[float | Scalar], hardening: float | Scalar = 0.0
+) -> GivenPlanes:
+    """Planes of normals (y, 6), made unit vectors with shears counted once, and distances."""
+    units = normals / np.linalg.norm(normals, axis=1)[:, None]
+    planes = tuple(
+        YieldPlane(f"p{n}", tuple(map(float, unit)), as_scalar(k))
+        for n, (unit, k) in enumerate(zip(units, distances, strict=True))
+    )
+    return GivenPlanes(planes, as_scalar(hardening))
+
+
+def constant(*stress: float | Scalar, held: bool | None = None) -> ConstantStress:
+    """In-situ stress the same everywhere; up to six components, the rest zero."""
+    filled = [as_scalar(s) for s in stress] + [Scalar(0.0)] * (6 - len(stress))
+    return ConstantStress(tuple(filled), held)
+
+
+def parameters(**values: float) -> tuple[Parameter, ...]:
+    """Parameters with wide bounds."""
+    return tuple(
+        Parameter(name, value, *sorted((value / 10, value * 10))) for name, value in values.items()
+    )
+
+
+def marched(
+    staged: StagedModel, p: np.ndarray = NOTHING, *, explain: bool = True
+) -> list[Standing]:
+    """Copies of all states, with derivatives."""
+    plastic = PlasticOptions(explain=explain)
+    march = staged.run(staged.values(p), names=staged.names, plastic=plastic)
+    return [
+        Standing(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded) for s in march
+    ]
+
+
+@dataclass(frozen=True)
+class Cavity:
+    """A round opening in the plane, about an axis or in space, under an all-round stress.
+
+    Args:
+        pressure: of the far stress, Pa, compression positive.
+        E: Young's modulus, Pa.
+        nu: Poisson's ratio.
+        radius: of the opening, m.
+    """
+
+    pressure: float = 30e6
+    E: float = 6.7776e9
+    nu: float = 0.21034
+    radius: float = 1.0
+
+    def mesh(self, kind: str, dim: int = 2, *, n: int, layers: int, reach: float) -> Mesh:
+        """A quarter or octant; reach in radii."""
+        r = self.radius
+        return opening(kind, dim, n=n, layers=layers, radius=r, reach=reach * r)
+
+    def staged(self, mesh: Mesh, *yields: YieldSurface, **changes: Any) -> StagedModel:
+        """The opening made in one stage."""
+        settings: dict[str, Any] = {
+            "materials": {"rock": rock(self.E, self.nu, *yields)},
+            "groups": {"core": "rock", "rock": "rock"},
+            "supports": rollers(mesh.dim),
+            "in_situ": constant(*(-self.pressure,) * 3),
+            "stages": (Stage("open", excavate=("core",)),),
+        }
+        return model(mesh, **{**settings, **changes})
+
+    def wall(self, staged: StagedModel) -> np.ndarray:
+        """Nodes on the wall."""
+        used = np.unique(staged.mesh.blocks[0].nodes)
+        away = np.abs(np.linalg.norm(staged.mesh.points[used], axis=1) - self.radius)
+        return used[away < 1e-9 * self.radius]
+
+    def outwards(self, staged: StagedModel, standing: Standing) -> np.ndarray:
+        """Radial displacements (n,) of the nodes on the wall."""
+        mesh, wall = staged.mesh, self.wall(staged)
+        u = standing.u[:, 0].reshape(mesh.n_nodes, mesh.dim)[wall]
+        return np.sum(u * mesh.points[wall], axis=1) / self.radius
+
+    def plastic_radius(self, staged: StagedModel, standing: Standing) -> float:
+        """Between the outermost point that yields and the next one."""
+        r = np.linalg.norm(staged.systems.points.position, axis=1)
+        last = r[standing.yielded].max()
+        return float(0.5 * (last + r[(r > last) & ~standing.yielded].min()))
+
+
+def cylinder(
+    mesh: Mesh, pressures: Sequence[float], *yields: YieldSurface, E: float, nu: float, **more: Any
+) -> StagedModel:
+    """A quarter of a thick ring whose core is absent, under pressures inside, stage by stage."""
+    stages = tuple(
+        Stage(f"p{k}", loads={"p": Pressure("wall", Scalar(p))}) for k, p in enumerate(pressures)
+    )
+    settings: dict[str, Any] = {
+        "materials": {"rock": rock(E, nu, *yields)},
+        "groups": {"core": None, "rock": "rock"},
+        "supports": rollers(2),
+        "stages": stages,
+    }
+    return model(mesh, **{**settings, **more})
