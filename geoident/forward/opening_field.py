@@ -13,7 +13,7 @@ approximation, and it is said how large the deviation is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -106,13 +106,21 @@ class OpeningField:
         """Why the parameters are outside the domain, or None."""
         return inadmissible(self._material, values)
 
-    def observed(self, values: Values, names: Sequence[str], last: int | None = None) -> Floats:
+    def observed(
+        self,
+        values: Values,
+        names: Sequence[str],
+        *,
+        wanted: Collection[int] | None = None,
+        failures: list[ModelError] | None = None,
+    ) -> Floats:
         """Relative displacements of all channels since the virgin state.
 
         Args:
             values: parameters by name, SI.
             names: the n of them to differentiate by.
-            last: state after which nothing is wanted; None for all.
+            wanted: the states that are; None for all.
+            failures: takes what is raised, and the states that it concerns are NaN; None to raise.
 
         Returns:
             (n_states, n_channels, 1 + n); NaN where there is no closed form.
@@ -123,14 +131,24 @@ class OpeningField:
         shape = (len(self._timeline.states), len(self._case.channels), 1 + len(names))
         table = np.full(shape, np.nan)
         load = self._load(values, names)
-        for n in range(len(table) if last is None else last + 1):
-            if self.obstacles[n] is None:
-                table[n] = 0.0
-            if self.open[n] and self.obstacles[n] is None:
-                state, released = load.at(n)
-                for end in self._ends:
-                    table[n] += end.moved(state, released, load).columns
+        for n in range(len(table)) if wanted is None else wanted:
+            try:
+                if self.obstacles[n] is None:
+                    table[n] = self._moved(load, n, shape[1:])
+            except ModelError as error:
+                if failures is None:
+                    raise
+                failures.append(error)
         return table
+
+    def _moved(self, load: OpeningLoad, n: int, shape: tuple[int, ...]) -> Floats:
+        """Relative displacements (n_channels, 1 + n) at a state."""
+        moved = np.zeros(shape)
+        if self.open[n]:
+            state, released = load.at(n)
+            for end in self._ends:
+                moved += end.moved(state, released, load).columns
+        return moved
 
     def remarks(self, values: Values) -> tuple[str, ...]:
         """What is to be known of the closed form at some parameters, sentences without a stop."""

@@ -64,14 +64,14 @@ class OpeningLoad:
             ModelError: it has no equilibrium, or none in closed form.
         """
         way = [int(k) for k in self._timeline.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
+        reached: list[State] = []
         try:
-            *_, state = self.opening.history([self._pressure(k) for k in way])
+            for state in self.opening.history([self._pressure(k) for k in way]):
+                reached.append(state)
         except BeyondClosedForm as beyond:
-            name = self._timeline.states[n].name
-            text = f"at stage '{name}' the ground around the opening: {beyond.reason}"
-            if beyond.reason == NO_EQUILIBRIUM:
-                raise CollapseError(text, stage=name, fraction=float("nan")) from beyond
-            raise ModelError(text) from beyond
+            failed = self._timeline.states[way[len(reached)]].name
+            raise _failure(failed, beyond.reason) from beyond
+        state = reached[-1]
         self._refuse_tension(state, self._timeline.states[n].name)
         return state, self._released(n)
 
@@ -96,6 +96,13 @@ class OpeningLoad:
             assert isinstance(load, Pressure)
             total = total + self._point.jet(load.value)
         return total
+
+
+def _failure(stage: str, reason: str) -> ModelError:
+    text = f"at stage '{stage}' the ground around the opening fails: {reason}"
+    if reason == NO_EQUILIBRIUM:
+        return CollapseError(text, stage=stage, fraction=float("nan"))
+    return ModelError(text)
 
 
 def young_and_poisson(material: Material, point: Point) -> tuple[Jet, Jet]:

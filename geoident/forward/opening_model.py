@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from geoident.errors import InputError
+from geoident.errors import InputError, ModelError
 from geoident.forward.case_model import Survey
 from geoident.forward.instruments import Instruments
 from geoident.forward.opening_field import NO_SECTION, OpeningField, unsuitable
@@ -82,18 +82,40 @@ class OpeningModel:
         return OpeningResponse(self, pairs, times)
 
     def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
-        """All channels at all stages and their derivatives; there are no fields."""
-        values = self.values(p)
-        table = self.relative(values, self.names)
+        """All channels at all stages and their derivatives; there are no fields.
+
+        Args:
+            p: (n,) parameters.
+            fields: of no effect.
+            partial: where a stage has no equilibrium, give what can be known without it.
+
+        Raises:
+            ModelError: a stage has no equilibrium; with ``partial``, only if nothing is left.
+        """
+        values, failures = self.values(p), list[ModelError]()
+        table = self.relative(values, self.names, failures=failures if partial else None)
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
         added = self.instruments.added(values, self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
-        return Survey(table[..., 0], table[..., 1:], None)
+        if failures and not np.isfinite(table).any():
+            raise failures[0]
+        said = tuple(dict.fromkeys(error.message for error in failures))
+        return Survey(table[..., 0], table[..., 1:], None, collapses=said)
 
-    def relative(self, values: dict[str, float], names: Sequence[str]) -> Floats:
-        """Motions since the zeros, (n_states, n_channels, 1 + n), m; NaN where not to be read."""
+    def relative(
+        self,
+        values: dict[str, float],
+        names: Sequence[str],
+        *,
+        wanted: Collection[int] | None = None,
+        failures: list[ModelError] | None = None,
+    ) -> Floats:
+        """Motions since the zeros, (n_states, n_channels, 1 + n), m; NaN where not to be read.
+
+        See `OpeningField.observed` for the arguments.
+        """
         self._evaluations += 1
-        observed = self.field.observed(values, names)
+        observed = self.field.observed(values, names, wanted=wanted, failures=failures)
         result = observed - observed[self.zero, np.arange(len(self.zero))]
         result[~self.readable] = np.nan
         return np.asarray(result)
@@ -128,6 +150,7 @@ class OpeningResponse:
         self.covered: Bools = model.readable[states, rows]
         self._rows, self._states = rows[self.covered], states[self.covered]
         self._times = np.array(given, dtype=np.float64)[self.covered]
+        self._wanted = set(map(int, (*self._states, *model.zero[self._rows])))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -164,7 +187,8 @@ class OpeningResponse:
 
     def _run(self, p: Floats, names: Sequence[str]) -> Floats:
         values = self._model.values(p)
-        table = self._model.relative(values, names)[self._states, self._rows]
+        motions = self._model.relative(values, names, wanted=self._wanted)
+        table = motions[self._states, self._rows]
         return np.asarray(
             table
             + self._model.instruments.added(values, names, self._rows, self._states, self._times)

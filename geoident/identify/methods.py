@@ -119,7 +119,9 @@ def _obstacle(
 
 
 def _yield_obstacle(response: Response) -> str | None:
-    if isinstance(response, YieldSystem) and response.yields():
+    if not isinstance(response, YieldSystem):
+        return "the equations of the model are not at hand"
+    if response.yields():
         return None
     return "no material of the model has yield limits"
 

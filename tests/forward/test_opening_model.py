@@ -222,6 +222,19 @@ def test_ground_that_cannot_stand_is_a_collapse():
         opened.survey(np.empty(0), fields=False)
 
 
+def test_what_comes_before_a_collapse_is_known():
+    ground = rock(5e9, 0.25, mohr(0.0, 0.5))
+    opened = without_mesh(ground, stages=STAGES[:2])
+    early = [(c.name, "face") for c in GAUGES]
+    assert np.isfinite(opened.response(early).readings(np.empty(0))).all()
+    with pytest.raises(CollapseError, match="stage 'open'"):
+        opened.response(PAIRS[:2]).readings(np.empty(0))
+    known = opened.survey(np.empty(0), fields=False, partial=True)
+    np.testing.assert_array_equal(np.isfinite(known.computed), [[True, False]] * len(GAUGES))
+    (said,) = known.collapses
+    assert "'open'" in said
+
+
 def strong(**changes):
     return staged(quarter(4, 12), material("rock", 5e9, 0.25), **changes).response(PAIRS[:1])
 
