@@ -91,15 +91,22 @@ class Scene:
     @cached_property
     def states(self) -> tuple[int, ...]:
         """States after stages that are shown one by one."""
-        states = np.arange(1, self.n_states)
+        states = self.reached
         if len(states) > MOST_STAGES:
-            states = np.unique(np.linspace(1, self.n_states - 1, MOST_STAGES).round().astype(int))
+            chosen = np.linspace(0, len(states) - 1, MOST_STAGES).round().astype(int)
+            states = states[np.unique(chosen)]
         return tuple(int(state) for state in states)
+
+    @cached_property
+    def reached(self) -> Ints:
+        """States after stages; those that collapse, and what builds on them, are not there."""
+        known = np.isfinite(self.fields.displacement).all(axis=(1, 2))
+        return np.flatnonzero(known[1:]) + 1
 
     @property
     def key_states(self) -> tuple[int, ...]:
         """The last fitted state and the last of all."""
-        return tuple(sorted({self.last_fitted, self.n_states - 1}))
+        return tuple(sorted({self.last_fitted, int(self.reached[-1])} & set(self.reached.tolist())))
 
     def stage(self, state: int) -> str:
         """The name of a state."""

@@ -285,7 +285,7 @@ def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status}).",
         objective=fit.objective,
-        findings=(*collapse_findings(survey), *fit.findings),
+        findings=tuple(dict.fromkeys((*collapse_findings(survey), *fit.findings))),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,
