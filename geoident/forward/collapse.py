@@ -9,7 +9,9 @@ of the displacements,
 t grows with alpha towards the limit load (Cermak, Haslinger, Kozubek, Sysala 2015, "Discretization
 and numerical realization of contact problems for elastic-perfectly plastic bodies", part II). Given
 alpha the problem is convex again and has a solution. alpha is doubled until t stands still, or 1
-is reached.
+is reached. Meshes that lock under flow without change of volume have no limit load (Nagtegaal,
+Parks, Rice 1974, Comput. Methods Appl. Mech. Eng. 4): there the arc ends where the ground has
+become a thousand times softer and its strains large.
 """
 
 from __future__ import annotations
@@ -24,6 +26,12 @@ from geoident.model.arrays import Floats
 _BALANCED = 1e-7
 _STANDS_STILL = 2e-4
 """Relative growth of t over a doubling of the displacement that counts as the limit."""
+
+_SOFTER = 1e3
+"""How much softer than elastic the ground is when it counts as flowing, where _LONG is passed."""
+
+_LONG = 0.1
+"""Strain up to which ground may be as soft as it likes (it may harden)."""
 
 _MOST_DOUBLINGS = 24
 _MOST_STEPS = 40
@@ -48,18 +56,29 @@ def limit_of(equations: StageEquations) -> Limit:
     load = (equations.forces - before.forces)[equations.dofs]
     rest = before.at(np.zeros_like(equations.forces))
     factor, _ = before.factor(rest)
-    alpha = 0.25 * float(load @ factor.solve(load[:, None])[:, 0])
+    compliance = float(load @ factor.solve(load[:, None])[:, 0])
+    alpha = 0.25 * compliance
     last = Limit(0.0, rest.du)
     for doubling in range(_MOST_DOUBLINGS):
         found = _controlled(before, load, alpha, last)
-        if found is None or found.fraction >= 1.0:
-            return last if found is None else Limit(1.0, found.du)
+        if found is None:
+            return last
+        softer = alpha > _SOFTER * compliance * found.fraction
+        if softer and _strain(before, found) > _LONG:
+            return last
+        if found.fraction >= 1.0:
+            return Limit(1.0, found.du)
         grown = found.fraction - last.fraction
         last = found if grown > 0.0 else last
         if doubling > 2 and grown <= _STANDS_STILL * last.fraction:
             return last
         alpha *= 2.0
     return last
+
+
+def _strain(equations: StageEquations, found: Limit) -> float:
+    """The largest strain."""
+    return float(np.abs(equations.operators.strain(found.du)).max())
 
 
 def _controlled(before: StageEquations, load: Floats, alpha: float, start: Limit) -> Limit | None:

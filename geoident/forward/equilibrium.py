@@ -45,6 +45,9 @@ ROUNDING = 1e-8
 MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
+PATIENCE = 12
+"""Steps after which flow without potential is given up if the error has not come down by half."""
+
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
@@ -295,10 +298,14 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
     search = follow_slope if equations.associated else _along_norm
     factor: Factor | None = None
     made_at: Trial | None = None
-    least = 0
+    least, reached = 0, (0, np.inf)
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, step, factor, made_at)
+        if trial.error < 0.5 * reached[1]:
+            reached = step, trial.error
+        if not equations.associated and step - reached[0] > PATIENCE:
+            break
         factor, level = equations.factor(trial, least=least)
         made_at = trial if level == 0 else None
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])

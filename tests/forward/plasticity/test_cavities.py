@@ -143,6 +143,7 @@ def octant(kind: str, psi: float | None, *, n: int, layers: int, reach: float) -
     return abs(CAVITY.outwards(staged, standing).mean() / sphere(IN_SPACE, psi)[1] - 1)
 
 
+@pytest.mark.slow
 @flows
 def test_octant_of_a_spherical_cavity(psi):
     """12 hexahedra on the wall, 10 and 20 rings."""
@@ -181,4 +182,4 @@ def test_polyhedra_converge_with_the_square_of_their_planes():
     worst = np.minimum(np.abs(errors["inscribed"]), np.abs(errors["circumscribed"]))
     assert np.all(np.abs(errors["best"]) < worst)
     assert np.abs(errors["best"]).max() < 0.03
-    assert np.abs(errors["best"][-1]) < 0.001
+    assert np.abs(errors["best"][-1]) < 0.002

@@ -1,0 +1,206 @@
+"""What plastic stages cost, and what is said where there is no equilibrium."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.cases import displacement, model, rollers
+from support.meshes import box
+from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, parameters, rock
+
+from geoident.errors import CollapseError, ModelError
+from geoident.model.actions import Traction
+from geoident.model.case import Stage, Support
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Scalar
+
+CAVITY = Cavity(pressure=10e6, E=2e9, nu=0.3)
+STAGES = tuple(
+    Stage(f"s{n}", excavate=() if n else ("core",), release={"core": Scalar(part)})
+    for n, part in enumerate((0.5, 0.8, 1.0))
+)
+ORDINARY = {
+    "smooth": mohr(1.5e6, 0.5),
+    "dilation": mohr(1.5e6, 0.5, psi=0.1),
+    "cut-off": mohr(1.5e6, 0.5, tension=1e5),
+    "16 planes": mohr(1.5e6, 0.5, planes=16),
+    "24 planes, inscribed": mohr(1.5e6, 0.5, planes=24, fit="inscribed"),
+    "Tresca": mohr(5e6, 0.0),
+}
+
+
+@pytest.mark.parametrize("sides", [(-10e6, -10e6), (-6e6, -10e6)], ids=["K0 = 1", "K0 = 0.6"])
+@pytest.mark.parametrize("name", ORDINARY)
+def test_a_stage_takes_few_steps(name, sides):
+    mesh = CAVITY.mesh("quad8", n=4, layers=20, reach=12)
+    in_situ = constant(*sides, -9e6)
+    staged = CAVITY.staged(mesh, ORDINARY[name], stages=STAGES, in_situ=in_situ)
+    spent, yielded = [staged.counts.factorizations], 0
+    for standing in staged.run({}):
+        spent.append(staged.counts.factorizations)
+        yielded += standing.yielded.sum()
+    assert yielded > 100
+    assert np.diff(spent).max() <= 20
+
+
+def parametric(surface) -> tuple:
+    mesh = CAVITY.mesh("quad8", n=3, layers=14, reach=10)
+    ground = replace(rock(Scalar(1.0, "E"), 0.3, surface))
+    staged = CAVITY.staged(
+        mesh,
+        stages=STAGES,
+        parameters=parameters(E=2e9, c=1.5e6),
+        materials={"rock": ground},
+        channels=(displacement("g", (1.01, 0.01), (1.0, 0.0)),),
+    )
+    return staged, staged.response([("g", stage.name) for stage in STAGES])
+
+
+def test_elastic_range_costs_one_factorization_a_stage():
+    staged, response = parametric(mohr(Scalar(1.0, "c"), 0.5))
+    response.evaluate(np.array([2e9, 100e6]))
+    assert staged.counts.factorizations <= len(STAGES)
+
+
+@pytest.mark.parametrize("planes", [None, 16])
+def test_second_evaluation_at_the_same_place_costs_one_factorization_a_stage(planes):
+    staged, response = parametric(mohr(Scalar(1.0, "c"), 0.5, planes=planes))
+    p = np.array([2e9, 1.5e6])
+    first = response.evaluate(p)
+    before = staged.counts.factorizations
+    second = response.evaluate(p)
+    assert staged.counts.factorizations - before <= len(STAGES)
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9 * np.abs(one).max())
+
+
+def peak(n: int) -> float:
+    """Memory per strain point of a plastic march, bytes, without the mesh."""
+    mesh = box("quad4", (n, n), size=(4.0, 4.0))
+    staged = model(
+        mesh,
+        materials={"rock": rock(1e9, 0.3, mohr(1e6, 0.0))},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        stages=(Stage("press", loads={"p": Traction("y1", (Scalar(0.0), Scalar(-1.9e6)))}),
+                Stage("pull", loads={"p": Traction("y1", (Scalar(0.0), Scalar(1.9e6)))})),
+    )  # fmt: skip
+    tracemalloc.start()
+    staged.survey(NOTHING, fields=False)
+    found = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return found / staged.systems.points.n_points
+
+
+def test_memory_is_linear_in_the_number_of_points():
+    """Four and sixteen times the points; a dense matrix of points^2 would be 16 and 256 times."""
+    small, middle, large = (peak(n) for n in (10, 20, 40))
+    assert middle < 1.5 * small
+    assert large < 1.5 * middle
+
+
+def pulled(load: float, *yields, **changes):
+    """A square pulled up, free at its sides."""
+    settings = {
+        "materials": {"rock": rock(1e9, 0.3, *yields)},
+        "groups": {"all": "rock"},
+        "supports": rollers(2),
+        "stages": (
+            Stage("first", loads={"p": Traction("y1", (Scalar(0.0), Scalar(0.1 * load)))}),
+            Stage("second", loads={"p": Traction("y1", (Scalar(0.0), Scalar(load)))}),
+        ),
+    }
+    return model(box("tri6", (3, 3)), **{**settings, **changes})
+
+
+@pytest.mark.parametrize("planes", [None, 16])
+def test_collapse_names_stage_part_and_place(planes):
+    """Tresca in plane strain bears 2 c: of the second stage's change, (2 - 0.4) / (4 - 0.4)."""
+    c = 1e6
+    tresca = mohr(c, 0.0, planes=planes, fit="circumscribed")
+    with pytest.raises(CollapseError) as caught:
+        pulled(4 * c, tresca).survey(NOTHING, fields=False)
+    assert caught.value.stage == "second"
+    assert caught.value.fraction == pytest.approx(1.6 / 3.6, rel=2e-3)
+    text = str(caught.value)
+    assert "stage 'second'" in text
+    assert "44.4 %" in text
+    assert " m" in text
+    pulled(1.99 * c, tresca).survey(NOTHING, fields=False)
+
+
+@pytest.mark.parametrize("yields", [
+    mohr(1.0, 0.0), mohr(0.0, 0.3), mohr(1e-3, 0.0, planes=8), given(np.eye(6)[:3], [0.0] * 3),
+    mohr(1.0, 0.4, psi=0.0), mohr(0.0, 0.3, psi=0.1),
+])  # fmt: skip
+def test_ground_without_strength_collapses_soon(yields):
+    """No endless search, whatever the strength; nothing of the load is carried."""
+    start = time.perf_counter()
+    with pytest.raises(CollapseError) as caught:
+        pulled(1e6, yields).survey(NOTHING, fields=False)
+    assert caught.value.stage == "first"
+    assert not caught.value.fraction > 1e-3
+    assert time.perf_counter() - start < 10.0
+
+
+def test_flow_without_potential_collapses_too():
+    c = 1e6
+    with pytest.raises(CollapseError) as caught:
+        pulled(8 * c, mohr(c, 0.4, psi=0.1)).survey(NOTHING, fields=False)
+    exact = 2 * c * np.cos(0.4) / (1 + np.sin(0.4))  # uniaxial tension
+    assert caught.value.fraction <= (exact - 0.8 * c) / (7.2 * c) + 0.01
+
+
+def test_identifiers_are_told_at_the_start_values():
+    """The first evaluation says what part is carried; later ones only that it is not all."""
+    _, response = parametric(mohr(Scalar(1.0, "c"), 0.0))
+    with pytest.raises(CollapseError) as caught:
+        response.evaluate(np.array([2e9, 0.05e6]))
+    assert 0.0 < caught.value.fraction < 1.0
+    with pytest.raises(CollapseError):
+        response.evaluate(np.array([2e9, 0.04e6]))
+    assert np.all(np.isfinite(response.readings(np.array([2e9, 5e6]))))
+
+
+def virgin(*yields, K0: float = 0.3):
+    return model(
+        box("quad8", (4, 4), size=(10.0, 10.0)),
+        materials={"soil": rock(1e8, 0.3, *yields, name="soil", density=2e3)},
+        groups={"all": "soil"},
+        supports=(Support("x0", (0,)), Support("x1", (0,)), Support("y0", (1,))),
+        gravity=(0.0, -10.0),
+        in_situ=HeimStress(K0=Scalar(K0), unit_weight=Scalar(2e4), surface=Scalar(10.0)),
+        stages=(Stage("nothing"),),
+    )
+
+
+@pytest.mark.parametrize("planes", [None, 16])
+def test_virgin_stress_outside_the_surface_is_refused_with_place_and_factor(planes):
+    """Tresca, fit outside: the worst point is the lowest; there sigma_v (1 - K0) against 2 c."""
+    c = 4e4
+    staged = virgin(mohr(c, 0.0, planes=planes, fit="circumscribed"))
+    deepest = 10.0 - staged.systems.points.position[:, 1].min()
+    with pytest.raises(ModelError, match="in-situ stress is outside the yield surface") as caught:
+        marched(staged)
+    assert not isinstance(caught.value, CollapseError)
+    factor = 2e4 * deepest * 0.7 / (2 * c)
+    assert f"by a factor of {factor:.3g}" in str(caught.value)
+    assert "soil near (" in str(caught.value)
+    low = str(caught.value).split("near (")[1].split(")")[0].split(",")[1]
+    assert float(low) == pytest.approx(10.0 - deepest, abs=0.01)
+
+
+@pytest.mark.parametrize("planes", [None, 16])
+def test_virgin_ground_exactly_on_the_surface_is_allowed(planes):
+    """Cohesionless ground at Rankine's K_a = tan^2(45 - phi/2)."""
+    phi = 0.5
+    surface = mohr(0.0, phi, planes=planes, fit="circumscribed")
+    K_a = np.tan(np.pi / 4 - phi / 2) ** 2
+    for standing in marched(virgin(surface, K0=K_a)):
+        assert np.abs(standing.u).max() < 1e-6
+    with pytest.raises(ModelError, match="outside the yield surface"):
+        marched(virgin(surface, K0=0.98 * K_a))
