@@ -17,7 +17,7 @@ def painted(file: str) -> float:
     return float(np.mean(np.any(imread(file)[..., :3] < 0.98, axis=-1)))
 
 
-@pytest.mark.parametrize("name", TEMPLATES)
+@pytest.mark.parametrize("name", [name for name in TEMPLATES if name != "opening"])  # no mesh
 def test_every_template_is_drawn(tmp_path, monkeypatch, run, name):
     monkeypatch.chdir(tmp_path)
     run("init", "--template", name)
