@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.equilibrium import StageEquations, Trial, follow_slope
+from geoident.forward.equilibrium import follow_slope
+from geoident.forward.stage_equations import StageEquations, Trial
 from geoident.model.arrays import Floats
 
 _BALANCED = 1e-7

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.equilibrium import Ground
+from geoident.forward.stage_equations import Ground
 from geoident.forward.step import StepTask
 from geoident.model.arrays import Floats, Ints
 

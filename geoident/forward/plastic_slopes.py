@@ -19,8 +19,9 @@ import numpy as np
 
 from geoident.fem.plastic.law import LawSlopes
 from geoident.fem.solvers.protocol import Factor
-from geoident.forward.equilibrium import Balance, StageEquations, Trial, flowing
+from geoident.forward.equilibrium import Balance
 from geoident.forward.hardening import Hardening
+from geoident.forward.stage_equations import StageEquations, Trial, flowing
 from geoident.forward.stage_systems import StageSystems
 from geoident.forward.step import StepTask
 from geoident.forward.thermal import NORMAL_COMPONENTS

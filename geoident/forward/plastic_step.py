@@ -18,6 +18,7 @@ small change of the parameters costs one or two factorizations a stage.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -30,18 +31,17 @@ from geoident.fem.solvers.protocol import NotPositiveDefinite
 from geoident.forward.activity import ActivityRecord
 from geoident.forward.collapse import limit_of
 from geoident.forward.elastic_step import not_positive_definite
-from geoident.forward.equilibrium import (
-    Balance,
+from geoident.forward.equilibrium import Balance, solve
+from geoident.forward.hardening import Hardening
+from geoident.forward.plastic_slopes import PlasticSlopes
+from geoident.forward.stage_equations import (
     Ground,
     NoEquilibrium,
     StageEquations,
     Trial,
     flowing,
     numbers,
-    solve,
 )
-from geoident.forward.hardening import Hardening
-from geoident.forward.plastic_slopes import PlasticSlopes
 from geoident.forward.stage_systems import StageSystems
 from geoident.forward.stage_tangents import StageTangents
 from geoident.forward.step import StepTask
@@ -60,6 +60,9 @@ _WITHOUT_MEANING = 1.0
 Meshes that lock under flow without change of volume let pressures grow without end: where all else
 flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
 """
+
+_REMEMBERED = 4
+"""Parameter vectors whose displacements are kept, to start from the nearest one."""
 
 _LOAD_STEPS = (1, 4, 16, 64)
 """Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
@@ -108,7 +111,7 @@ class PlasticSteps:
         self._structures = systems.structures
         self._slopes = PlasticSlopes(case, systems)
         self._record = ActivityRecord(case, systems.points.n_strain)
-        self._memory: dict[int, _Memory] = {}
+        self._memory: dict[int, deque[_Memory]] = {}
         self._laws: dict[str, YieldLaw | None] = {}
         self._ratio = 0.0
         self._explain = True
@@ -201,7 +204,7 @@ class PlasticSteps:
                 total, yielded, done = total + du, yielded | now, max(done, part / count)
             else:
                 return total, yielded
-        raise self._collapse(task, done, None)
+        raise self._collapse(task, done, None, proven=False)
 
     def _internal(self, task: StepTask) -> Floats:
         """Forces (n_dofs, 1 + n + k) that hold what is borne."""
@@ -256,17 +259,19 @@ class PlasticSteps:
         return task.borne.hardened[material][:, task.system.points_of[material], 0]
 
     def _guesses(self, task: StepTask) -> list[Floats]:
-        """Displacement steps (n_dofs,) to try: what the last parameters needed, and its slope."""
-        memory = self._memory.get(task.number)
-        if memory is None:
+        """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
+        kept = self._memory.get(task.number)
+        if not kept:
             return []
+        memory = min(kept, key=lambda known: _far(known.values, task.values))
         change = [task.values[name] - memory.values[name] for name in memory.names]
         return [memory.du, memory.du + memory.slopes @ np.array(change)]
 
     def _remember(self, task: StepTask, du: Floats) -> None:
         names = tuple(task.names)
         slopes = du[:, 1 : 1 + len(names)].copy()
-        self._memory[task.number] = _Memory(dict(task.values), names, du[:, 0].copy(), slopes)
+        kept = self._memory.setdefault(task.number, deque(maxlen=_REMEMBERED))
+        kept.append(_Memory(dict(task.values), names, du[:, 0].copy(), slopes))
 
     def _balance(
         self, task: StepTask, equations: StageEquations, guesses: Sequence[Floats]
@@ -308,10 +313,15 @@ class PlasticSteps:
         except NoEquilibrium as again:
             raise self._collapse(task, np.nan, again.mechanism) from again
 
-    def _collapse(self, task: StepTask, fraction: float, mechanism: Floats | None) -> CollapseError:
+    def _collapse(
+        self, task: StepTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
+    ) -> CollapseError:
         msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
         if np.isfinite(fraction):
             msg += f" at {100 * fraction:.3g} % of the change of load of this stage"
+        if not proven:
+            msg += " (or flow that the method cannot follow: with dilation below friction there is"
+            msg += " no proof)"
         if mechanism is not None:
             msg += self._systems.describe_motion(mechanism)
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
@@ -331,6 +341,13 @@ class PlasticSteps:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
                 self._record.reach(ground.name, excess)
+
+
+def _far(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    """How far two parameter vectors are from each other, each parameter by its size."""
+    return sum(
+        ((one[name] - x) / (abs(one[name]) + abs(x) + 1e-300)) ** 2 for name, x in other.items()
+    )
 
 
 def yielded_points(equations: StageEquations, trial: Trial) -> Bools:

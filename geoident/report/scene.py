@@ -100,8 +100,8 @@ class Scene:
     @cached_property
     def reached(self) -> Ints:
         """States after stages; those that collapse, and what builds on them, are not there."""
-        known = np.isfinite(self.fields.displacement).all(axis=(1, 2))
-        return np.flatnonzero(known[1:]) + 1
+        unknown = np.isnan(self.fields.displacement.sum(axis=(1, 2)))
+        return np.flatnonzero(~unknown[1:]) + 1
 
     @property
     def key_states(self) -> tuple[int, ...]:

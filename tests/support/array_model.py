@@ -16,7 +16,8 @@ import scipy.sparse.linalg as spla
 from geoident.errors import CollapseError
 from geoident.fem.plastic.law import LawSlopes, Planes
 from geoident.fem.plastic.polyhedral import PolyhedralLaw
-from geoident.forward.equilibrium import Balance, Ground, NoEquilibrium, StageEquations, solve
+from geoident.forward.equilibrium import Balance, solve
+from geoident.forward.stage_equations import Ground, NoEquilibrium, StageEquations
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
 from geoident.model.complementarity import LoadStage, PointLaw, StagedSystem
