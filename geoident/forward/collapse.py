@@ -11,7 +11,7 @@ and numerical realization of contact problems for elastic-perfectly plastic bodi
 alpha the problem is convex again and has a solution. alpha is doubled until t stands still, or 1
 is reached. Meshes that lock under flow without change of volume have no limit load (Nagtegaal,
 Parks, Rice 1974, Comput. Methods Appl. Mech. Eng. 4): there the arc ends where the ground has
-become a thousand times softer and its strains large.
+become ten thousand times softer and its strains large.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _BALANCED = 1e-7
 _STANDS_STILL = 2e-4
 """Relative growth of t over a doubling of the displacement that counts as the limit."""
 
-_SOFTER = 1e3
+_SOFTER = 1e4
 """How much softer than elastic the ground is when it counts as flowing, where _LONG is passed."""
 
-_LONG = 0.1
+_LONG = 1.0
 """Strain up to which ground may be as soft as it likes (it may harden)."""
 
 _MOST_DOUBLINGS = 24
