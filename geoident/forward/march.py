@@ -198,6 +198,13 @@ class March:
             self._elastic.step(task)
         self.plastic.refuse_virgin(task)
 
+    def virgin(self, values: Mapping[str, float], names: Sequence[str]) -> tuple[Floats, bool]:
+        """The in-situ stress (n_strain, n_points, 1 + n) as given, and whether it is balanced."""
+        system, stress = self._systems[0], self._virgin.columns(values, names)
+        stress[:, ~system.present] = 0.0
+        forces = self._actions.forces(0, values, names)
+        return stress, self._imbalance(system, stress, forces) <= _BALANCED
+
     def _imbalance(self, system: StageSystem, stress: Floats, forces: Floats) -> float:
         """Largest out-of-balance force of a free unknown relative to the forces at work."""
         internal = self._systems.points.forces(stress, system.volume)

@@ -7,14 +7,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.forward import actions, in_situ, materials, release, structures, thermal, water
+from geoident.forward.complementarity_export import ReadingRows, export, export_obstacle
 from geoident.forward.opening_model import OpeningResponse, opening_in_mesh
 from geoident.forward.opening_site import Circle
 from geoident.forward.plastic_step import PlasticOptions
 from geoident.forward.standing import Push
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
+from geoident.model.complementarity import StagedSystem
 from geoident.model.condensed import Condensed
 from geoident.model.result import Counts
 
@@ -28,7 +31,8 @@ if TYPE_CHECKING:
 class StagedResponse:
     """Readings of some (channel, stage) pairs as a function of the parameters.
 
-    Fulfils the protocols ``Response``, ``AffineElastic`` and ``YieldSystem`` of the identifiers.
+    Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
+    identifiers.
     The march ends with the last stage that a reading needs.
 
     Args:
@@ -107,6 +111,23 @@ class StagedResponse:
             self.readings(p)
         return self._model.march.plastic.activity(self.names)
 
+    def system_obstacle(self) -> str | None:
+        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        if self._ratio:
+            return "hardening was added to every plane"
+        return export_obstacle(self._model, self._start())
+
+    def system(self) -> StagedSystem:
+        """The equations of all stages as arrays."""
+        model, start = self._model, self._start()
+        values = model.values(start)
+        added = model.instruments.added(values, self.names, self._row, self._state, self._times)
+        operator = sp.csr_array(model.observation.operator)[self._row]
+        return export(model, start, ReadingRows(operator, self._active(), added), self._last)
+
+    def _start(self) -> Floats:
+        return np.array([parameter.start for parameter in self._model.case.parameters])
+
     def opening(
         self, centre: tuple[float, float] | None, radius: float | None
     ) -> OpeningResponse | str:
@@ -178,7 +199,11 @@ class StagedResponse:
         its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
         the stage after the zero on.
         """
-        observation = self._model.observation
+        rows = self._model.observation.operator[self._row]
+        return Push(rows.toarray().T, self._active())
+
+    def _active(self) -> Floats:
+        """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.timeline.built_on.astype(np.float64)
-        active = built_on[:, self._state] - built_on[:, observation.zero[self._row]]
-        return Push(observation.operator[self._row].toarray().T, active)
+        zero = self._model.observation.zero[self._row]
+        return np.asarray(built_on[:, self._state] - built_on[:, zero])
