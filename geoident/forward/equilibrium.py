@@ -46,6 +46,9 @@ MOST_STEPS = 60
 PATIENCE = 12
 """Steps after which flow without potential is given up if the error has not come down by half."""
 
+_SUSPICIOUS = 4
+"""Steps after which a mechanism is looked for; fewer end most stages."""
+
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
@@ -99,7 +102,7 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
         following, share = search(equations, trial, d)
         if following.error >= trial.error and trial.error <= ROUNDING:
             return Balance(trial, step + 1, factor, made_at)
-        if step > 2 and equations.associated and share == 1.0:
+        if step >= _SUSPICIOUS and equations.associated and share == 1.0:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
         trial = following

@@ -10,6 +10,7 @@ import numpy as np
 from geoident.fem.plastic.dual import Rays, active_faces
 from geoident.fem.plastic.faces import Faces
 from geoident.fem.plastic.law import LawSlopes, Planes
+from geoident.fem.plastic.recall import FaceMemory
 from geoident.fem.plastic.step import FaceStep
 from geoident.fem.plastic.system import system_of
 from geoident.model.arrays import Bools, Floats, Ints
@@ -34,11 +35,12 @@ class PolyhedralLaw:
             raise ValueError("planes in the space of stresses flow along their normals")
         self.planes = planes
         self._system = system_of(elasticity, planes)
-        self._rays = self._forgotten()
+        self._forget()
 
-    def _forgotten(self) -> Rays:
-        """Rays of which none is known yet."""
-        return Rays(Faces(self._system.coupling), self._system.root)
+    def _forget(self) -> None:
+        """Begin with no face known."""
+        self._rays = Rays(Faces(self._system.coupling), self._system.root)
+        self._memory = FaceMemory(self._rays.faces)
 
     @property
     def associated(self) -> bool:
@@ -63,7 +65,7 @@ class PolyhedralLaw:
         """
         # Projections keep the faces they know; only a law between two of them may forget.
         if len(self._rays.faces.members) > _MOST_FACES:
-            self._rays = self._forgotten()
+            self._forget()
         yielded, face = self._faces_of(trial, hardened)
         some = None if hardened is None else hardened[:, yielded]
         step = FaceStep(self._system, self._rays.faces, trial[:, yielded], some, face)
@@ -74,12 +76,13 @@ class PolyhedralLaw:
         excess = self._system.excess(trial, hardened)
         outside = np.flatnonzero((excess > 0.0).any(axis=0))
         some = None if hardened is None else hardened[:, outside]
-        tolerance = self._system.tolerance(trial[:, outside], some)
-        face = active_faces(
-            np.ascontiguousarray(excess[:, outside].T),
-            np.ascontiguousarray(tolerance.T),
-            self._rays,
-        )
+        beyond = np.ascontiguousarray(excess[:, outside].T)
+        tolerance = np.ascontiguousarray(self._system.tolerance(trial[:, outside], some).T)
+        count = trial.shape[1]
+        face = self._memory.confirmed(count, outside, beyond, tolerance)
+        rest = np.flatnonzero(face == 0)
+        face[rest] = active_faces(beyond[rest], tolerance[rest], self._rays)
+        self._memory.keep(count, outside, face)
         return outside[face > 0], face[face > 0]
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
