@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io import member_tables, vtkhdf
+from geoident.io import certificate_tables, member_tables, vtkhdf
 from geoident.io import result_tables as tables
 from geoident.io.atomic import atomic_output
 from geoident.io.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
@@ -115,6 +115,8 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
         member_tables.write_members(file, result.members)
+    if result.certificate is not None:
+        certificate_tables.write_certificate(file, result.certificate, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -236,6 +238,11 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         ),
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=member_tables.read_members(file) if member_tables.GROUP in contents else None,
+        certificate=(
+            certificate_tables.read_certificate(file)
+            if certificate_tables.GROUP in contents
+            else None
+        ),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.certificate import Certificate
 from geoident.model.mesh import Mesh
 
 
@@ -257,6 +258,7 @@ class Result:
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
         diagnostics: how each reading bears on the answer of a fit, or None.
         members: forces in linings and bolts, or None if there are none.
+        certificate: what an identification of yield limits can say for itself, or None.
     """
 
     kind: str
@@ -281,3 +283,4 @@ class Result:
     notes: tuple[str, ...] = field(default_factory=tuple)
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
+    certificate: Certificate | None = None

@@ -19,6 +19,7 @@ from geoident.model.gauges import Reading
 from geoident.model.plan import Identifiability
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary
+from geoident.report.certificate import certificate_object
 from geoident.report.influence import diagnostics_object
 from geoident.report.members import members_list
 from geoident.report.quantities import si_unit
@@ -48,6 +49,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         case: path of the case, as seen from here.
         output: path of the result file.
     """
+    proof = result.certificate
     return {
         "case": case,
         "kind": result.kind,
@@ -65,6 +67,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
+        **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": members_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from geoident.model.result import Result
 from geoident.report import page_text as text
 from geoident.report.case_text import case_title
+from geoident.report.certificate import TITLE as CERTIFICATE
 from geoident.report.drawing.style import Picture, image
 from geoident.report.figures import album, comparison
 from geoident.report.html import Html, joined, page, tag
@@ -78,6 +79,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             text.influence_table(result),
             _figures(pictures.quality),
         ),
+        _section(CERTIFICATE, text.certificate_table(result)),
         _section("Readings (mm)", text.reading_table(result)),
         _section(TITLE, text.structure_table(result)),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),

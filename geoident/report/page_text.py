@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.model.result import ParameterTable, Result
+from geoident.report import certificate
 from geoident.report.html import Html, joined, table, tag
 from geoident.report.influence import HEADER, SIDES, influence_rows, influence_title
 from geoident.report.layout import decimals, number
@@ -249,6 +250,16 @@ def reading_table(result: Result) -> Html:
     rows = [_reading_row(result, int(i), int(j)) for j, i in np.argwhere(shown.T)]
     header = ["gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", ""]
     return table(header, rows, right="llrrrrrl")
+
+
+def certificate_table(result: Result) -> Html:
+    """What kind of answer identified yield limits are, and what their planes do."""
+    found = result.certificate
+    if found is None:
+        return Html("")
+    said = tag("p", " ".join(certificate.sentences(found)))
+    rows, right = certificate.plane_rows(found), certificate.sides(found)
+    return joined([said, table(certificate.header(found), rows, right=right)])
 
 
 def structure_table(result: Result) -> Html:

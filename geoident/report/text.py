@@ -11,9 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter
 from geoident.model.plan import Identifiability
 from geoident.model.result import Counts, GaugeTable, Grid, Iteration, ParameterTable, Result
+from geoident.report.certificate import TITLE as CERTIFICATE
+from geoident.report.certificate import certificate_text, least_text
 from geoident.report.influence import influence_text, influence_title
 from geoident.report.layout import (
     bullets,
@@ -40,8 +43,9 @@ def result_text(result: Result, *, title: str = "") -> str:
     """
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
-        section("Parameters", parameters_text(result.parameters)),
+        section("Parameters", parameters_text(result.parameters, result.certificate)),
         section("Findings", bullets(result.findings)),
+        section(CERTIFICATE, certificate_text(result.certificate)),
         section(_fit_title(result), fit_text(result)),
         section(influence_title(result), influence_text(result)),
         section("Predictions (mm, 95 % band)", predictions_text(result)),
@@ -68,7 +72,7 @@ def summary_text(result: Result) -> str:
         part
         for part in (
             head(result),
-            parameters_text(result.parameters),
+            parameters_text(result.parameters, result.certificate),
             bullets(result.findings),
         )
         if part
@@ -82,15 +86,15 @@ def head(result: Result) -> str:
     return sentence(f"{result.status}{method}{reason}")
 
 
-def parameters_text(parameters: ParameterTable) -> str:
+def parameters_text(parameters: ParameterTable, proof: Certificate | None = None) -> str:
     """One line for each parameter: value, 95 % interval, unit, and what else is to be known."""
-    rows = [_parameter_row(parameters, i) for i in range(len(parameters.names))]
+    rows = [_parameter_row(parameters, i, proof) for i in range(len(parameters.names))]
     if not rows:
         return ""
     return table(["name", "value", "95 % interval", "unit", "remarks"], rows, right="lrl")
 
 
-def _parameter_row(parameters: ParameterTable, i: int) -> list[str]:
+def _parameter_row(parameters: ParameterTable, i: int, proof: Certificate | None) -> list[str]:
     unit, dimension = parameters.units[i], parameters.dimensions[i]
     value, low, high = (
         number(in_unit(float(column[i]), unit, dimension))
@@ -100,11 +104,11 @@ def _parameter_row(parameters: ParameterTable, i: int) -> list[str]:
     if not parameters.determined[i]:
         value, interval = (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
     shown = shown_unit(unit, dimension)
-    return [parameters.names[i], value, interval, shown, _remarks(parameters, i)]
+    return [parameters.names[i], value, interval, shown, _remarks(parameters, i, proof)]
 
 
-def _remarks(parameters: ParameterTable, i: int) -> str:
-    remarks = []
+def _remarks(parameters: ParameterTable, i: int, proof: Certificate | None) -> str:
+    remarks = [text] if (text := least_text(proof, parameters, i)) else []
     if parameters.at_bound[i]:
         remarks.append(f"at {_bound(parameters, i)} bound")
     if parameters.priors[i]:

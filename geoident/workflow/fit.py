@@ -32,6 +32,7 @@ from geoident.workflow.predictions import (
     predicted_stages,
     score,
 )
+from geoident.workflow.proof import bound_findings
 from geoident.workflow.provenance import job_provenance
 from geoident.workflow.tables import accuracies, gauge_table, parameter_table
 
@@ -110,6 +111,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         findings=(
             *collapse_findings(survey),
             *found.assessment.findings,
+            *bound_findings(found.outcome.certificate, case.parameters),
             *remarks(found.diagnostics, gauges, parameters.names),
         ),
         case_text=job.inputs.loaded.text,
@@ -125,6 +127,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         members=survey.members,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
+        certificate=found.outcome.certificate,
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.outcome.remarks)),
