@@ -20,7 +20,7 @@ may be one of them. The formulations ``full-space`` and ``global`` are in module
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import cast
 
@@ -36,7 +36,7 @@ from geoident.identify.slack import headroom, strengths, unreached
 from geoident.identify.spread import spread_starts
 from geoident.identify.strength_scan import strength_scan
 from geoident.identify.valley import Valley
-from geoident.identify.walk import Point, Walk
+from geoident.identify.walk import Point, Step, Walk
 from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity, Certificate
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
@@ -56,6 +56,8 @@ _KINK = 1e-5
 _TRIAL_STEPS, _SLOW, _FAR = 12, 3, 10.0
 """Steps of a restart; after the first few, phi must be below this many times the best."""
 
+MODE = "tight"
+ROOM = 0.5
 _ROUNDS = 3
 """How often a descent goes on from a better point at the side of a kink."""
 
@@ -144,6 +146,33 @@ class YieldSearch(Search):
         x = self.scaling.to_scaled(p)
         return Seen(x, self.scaling.to_natural(x), point.model, idle, activity)
 
+    loose = False
+
+    def step(self, point: Point, radius: float) -> Step:
+        """The best step; where planes are held loosely, unreached ones get out of the way."""
+        step = super().step(point, radius)
+        idle = cast(Seen, point).idle
+        if not self.loose or not idle.any():
+            return step
+        room = self.box.sides(point.x, ROOM)[1]
+        return replace(step, d=np.where(idle, room, step.d))
+
+
+def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate | None:
+    """What kind of point p (n,), SI, is; None where the model has no solution there."""
+    search = YieldSearch(problem, GaussNewtonOptions(), history)
+    point = search.try_point(search.scaling.to_scaled(p))
+    if point is None:
+        return None
+    model, activity = search.model, cast(Seen, point).activity
+    exact = point.phi <= EXACT**2 * len(problem.measured)
+
+    def stopped() -> bool:
+        return history.stop is not None
+
+    found = check(search, point, kinks=int(activity.biactive.sum()), exact=exact, spent=stopped)
+    return certificate(found, model.activity(point.p), model.names, exact=exact)
+
 
 class _Implicit:
     """One run of the implicit formulation."""
@@ -223,6 +252,7 @@ class _Implicit:
 
     def improve(self, start: Point) -> Ending:
         """The best ending of a descent from a start and of restarts around it."""
+        self.search.loose = MODE != "tight"
         best = self.search.descend(start, self.stuck)
         valley = Valley(self.strength_of(best.point), self.options.seed)
         fruitless = 0
@@ -240,6 +270,7 @@ class _Implicit:
     def restart(self, valley: Valley, best: Ending) -> Ending | None:
         """One descent from around the best point; None where it has no solution."""
         point, search = cast(Seen, best.point), self.search
+        search.loose = {"tight": False, "loose": True, "alt": self.tried % 2 == 0}[MODE]
         x = search.scaling.clip(valley.start(point, point.idle, search.box.unit(point.x)))
         start = search.try_point(x)
         search.record(x, start, 0.0, "restart" if start else "restart: no solution")

@@ -14,17 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
 from geoident.errors import Fault, InputError
+from geoident.identify.complementarity import certificate_at
 from geoident.identify.discrepancy import Discrepancy
 from geoident.identify.history import History
+from geoident.identify.methods import formulation_obstacle
 from geoident.identify.nonlinear_program import Program, nonlinear_program
 from geoident.identify.problem import Observer, Outcome, Problem
-from geoident.identify.protocols import ComplementaritySystem, Response
+from geoident.identify.protocols import ComplementaritySystem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions
 
@@ -36,15 +37,6 @@ _MOST_STEPS = 500
 
 _AGREE = 1e-3
 """Relative difference of the discrepancies of program and model up to which they agree."""
-
-
-def full_space_obstacle(response: Response) -> str | None:
-    """Why this formulation is not possible for a model, a clause, or None if it is."""
-    if not isinstance(response, ComplementaritySystem):
-        return "the complementarity system of the model is not at hand"
-    if find_spec("casadi") is None:
-        return "it needs casadi: install geoident[full-space]"
-    return response.system_obstacle()
 
 
 def full_space(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
@@ -62,9 +54,9 @@ def full_space(problem: Problem, options: ComplementarityOptions, observe: Obser
         InputError: the model does not offer its equations, or casadi is missing.
         ModelError: the stiffness of a stage is singular.
     """
-    why = full_space_obstacle(problem.response)
+    why = formulation_obstacle(problem.response, "full-space")
     if why is not None:
-        raise InputError([Fault("method-not-possible", f"full-space is not possible: {why}.")])
+        raise InputError([Fault("method-not-possible", f"This is not possible here: {why}.")])
     return _Search(problem, observe).run()
 
 
@@ -83,6 +75,7 @@ class _Search:
 
     def __init__(self, problem: Problem, observe: Observer) -> None:
         assert isinstance(problem.response, ComplementaritySystem)
+        self.problem = problem
         self.discrepancy = Discrepancy(problem)
         self.history = History("complementarity", problem.response, observe)
         self.start = np.array([q.start for q in problem.parameters])
@@ -103,12 +96,13 @@ class _Search:
         p = self.natural(x)
         best = min(best, (p, self.confirm(p, "model")), key=lambda pair: pair[1])
         status, reason = self.ending(found, best)
-        return Outcome(*best, status, reason, self.history.iterations)
+        proof = certificate_at(self.problem, best[0], self.history)
+        return Outcome(*best, status, reason, self.history.iterations, certificate=proof)
 
     def natural(self, x: Floats) -> Floats:
         """Parameters (n,), SI, inside their bounds."""
-        lower = np.array([q.lower for q in self.discrepancy.problem.parameters])
-        upper = np.array([q.upper for q in self.discrepancy.problem.parameters])
+        lower = np.array([q.lower for q in self.problem.parameters])
+        upper = np.array([q.upper for q in self.problem.parameters])
         reference = self.program.reference
         return np.clip(x[: len(reference)] * reference, lower, upper)
 

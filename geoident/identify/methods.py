@@ -10,18 +10,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from importlib.util import find_spec
 from typing import cast
 
 import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.problem import Observer, Outcome, Problem
-from geoident.identify.protocols import AffineElastic, HasOpening, Response, YieldSystem
+from geoident.identify.protocols import (
+    AffineElastic,
+    ComplementaritySystem,
+    HasOpening,
+    Response,
+    YieldSystem,
+)
 from geoident.model.arrays import Floats
 from geoident.model.loss import LossOptions, SquaredOptions, loss_name
 from geoident.model.methods import (
     METHOD_OPTIONS,
     ClosedFormOptions,
+    ComplementarityOptions,
     MethodOptions,
     method_name,
 )
@@ -29,6 +37,9 @@ from geoident.model.methods import (
 Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
 
 SQUARED = SquaredOptions()
+
+FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
+"""What the formulations of the complementarity method need beside the model's equations."""
 
 STOPPED = "out-of-budget"
 """Status of an outcome that the observer ended."""
@@ -105,7 +116,7 @@ def _obstacle(
     if method.needs is Response:
         return None
     if method.needs is YieldSystem:
-        return _yield_obstacle(response)
+        return _yield_obstacle(response, options)
     if method.needs is HasOpening:
         given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
         return opening_obstacle(response, given)
@@ -118,12 +129,27 @@ def _obstacle(
     return response.obstacle()
 
 
-def _yield_obstacle(response: Response) -> str | None:
+def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:
     if not isinstance(response, YieldSystem):
         return "the equations of the model are not at hand"
-    if response.yields():
+    if not response.yields():
+        return "no material of the model has yield limits"
+    if isinstance(options, ComplementarityOptions):
+        return formulation_obstacle(response, options.formulation)
+    return None
+
+
+def formulation_obstacle(response: Response, formulation: str) -> str | None:
+    """Why a formulation is not possible for a model, a clause, or None if it is."""
+    package = FORMULATION_PACKAGES.get(formulation)
+    if package is None:
         return None
-    return "no material of the model has yield limits"
+    if not isinstance(response, ComplementaritySystem):
+        return f"the formulation {formulation} needs equations that the model does not show"
+    if find_spec(package) is None:
+        return f"the formulation {formulation} needs {package}: install geoident[{formulation}]"
+    why = response.system_obstacle()
+    return None if why is None else f"for the formulation {formulation}, {why}"
 
 
 def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | None:

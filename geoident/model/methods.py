@@ -117,6 +117,9 @@ class ComplementarityOptions:
         max_evaluations: analyses of all stages at most.
         tolerance: relative size of a step, or of the gain it promises, that ends a descent.
         seed: of the random directions of the restarts.
+        gap: of ``global``: difference between discrepancy and proven bound that is near enough, in
+            parts of the discrepancy (of 1 where it is less).
+        max_regions: of ``global``: boxes of parameters examined at most.
     """
 
     formulation: Literal["implicit", "full-space", "global"] = "implicit"
@@ -124,6 +127,8 @@ class ComplementarityOptions:
     max_evaluations: int = 1000
     tolerance: float = 1e-8
     seed: int = 1
+    gap: float = 1e-4
+    max_regions: int = 2000
 
 
 MethodOptions = (
