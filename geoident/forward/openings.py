@@ -342,7 +342,8 @@ class PlasticState(State):
         """Split off the zone in which sigma_z = sigma_t, where there is one.
 
         In the face zone sigma_z - sigma_t is affine in sigma_r and vanishes at
-        sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)).
+        sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)); where the divisor is zero, the
+        difference is the same everywhere and there is no edge.
 
         Raises:
             BeyondClosedForm: sigma_z is not the middle stress outside that zone.
@@ -350,10 +351,11 @@ class PlasticState(State):
         rock, limit, face = self.opening.rock, self._limit, self._zones[0]
         nu, N, Y = rock.nu, limit.N, limit.Y
         excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * Y
-        radial = excess / (N - nu * (1.0 + N))
+        divisor = N - nu * (1.0 + N)
+        radial = excess / divisor if divisor.value != 0.0 else None
         within = sorted(float(jet.value) for jet in (self.pressure, self._critical))
         inner = self.pressure
-        if within[0] < radial.value < within[1]:
+        if radial is not None and within[0] < radial.value < within[1]:
             inner = radial
             self.edge_radius = self._radius(radial)
             moved = face.displacement(self.edge_radius)
