@@ -10,8 +10,9 @@ of the active pieces. Its discrepancy has many local minima. The way to the glob
               until the readings are met exactly or some of them in a row found nothing better,
     proof     what kind of point it is (`certify`); on from there where a side of it is lower.
 
-On the way planes that no strain point reaches are kept as near as can be (`slack`): the response
-is the same to the last digit, and they bite as soon as others give way.
+On the way planes that no strain point reaches are brought as near as can be (`slack`): the
+response is the same to the last digit, and they bite as soon as others give way. In every other
+descent they go aside for each step, and are brought near again where it ended.
 
 Parameters at which the ground collapses have no discrepancy and are stepped back from; the start
 may be one of them. The formulations ``full-space`` and ``global`` are in modules of their own.
@@ -56,8 +57,9 @@ _KINK = 1e-5
 _TRIAL_STEPS, _SLOW, _FAR = 12, 3, 10.0
 """Steps of a restart; after the first few, phi must be below this many times the best."""
 
-MODE = "tight"
 ROOM = 0.5
+"""How far, relative, an unreached plane that is to stay out of the way moves with each step."""
+
 _ROUNDS = 3
 """How often a descent goes on from a better point at the side of a kink."""
 
@@ -128,7 +130,14 @@ class Seen(Point):
 
 
 class YieldSearch(Search):
-    """Evaluations and descents of a model with yield limits."""
+    """Evaluations and descents of a model with yield limits.
+
+    Attributes:
+        aside: unreached planes go aside in the next step, so that they do not hinder it (where
+            they bite all at once the ground may collapse); else they wait where they are.
+    """
+
+    aside = True
 
     @property
     def model(self) -> YieldSystem:
@@ -146,13 +155,11 @@ class YieldSearch(Search):
         x = self.scaling.to_scaled(p)
         return Seen(x, self.scaling.to_natural(x), point.model, idle, activity)
 
-    loose = False
-
     def step(self, point: Point, radius: float) -> Step:
-        """The best step; where planes are held loosely, unreached ones get out of the way."""
+        """The best step; unreached planes wait for it where they are, or go aside."""
         step = super().step(point, radius)
         idle = cast(Seen, point).idle
-        if not self.loose or not idle.any():
+        if not self.aside or not idle.any():
             return step
         room = self.box.sides(point.x, ROOM)[1]
         return replace(step, d=np.where(idle, room, step.d))
@@ -252,7 +259,7 @@ class _Implicit:
 
     def improve(self, start: Point) -> Ending:
         """The best ending of a descent from a start and of restarts around it."""
-        self.search.loose = MODE != "tight"
+        self.search.aside = True
         best = self.search.descend(start, self.stuck)
         valley = Valley(self.strength_of(best.point), self.options.seed)
         fruitless = 0
@@ -270,7 +277,7 @@ class _Implicit:
     def restart(self, valley: Valley, best: Ending) -> Ending | None:
         """One descent from around the best point; None where it has no solution."""
         point, search = cast(Seen, best.point), self.search
-        search.loose = {"tight": False, "loose": True, "alt": self.tried % 2 == 0}[MODE]
+        search.aside = self.tried % 2 == 0
         x = search.scaling.clip(valley.start(point, point.idle, search.box.unit(point.x)))
         start = search.try_point(x)
         search.record(x, start, 0.0, "restart" if start else "restart: no solution")

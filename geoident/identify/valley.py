@@ -10,7 +10,8 @@ point, with the singular values S and directions v of its Jacobian, a new start 
 which leaves phi of the linearised model at its own size; and along with it
 
     a strength whose planes no point reaches    comes down until one is reached and up to BITE
-                                                further, or it would never be heard of;
+                                                further, or it would never be heard of; or, with
+                                                a chance of 1 - WOKEN, goes up out of the way;
     another one, with a chance of RAISED,       goes up: a plane in front gives way to others.
 """
 
@@ -58,7 +59,8 @@ class Valley:
             unit: (n,) what counts as a step of one in x.
         """
         d = self._along_valley(best.model.jacobian * unit, np.sqrt(best.phi))
-        d[idle] = -BITE * self._share(WOKEN, len(d))[idle]
+        down = self._share(WOKEN, len(d))
+        d[idle] = np.where(down > 0.0, -BITE * down, RISE * self._share(1.0, len(d)))[idle]
         awake = self._strength & ~idle
         d[awake] += RISE * self._share(RAISED, len(d))[awake]
         return np.asarray(best.x + unit * np.clip(d, -FARTHEST, FARTHEST))
