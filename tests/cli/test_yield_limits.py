@@ -1,0 +1,82 @@
+"""Yield limits from a case file to the result: complementarity by default, and its certificate."""
+
+import pytest
+
+from geoident.io.result_file import read_result
+
+TRUTH = ("--set", "parameters.k1.start=0.5 MPa", "--set", "parameters.k2.start=3 MPa")
+
+
+@pytest.fixture
+def yielding(trench, run):
+    """The trench in ground with two yield planes, one of which nothing reaches; exact readings."""
+    case = trench / "case.yaml"
+    text = case.read_text()
+    text = text.replace(
+        "  E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}\n"
+        "  K0: {start: 1.0, bounds: [0.2, 4]}\n",
+        "  k1: {start: 0.9 MPa, bounds: [0.1 MPa, 5 MPa], scale: log}\n"
+        "  k2: {start: 0.9 MPa, bounds: [0.1 MPa, 5 MPa], scale: log}\n",
+    )
+    text = text.replace(
+        "E: $E, nu: 0.25",
+        "E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [\n"
+        "    {name: shear, normal: [0.7071067811865476, -0.7071067811865476, 0], distance: $k1},\n"
+        "    {name: pull, normal: [1, 0, 0], distance: $k2}]}",
+    )
+    text = text.replace("K0: $K0", "K0: 1.5")
+    text = text.replace("fit: {method: gauss-newton, stages: [first]}\n", "")
+    case.write_text(text)
+    assert run("simulate", "case.yaml", *TRUTH, "-o", "exact.csv").exit_code == 0
+    case.write_text(text.replace("readings.csv", "exact.csv"))
+    return trench
+
+
+def test_a_strength_is_found_and_another_is_known_from_below(yielding, run, run_json):
+    (found,) = run_json("fit", "case.yaml")
+    assert found["method"] == "complementarity"
+    assert found["status"] == "not-determined"
+    assert found["parameters"]["k1"]["value"] == pytest.approx(0.5e6, rel=1e-4)
+    assert (
+        found["parameters"]["k2"] | {"value": None, "determined": False}
+        == (found["parameters"]["k2"])
+    )
+    proof = found["certificate"]
+    assert proof["kind"] == "global"
+    assert 0 < proof["at_least"]["k2"] < 3e6
+    assert [plane["plane"] for plane in proof["planes"]] == ["rock: shear", "rock: pull"]
+    shear, pull = proof["planes"]
+    assert sum(shear["points"].values()) > 0
+    assert sum(pull["points"].values()) == 0
+    said = f"k2 is at least {proof['at_least']['k2'] / 1e6:.4g} MPa"
+    assert any(said in finding for finding in found["findings"])
+    shown = run("show", "case.fit.h5").stdout
+    assert "not determined" in shown
+    assert f"at least {proof['at_least']['k2'] / 1e6:.4g}"[:12] in shown
+    assert "never reached" in shown
+    stored = read_result("case.fit.h5").certificate
+    assert stored.lower_bounds == pytest.approx(proof["at_least"])
+
+
+def test_another_method_may_be_named(yielding, run_json):
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.method=gauss-newton")
+    assert found["method"] == "gauss-newton"
+    assert "certificate" not in found
+
+
+def test_where_no_strength_is_sought_gauss_newton_remains(yielding, run_json):
+    case = yielding / "case.yaml"
+    text = case.read_text().replace("$k1", "0.5 MPa").replace("$k2", "3 MPa")
+    lines = [line for line in text.splitlines() if not line.startswith(("  k1:", "  k2:"))]
+    text = "\n".join(lines).replace("E: 5 GPa", "E: $E")
+    text = text.replace("parameters:", "parameters:\n  E: {start: 2 GPa, bounds: [1 GPa, 9 GPa]}")
+    case.write_text(text)
+    (found,) = run_json("fit", "case.yaml")
+    assert found["method"] == "gauss-newton"
+    assert found["parameters"]["E"]["value"] == pytest.approx(5e9, rel=1e-4)
+
+
+def test_complementarity_needs_yield_limits(trench, run):
+    done = run("fit", "case.yaml", "--set", "fit.method=complementarity")
+    assert done.exit_code == 3
+    assert "no material of the model has yield limits" in done.stderr
