@@ -10,11 +10,16 @@ on the active pieces*. (That all directions are checked is not claimed: a kink o
 2^q pieces.)
 
 Where the readings are met exactly, nothing can meet them better: zero is the bound that proves it.
+
+A strength whose planes are reached at a few points may owe that to noise; and its interval, made
+with the derivatives of the active pieces, ends above although they cease. So a strength known no
+better than `LOOSE` is raised to its upper bound, the others following to first order: if the
+discrepancy grows by less than `PLAIN`, the readings do not exclude that no point reaches them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +27,8 @@ import numpy as np
 from geoident.identify.bounded import bounded_least_squares
 from geoident.identify.gauss_newton import Search
 from geoident.identify.slack import headroom, unreached
-from geoident.identify.walk import Point
-from geoident.model.arrays import Floats
+from geoident.identify.walk import FIRST_RADIUS, Point
+from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity, Certificate
 
 FLAT = 1e-4
@@ -34,6 +39,12 @@ PROBE = 1e-3
 
 LOWER = 1e-4
 """A discrepancy lower by less than this part, a step away, is none."""
+
+LOOSE = 0.15
+"""Relative standard deviation of a strength from which on it is looked at from above."""
+
+PLAIN = 3.84
+"""Growth of the discrepancy at the end of a 95 % interval of one parameter."""
 
 STRONG = "strongly stationary"
 ACTIVE = "stationary on the active pieces"
@@ -114,8 +125,55 @@ def _around(search: Search, point: Point) -> Iterator[Floats]:
             yield x
 
 
+def open_above(
+    search: Search, point: Point, strength: Bools, *, spent: Callable[[], bool]
+) -> Bools:
+    """Strengths (n,) of which the readings do not exclude that no point reaches their planes.
+
+    Args:
+        search: evaluates.
+        point: the end of the search.
+        strength: (n,) strengths whose planes are reached there.
+        spent: whether no more may be evaluated.
+    """
+    found = np.zeros(len(strength), dtype=np.bool_)
+    unit = search.box.unit(point.x)
+    for i in np.flatnonzero(strength & (_spread(point.model.jacobian * unit) > LOOSE)):
+        if spent() or not np.isfinite(search.scaling.upper[i]):
+            break
+        x = point.x.copy()
+        x[i] = search.scaling.upper[i]
+        trial = search.try_point(x)
+        search.record(x, trial, 0.0, "from above" if trial else "from above: no solution")
+        found[i] = trial is not None and _expected(search, trial, int(i)) < point.phi + PLAIN
+    return found
+
+
+def _spread(J: Floats) -> Floats:
+    """Standard deviations (n,) to first order; infinite where J (rows, n) does not tell."""
+    _, S, Vt = np.linalg.svd(J, full_matrices=True)
+    S = np.pad(S, (0, len(Vt) - len(S)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = np.where(Vt != 0.0, Vt / S[:, None], 0.0)
+    return np.asarray(np.sqrt((parts**2).sum(axis=0)))
+
+
+def _expected(search: Search, point: Point, held: int) -> float:
+    """The linearised discrepancy after the best step of all parameters but one."""
+    free = np.arange(len(point.x)) != held
+    J, r = point.model.jacobian[:, free], point.model.residual
+    low, high = search.box.sides(point.x, FIRST_RADIUS)
+    d = bounded_least_squares(J, r, low[free], high[free])
+    return float(np.sum((r + J @ d) ** 2))
+
+
 def certificate(
-    checked: Checked, activity: Activity, names: tuple[str, ...], *, exact: bool
+    checked: Checked,
+    activity: Activity,
+    names: tuple[str, ...],
+    *,
+    exact: bool,
+    above: Sequence[str] = (),
 ) -> Certificate:
     """What is proven at the end of a search.
 
@@ -124,6 +182,7 @@ def certificate(
         activity: the planes there.
         names: of the n parameters.
         exact: the readings are met exactly.
+        above: names of the strengths that are `open_above`.
     """
     jacobian = checked.point.model.jacobian
     idle = unreached(activity, jacobian)
@@ -135,7 +194,14 @@ def certificate(
         activity=activity,
         lower_bounds={names[i]: float(least[i]) for i in np.flatnonzero(idle & np.isfinite(least))},
         bound=0.0 if exact else float("nan"),
-        remarks=tuple(_remarks(checked, exact=exact)),
+        remarks=(
+            *_remarks(checked, exact=exact),
+            *(
+                f"The readings do not exclude that {name} is so large that no strain point reaches "
+                "its planes: its interval has no upper end."
+                for name in above
+            ),
+        ),
     )
 
 

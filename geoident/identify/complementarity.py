@@ -28,7 +28,7 @@ from typing import cast
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.certify import GLOBAL, NONE, Checked, certificate, check
+from geoident.identify.certify import GLOBAL, NONE, Checked, certificate, check, open_above
 from geoident.identify.gauss_newton import Ending, Search
 from geoident.identify.history import History
 from geoident.identify.problem import Observer, Outcome, Problem
@@ -227,8 +227,7 @@ class _Implicit:
         strength = strengths(seen.activity, search.scaling.slope(seen.p))
         if not strength.any() or seen.phi <= self.exact:
             return seen
-        found = cast("Seen | None", strength_scan(search, strength))
-        return min([p for p in (start, found) if p is not None] or [seen], key=lambda p: p.phi)
+        return cast(Seen, strength_scan(search, strength, start) or seen)
 
     def first(self, x: Floats) -> Seen | None:
         """The start, or None where the ground collapses, which is noted."""
@@ -318,7 +317,9 @@ class _Implicit:
         """The best point with its certificate and the reason for stopping."""
         point, model = best.point, self.search.model
         exact = point.phi <= self.exact
-        proof = certificate(found, model.activity(point.p), model.names, exact=exact)
+        above = () if exact else self.open_above(point)
+        activity = model.activity(point.p)
+        proof = certificate(found, activity, model.names, exact=exact, above=above)
         status, reason = self.ending(best, proof)
         return Outcome(
             point.p,
@@ -329,6 +330,12 @@ class _Implicit:
             remarks=tuple(self.remarks),
             certificate=proof,
         )
+
+    def open_above(self, point: Point) -> list[str]:
+        """Strengths of which the readings do not exclude that no point reaches their planes."""
+        reached = self.strength_of(point) & ~cast(Seen, point).idle
+        found = open_above(self.search, point, reached, spent=self.spent)
+        return [self.search.model.names[i] for i in np.flatnonzero(found)]
 
     def ending(self, best: Ending, proof: Certificate) -> tuple[str, str]:
         """Status and reason."""

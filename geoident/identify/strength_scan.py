@@ -3,8 +3,10 @@
 Strong ground is cheap (few points yield, Newton converges at once) and has a solution; weak
 ground is dear and may collapse. So the scan begins with all strengths at their upper bounds, lowers
 them by a common factor of at most `STEP` between two points, geometrically between the bounds of
-each, and ends where the discrepancy has clearly begun to rise or the ground collapses. One
-parameter, whatever their number: what separates the strengths is left to the descent that follows.
+each, and ends where the discrepancy has clearly begun to rise, is a small part of that of the
+strongest ground (`NEAR`), or the ground collapses. One parameter, whatever their number: what
+separates the strengths is left to the descent that follows. A given start that is as near needs no
+scan.
 
 Parameters that are no strengths (moduli, in-situ stress, friction angles) stay at their start, and
 a point is judged by what the linearised discrepancy would be after their best step.
@@ -25,6 +27,9 @@ from geoident.model.arrays import Bools, Floats
 STEP = 1.5
 """Largest factor between the strengths of two points of the scan."""
 
+NEAR = 0.1
+"""A discrepancy below this part of that of the strongest ground is near enough for a descent."""
+
 _MOST = 12
 """Points of a scan at most."""
 
@@ -32,14 +37,16 @@ _REACH = 50.0
 """A scan goes no further down than to this part of the upper bound, or up from the start."""
 
 
-def strength_scan(search: Search, strength: Bools) -> Point | None:
-    """The best point of the scan; None if the ground collapses even at its strongest.
+def strength_scan(search: Search, strength: Bools, start: Point | None) -> Point | None:
+    """The best point of the scan or the start; None if the ground collapses even at its strongest.
 
     Args:
         search: evaluates and records.
         strength: (n,) parameters that are lowered together.
+        start: the given start, or None where it has no solution.
     """
-    best, least, worse = None, np.inf, 0
+    best, least = start, np.inf if start is None else start.phi
+    strongest, lowest, worse = 0.0, np.inf, 0
     for number, x in enumerate(_ray(search.scaling, strength), start=1):
         if search.history.stop is not None:
             break
@@ -48,11 +55,12 @@ def strength_scan(search: Search, strength: Bools) -> Point | None:
         if point is None:
             break
         expected = _expected(search, point, strength)
+        strongest = expected if number == 1 else strongest
+        worse = worse + 1 if expected >= lowest else 0
+        lowest = min(lowest, expected)
         if expected < least:
-            best, least, worse = point, expected, 0
-        else:
-            worse += 1
-        if (worse and expected > 4.0 * least) or worse == 2:
+            best, least = point, expected
+        if least <= NEAR * strongest or (worse and expected > 4.0 * lowest) or worse == 2:
             break
     return best
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.model.certificate import Certificate
 from geoident.model.result import ParameterTable
-from geoident.report.layout import number, table
+from geoident.report.layout import bullets, number, table
 from geoident.report.quantities import in_unit, shown_unit
 
 TITLE = "Yield planes (strain points that yield on them, stage by stage)"
@@ -28,9 +28,8 @@ def certificate_text(found: Certificate | None) -> str:
     """Kind, gradient and bound in sentences, then one line for each plane."""
     if found is None:
         return ""
-    return "\n".join(
-        [*sentences(found), table(header(found), plane_rows(found), right=sides(found))]
-    )
+    rows = table(header(found), plane_rows(found), right=sides(found))
+    return "\n".join([bullets(sentences(found)), rows])
 
 
 def sentences(found: Certificate) -> list[str]:

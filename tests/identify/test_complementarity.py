@@ -89,10 +89,9 @@ def test_where_everything_in_the_bounds_collapses_the_start_is_refused():
 
 
 def one_unreached():
-    """k1 = 1 is reached in both frames; the second bar of the first then bears 3.3 - 1 = 2.3."""
-    return PlasticBars(
-        [Frame([1.0, 2.0], [0, 1], [1.0, 3.3]), Frame([1.0, 1.0], [0, None], [1.0, 2.5])], 2
-    )
+    """k1 = 1 is reached in both frames; then u = (3.875 - 1) / 2.5 = 1.15, and bar 2 bears 2.3."""
+    first = Frame([1.0, 2.0, 0.5], [0, 1, None], [1.0, 3.875])
+    return PlasticBars([first, Frame([1.0, 1.0], [0, None], [1.0, 2.5])], 2)
 
 
 def test_a_plane_that_nothing_reaches_has_only_a_lower_bound():
@@ -101,6 +100,18 @@ def test_a_plane_that_nothing_reaches_has_only_a_lower_bound():
     assert found.values[0] == pytest.approx(1.0, rel=1e-6)
     assert found.certificate.lower_bounds == {"k2": pytest.approx(2.3, rel=1e-5)}
     assert found.values[1] >= 2.3
+
+
+@pytest.mark.parametrize(("sd", "told"), [(0.2, True), (1e-4, False)])
+def test_a_strength_that_few_readings_bound_from_above_is_told(sd, told):
+    """k2 = 2.2 is reached with 2.3, a little, which readings of 0.2 do not see."""
+    bars = one_unreached()
+    noise = sd * np.array([0.1, -0.2, 0.3, 0.2])
+    problem = problem_of(bars, bars.readings(np.array([1.0, 2.2])) + noise, sd=sd)
+    found = run(problem)
+    said = any("k2 is so large" in remark for remark in found.certificate.remarks)
+    assert said == told
+    assert not any("k1 is so large" in remark for remark in found.certificate.remarks)
 
 
 def test_at_a_kink_the_sides_are_compared():
