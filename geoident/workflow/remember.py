@@ -30,6 +30,9 @@ from geoident.model.result import Counts
 
 Arrays = Mapping[str, Floats]
 
+_ACTIVITY = ("points", "biactive", "distances", "reached", "slopes")
+_NAMES = ("planes", "stages")
+
 
 class Log(Protocol):
     """Where evaluations are kept: `geoident.io.checkpoint.EvaluationLog`, or a toy in tests."""
@@ -166,8 +169,11 @@ class Remembered:
         return self._derived(self._inner.hardened(ratio), f"hardened {ratio!r}: ")
 
     def activity(self, p: Floats) -> Activity:
-        """The yield planes at p (n,); never logged: it tells of what was logged."""
-        return self._inner.activity(p)
+        """The yield planes at p (n,), logged: to find them again costs a whole analysis."""
+        known = self._recall("activity", p)
+        if known is None:
+            known = self._compute("activity", p, lambda: _stored(self._inner.activity(p)))
+        return _restored(known)
 
     def _evaluate(self, p: Floats) -> Arrays:
         v, dv_dp = self._inner.evaluate(p)
@@ -204,6 +210,32 @@ class Remembered:
         ledger.seen.add((kind, p.tobytes()))
         ledger.spend(cost)
         return arrays
+
+
+def _stored(found: Activity) -> Arrays:
+    """The planes as arrays of numbers, names as code points."""
+    numbers = {name: np.asarray(getattr(found, name), dtype=float) for name in _ACTIVITY}
+    texts = {name: _code("\n".join(getattr(found, name))) for name in _NAMES}
+    return {**numbers, **texts}
+
+
+def _code(text: str) -> Floats:
+    return np.array([ord(letter) for letter in text], dtype=np.float64)
+
+
+def _restored(known: Arrays) -> Activity:
+    """The planes that `_stored` made arrays of."""
+    texts = {name: "".join(chr(int(code)) for code in known[name]) for name in _NAMES}
+    planes, stages = (tuple(texts[name].split("\n")) for name in _NAMES)
+    return Activity(
+        planes=planes,
+        stages=stages,
+        points=np.asarray(known["points"], dtype=np.int64),
+        biactive=np.asarray(known["biactive"], dtype=np.int64),
+        distances=np.array(known["distances"]),
+        reached=np.array(known["reached"]),
+        slopes=np.array(known["slopes"]),
+    )
 
 
 def _cost(before: Counts, after: Counts) -> Floats:
