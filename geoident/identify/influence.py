@@ -42,6 +42,7 @@ class Influence:
         upper: (n,).
         reference: (n,) p in SI = reference times scaled p.
         work: (q,) what scaled s times scaled lam stand for, times the volume: J, to one scale.
+        multiplier_size: (q,) lam = this times the scaled one.
     """
 
     slack: Floats
@@ -55,6 +56,7 @@ class Influence:
     upper: Floats
     reference: Floats
     work: Floats
+    multiplier_size: Floats
 
     @property
     def n_pairs(self) -> int:
@@ -76,6 +78,7 @@ class Influence:
             self.upper,
             self.reference,
             self.work[kept],
+            self.multiplier_size[kept],
         )
 
 
@@ -152,6 +155,7 @@ class _Condenser:
             self.upper / self.reference,
             self.reference,
             self.volumes() * lam_size * slack_size,
+            lam_size,
         )
 
     def priors(self) -> Floats:

@@ -1,0 +1,107 @@
+"""Published benchmarks: yield limits and hardening of a foundation beam and of a truss.
+
+The models find* and nappi_* of MPECLIB give geometry, flexibilities, loads, bounds and readings, as
+one program with equilibrium constraints each; here they are input to the program's own core. Their
+objective is the sum of the absolute residuals. Its optimum is zero where the last figure of a find*
+model is 0 and for all nappi models: readings without noise. (The library as stored has no table of
+optima; the others, with 5 % noise, were found by solving the published equations as they are, with
+IPOPT from six starts.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.array_model import ArrayModel
+from support.derivatives import assert_exact
+from support.frames import foundation, truss
+
+from geoident.identify.complementarity import complementarity
+from geoident.identify.full_space import full_space
+from geoident.identify.problem import Outcome, Problem
+from geoident.model.loss import HuberOptions
+from geoident.model.methods import ComplementarityOptions
+from geoident.model.result import Iteration
+
+FOUNDATION = np.array([125.0, 1.6, 125.0, 0.0, 171.5, 0.08, 171.5, 0.0])
+"""Behind the published readings: k of beam and spring, up and down, then H."""
+
+TRUSS = np.array([309.0, 180.0, 90.0, 40.0])
+"""k of chords and diagonals, then H."""
+
+FULL = ComplementarityOptions(formulation="full-space")
+
+NOISY = {"a35t": 0.3223935, "b15t": 0.1863684, "b15s": 0.1863684, "c15t": 0.0083907}
+"""Lowest sum of absolute residuals of the published equations."""
+
+
+def silent(entry: Iteration) -> str | None:
+    return None
+
+
+def problem(name: str, accuracy: float = 1e-2) -> Problem:
+    """A find* model, or nappi_* where the name is one letter."""
+    system, measured, parameters = truss(name) if len(name) == 1 else foundation(name)
+    sd = np.full(len(measured), accuracy)
+    return Problem(ArrayModel(system), measured, sd, parameters)
+
+
+@pytest.mark.parametrize("name", ["a10t", "b10l", "c10s", "a30t", "c30l"])
+def test_the_core_answers_with_the_published_readings_of_the_beam(name: str) -> None:
+    given = problem(name)
+    assert given.response.readings(FOUNDATION) == pytest.approx(given.measured, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", ["a", "b", "c", "d"])
+def test_the_core_answers_with_the_published_readings_of_the_truss(name: str) -> None:
+    given = problem(name)
+    assert given.response.readings(TRUSS) == pytest.approx(given.measured, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["b", "c30t"])
+def test_derivatives_by_distances_and_hardening_are_exact(name: str) -> None:
+    model = problem(name).response
+    p = 1.03 * (TRUSS if name == "b" else np.maximum(FOUNDATION, 1e-3))
+    assert_exact(model, p, model.names, step=1e-4, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["a", "b", "c", "d", "a10t", "b30t", "c10t"])
+def test_the_implicit_method_reaches_the_published_optimum(name: str) -> None:
+    met(complementarity(problem(name), ComplementarityOptions(), silent))
+
+
+@pytest.mark.parametrize(
+    "name", ["a", "b", "c", "d", "a10t", "a30l", "b10s", "b30l", "c10l", "c30s"]
+)
+def test_full_space_reaches_the_published_optimum(name: str) -> None:
+    met(full_space(problem(name), FULL, silent))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bounds", ["t", "s", "l"])
+@pytest.mark.parametrize("load", ["10", "30"])
+@pytest.mark.parametrize("gauges", ["a", "b", "c"])
+def test_both_reach_every_published_optimum_without_noise(
+    gauges: str, load: str, bounds: str
+) -> None:
+    given = problem(gauges + load + bounds)
+    met(full_space(given, FULL, silent))
+    met(complementarity(given, ComplementarityOptions(), silent))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NOISY)
+def test_absolute_residuals_of_noisy_readings_are_as_low_as_published(name: str) -> None:
+    """Huber's loss with a small delta is the sum of absolute residuals."""
+    given = problem(name)
+    found = full_space(replace(given, loss=HuberOptions(1e-3)), FULL, silent)
+    total = np.abs(given.response.readings(found.values) - given.measured).sum()
+    assert total == pytest.approx(NOISY[name], rel=1e-3)
+
+
+def met(found: Outcome) -> None:
+    """The readings, of the order of one, are met to 1e-5 (accuracies are 1e-2)."""
+    assert found.status == "converged"
+    assert found.objective < 1e-6

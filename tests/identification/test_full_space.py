@@ -1,0 +1,167 @@
+"""All unknowns at once by a nonlinear program: the same answers as the implicit method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.array_model import ArrayModel
+from support.cases import displacement
+from support.footings import TRUTH, two_layers
+from support.yield_sites import deep_opening, task
+from support.yielding import Cavity, constant, mohr, rock
+
+from geoident.errors import InputError
+from geoident.identify import methods
+from geoident.identify.complementarity import complementarity
+from geoident.identify.discrepancy import Discrepancy
+from geoident.identify.full_space import full_space
+from geoident.identify.gauss_newton import gauss_newton
+from geoident.identify.methods import identify
+from geoident.identify.problem import Problem
+from geoident.model.loss import StudentOptions
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.model.parameter import Parameter, Prior, Scalar
+from geoident.model.result import Iteration
+
+FULL = ComplementarityOptions(formulation="full-space")
+
+
+def silent(entry: Iteration) -> str | None:
+    return None
+
+
+def lined_opening(**strength: object):
+    """A tunnel dug in two stages, then lined; E, the far stress and the cohesion unknown."""
+    cavity = Cavity()
+    mesh = cavity.mesh("quad4", n=3, layers=5, reach=6.0)
+    p = [Scalar(-1.0, "stress")] * 3
+    return cavity.staged(
+        mesh,
+        materials={
+            "rock": rock(Scalar(1.0, "E"), 0.2, mohr(Scalar(1.0, "c"), 0.5, planes=12, **strength))
+        },
+        in_situ=constant(*p),
+        parameters=(
+            Parameter("E", 6e9, 1e9, 5e10, "log"),
+            Parameter("stress", 2e7, 1e7, 4e7),
+            Parameter("c", 3e6, 1e6, 2e7),
+        ),
+        channels=(
+            displacement("wall", (1.0, 0.0), (1.0, 0.0)),
+            displacement("rock", (2.0, 0.5), (1.0, 0.0)),
+        ),
+    )
+
+
+def test_the_exported_arrays_answer_as_the_march() -> None:
+    """Stage by stage with excavation, free moduli, stresses and strengths."""
+    for site, pairs, p in (
+        (lined_opening(), [("wall", "open"), ("rock", "open")], np.array([5e9, 1.5e7, 2e6])),
+        (deep_opening(2).model, list(deep_opening(2).pairs), np.array([0.8e7, 1.1e7])),
+    ):
+        response = site.response(pairs)
+        assert response.system_obstacle() is None
+        v, jacobian = response.evaluate(p)
+        arrays = ArrayModel(response.system())
+        found, slopes = arrays.evaluate(p)
+        assert found == pytest.approx(v, rel=1e-9, abs=1e-12)
+        assert slopes == pytest.approx(jacobian, rel=1e-7, abs=1e-7 * np.abs(jacobian).max())
+        assert any(steps.any() for _, _, laws in arrays.march(p) for steps in laws.values())
+
+
+def test_what_turns_planes_is_refused_by_name() -> None:
+    cavity = Cavity()
+    mesh = cavity.mesh("quad4", n=2, layers=3, reach=6.0)
+    turning = mohr(3e6, Scalar(1.0, "phi"), planes=12)
+    gauge = displacement("wall", (1.0, 0.0), (1.0, 0.0))
+    phi = (Parameter("phi", 0.5, 0.1, 0.9),)
+    staged = cavity.staged(
+        mesh, materials={"rock": rock(6e9, 0.2, turning)}, parameters=phi, channels=(gauge,)
+    )
+    response = staged.response([("wall", "open")])
+    assert "phi turns the yield planes of rock" in (response.system_obstacle() or "")
+    problem = Problem(response, np.array([-0.01]), np.array([1e-3]), phi)
+    with pytest.raises(InputError, match="phi turns the yield planes"):
+        identify(problem, (FULL,), silent)
+
+
+def test_a_smooth_surface_is_refused() -> None:
+    response = Cavity().staged(
+        Cavity().mesh("quad4", n=2, layers=3, reach=6.0),
+        mohr(Scalar(1.0, "c"), 0.5),
+        parameters=(Parameter("c", 3e6, 1e6, 2e7),),
+        channels=(displacement("wall", (1.0, 0.0), (1.0, 0.0)),),
+    )
+    why = response.response([("wall", "open")]).system_obstacle()
+    assert "smooth surface" in (why or "")
+
+
+def test_a_missing_package_is_refused_before_computing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(methods, "find_spec", lambda name: None)
+    problem = two_layers((3, 2), (4.5,), start=(1.2, 1.2))
+    with pytest.raises(InputError, match=r"install geoident\[full-space\]"):
+        identify(problem, (FULL,), silent)
+    assert problem.response.counts.evaluations == 1  # that of the readings
+
+
+def test_noise_gives_the_same_optimum_as_the_implicit_method(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    problem = two_layers((4, 3), (4.5, 4.8), start=(1.3, 1.4))
+    implicit = complementarity(problem, ComplementarityOptions(), silent)
+    found = full_space(problem, FULL, silent)
+    assert found.status == "converged"
+    assert found.objective == pytest.approx(implicit.objective, rel=1e-3)
+    assert found.objective == Discrepancy(problem).objective(found.values)
+    assert found.certificate is not None
+    assert capfd.readouterr() == ("", "")
+
+
+def test_where_gauss_newton_ends_in_a_poor_minimum_the_truth_is_found() -> None:
+    problem = two_layers((4, 3), (4.5,), start=(1.0, 1.5), seed=None)
+    assert gauss_newton(problem, GaussNewtonOptions(), silent).objective > 10.0
+    found = full_space(problem, FULL, silent)
+    assert found.values == pytest.approx(TRUTH, rel=1e-5)
+
+
+def test_losses_and_priors_are_those_of_the_discrepancy() -> None:
+    """The program's own objective at its end is the discrepancy of the model there."""
+    given = two_layers((4, 3), (4.5,), start=(1.2, 1.3))
+    normal, log = Prior(1.2, 0.2), Prior(1.0, 0.3, "lognormal")
+    parameters = tuple(
+        replace(q, prior=prior) for q, prior in zip(given.parameters, (normal, log), strict=True)
+    )
+    problem = replace(given, parameters=parameters, loss=StudentOptions(3.0))
+    history: list[Iteration] = []
+    found = full_space(problem, FULL, history.append)  # type: ignore[arg-type]
+    last = [entry for entry in history if entry.note.startswith("smoothing")][-1]
+    assert last.objective == pytest.approx(found.objective, rel=1e-6)
+    assert found.status == "converged"
+
+
+def test_the_observer_ends_it_with_the_best_point_so_far() -> None:
+    problem = two_layers((4, 3), (4.5,), start=(1.2, 1.3))
+    found = full_space(problem, FULL, lambda entry: "enough" if entry.number >= 12 else None)
+    assert (found.status, found.reason) == ("out-of-budget", "enough")
+    assert found.objective == Discrepancy(problem).objective(found.values)
+    assert len(found.iterations) < 30
+
+
+def test_an_exception_of_the_observer_gets_out() -> None:
+    def impatient(entry: Iteration) -> str | None:
+        if entry.number > 5:
+            raise KeyboardInterrupt
+        return None
+
+    with pytest.raises(KeyboardInterrupt):
+        full_space(two_layers((3, 2), (4.5,), start=(1.2, 1.3)), FULL, impatient)
+
+
+@pytest.mark.slow
+def test_five_hundred_elements_agree_with_the_implicit_method() -> None:
+    given = task(deep_opening(2), 1, noise=1.0).problem
+    implicit = complementarity(given, ComplementarityOptions(), silent)
+    found = full_space(given, FULL, silent)
+    assert found.objective == pytest.approx(implicit.objective, rel=1e-3)
