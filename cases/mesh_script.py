@@ -15,12 +15,15 @@ TRIANGLES = {**_SIZES, "Mesh.Algorithm": 6}
 QUADRILATERALS = {**_SIZES, "Mesh.Algorithm": 8, "Mesh.RecombineAll": 1, **SERENDIPITY}
 
 
-def read_options(text: str | None, output: Path, **factors: str) -> argparse.Namespace:
+def read_options(
+    text: str | None, output: Path, *, order: int = 1, **factors: str
+) -> argparse.Namespace:
     """The options of a script: size, order and output.
 
     Args:
         text: what the script says about itself.
         output: the mesh that is shipped.
+        order: of its elements.
         factors: further factors that the script knows, and what they are.
     """
     parser = argparse.ArgumentParser(
@@ -28,7 +31,7 @@ def read_options(text: str | None, output: Path, **factors: str) -> argparse.Nam
     )
     for name, meaning in {"size": "factor on all element sizes", **factors}.items():
         parser.add_argument(f"--{name}", type=float, default=1.0, help=meaning)
-    parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the elements")
+    parser.add_argument("--order", type=int, default=order, choices=(1, 2), help="of the elements")
     parser.add_argument("--output", type=Path, default=output)
     return parser.parse_args()
 

@@ -1,0 +1,73 @@
+"""Makes the mesh of the pressure tunnel: a round opening in rings of quadrilaterals.
+
+Shipped mesh:        python make_mesh.py
+Mesh of the truth:   python make_mesh.py --size 0.4 --output fine.msh
+
+The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x across, y
+upwards, origin on the axis. Elements are of second order if not said otherwise.
+"""
+
+import sys
+from math import ceil, cos, log, pi, sin
+from pathlib import Path
+
+import gmsh
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from mesh_script import QUADRILATERALS, mesh_file, read_options  # noqa: E402
+
+RADIUS, REACH = 1.5, 45.0
+AROUND, WALL = 24, 0.16  # elements around the opening, and the thickness of the first ring
+GROWTH = 0.2  # of the rings, relative, per ring
+
+geo = gmsh.model.geo
+
+
+def ring(radius: float, centre: int) -> tuple[list[int], list[int]]:
+    """Points every 45 degrees, anticlockwise from the right, and the arcs between them."""
+    angles = [k * pi / 4 for k in range(8)]
+    points = [geo.addPoint(radius * cos(a), radius * sin(a), 0) for a in angles]
+    ends = zip(points, points[1:] + points[:1], strict=True)
+    return points, [geo.addCircleArc(a, centre, b) for a, b in ends]
+
+
+def build(size: float) -> None:
+    """The geometry with its groups."""
+    centre = geo.addPoint(0, 0, 0)
+    inner, wall = ring(RADIUS, centre)
+    outer, far = ring(REACH, centre)
+    rays = [geo.addLine(a, b) for a, b in zip(inner, outer, strict=True)]
+    core = geo.addPlaneSurface([geo.addCurveLoop(wall)])
+    sectors = []
+    for k in range(8):
+        loop = [rays[k], far[k], -rays[(k + 1) % 8], -wall[k]]
+        sectors.append(geo.addPlaneSurface([geo.addCurveLoop(loop)]))
+    for curve in wall + far:
+        geo.mesh.setTransfiniteCurve(curve, ceil(AROUND / 8 / size) + 1)
+    rings = log(1 + GROWTH * (REACH - RADIUS) / WALL) / log(1 + GROWTH)
+    for ray in rays:
+        growth = (1 + GROWTH) ** size
+        geo.mesh.setTransfiniteCurve(ray, ceil(rings / size) + 1, "Progression", growth)
+    for sector in sectors:
+        geo.mesh.setTransfiniteSurface(sector)
+        geo.mesh.setRecombine(2, sector)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, [core], name="core")
+    gmsh.model.addPhysicalGroup(2, sectors, name="rock")
+    for name, curves in {"wall": wall, "far": far}.items():
+        gmsh.model.addPhysicalGroup(1, curves, name=name)
+    gmsh.model.mesh.field.add("MathEval", 1)  # the opening, which leaves at once, coarsely
+    gmsh.model.mesh.field.setString(1, "F", str(RADIUS))
+    gmsh.model.mesh.field.setAsBackgroundMesh(1)
+
+
+def main() -> None:
+    options = read_options(__doc__, HERE / "tunnel.msh", order=2)
+    with mesh_file(options, QUADRILATERALS):
+        build(options.size)
+
+
+if __name__ == "__main__":
+    main()
