@@ -39,7 +39,7 @@ def make_mesh(geometry: Path, mesh: Path, *, dim: int, size: float = 1.0, order:
 
 
 def make_readings(name: str, mesh: Path | None) -> None:
-    """Simulates the truth, on a mesh if one is given, and rounds the readings to 0.01 mm as they would be noted."""
+    """Simulates the truth, on a mesh if one is given, and rounds to 0.01 mm, as would be noted."""
     folder = TEMPLATES / name
     values = [f"parameters.{key}.start={value}" for key, value in TRUTH[name].items()]
     changes = [f"--set={change}" for change in ("readings=[]", *values)]
