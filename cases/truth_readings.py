@@ -12,8 +12,8 @@ import yaml
 def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
     """Writes readings.csv of a case: truth.yaml on a finer mesh of quadratic elements, plus noise.
 
-    The shipped mesh has larger elements, mostly linear ones. So the fit meets readings that its own model
-    cannot repeat exactly, as it would on a real site.
+    The shipped mesh has larger elements, mostly linear ones. So the fit meets readings that its own
+    model cannot repeat exactly, as it would on a real site.
 
     Args:
         folder: of the case.
