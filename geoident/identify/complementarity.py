@@ -149,9 +149,9 @@ class YieldSearch(Search):
         point = super().evaluate(x)
         activity = self.model.activity(point.p)
         idle = unreached(activity, point.model.jacobian)
-        room = np.where(idle, headroom(activity), 0.0)
-        room[~np.isfinite(room)] = 0.0
-        p = np.where(room > CLOSE * point.p, point.p - room + CLOSE * np.abs(point.p), point.p)
+        room = headroom(activity) - CLOSE * np.abs(point.p)
+        near = idle & np.isfinite(room) & (room > 0.0)
+        p = np.where(near, point.p - np.where(near, room, 0.0), point.p)
         x = self.scaling.to_scaled(p)
         return Seen(x, self.scaling.to_natural(x), point.model, idle, activity)
 
@@ -301,12 +301,15 @@ class _Implicit:
     def patience(self, best: Ending) -> int:
         """Restarts in a row without a better point that end the search.
 
-        Three times as many where the accuracies do not explain what is left of the residuals.
+        Few where what is left of the residuals is what the accuracies explain (chi-squared of the
+        degrees of freedom, three standard deviations to both sides); more where something is
+        unexplained, or the readings are more exact than stated.
         """
         n = len(self.search.scaling)
         freedom = max(len(self.search.discrepancy.problem.measured) - n, 1)
-        explained = best.point.phi <= freedom + 2.0 * np.sqrt(2.0 * freedom)
-        return max(n * (n + 1) // 2, 2) * (1 if explained else 3)
+        if abs(best.point.phi - freedom) <= 3.0 * np.sqrt(2.0 * freedom):
+            return max(n, 2)
+        return 3 * max(n * (n + 1) // 2, 2)
 
     def strength_of(self, point: Point) -> Bools:
         """Strengths (n,) at a point."""

@@ -240,3 +240,16 @@ def test_headroom_is_what_a_strength_can_lose():
     assert strengths(activity, p).tolist() == [True, True]
     lowered = p - headroom(activity)
     assert bars.readings(lowered) == pytest.approx(bars.readings(p), abs=1e-12)
+
+
+def test_only_unreached_strengths_are_moved():
+    """An evaluation must not touch what is no idle strength, whatever its sign."""
+    bars = PlasticBars([Frame([1.0, 1.0], [0, None], [2.0])], 2)
+    second = Parameter("k2", -3.0, -9.0, -1.0)
+    bars.admissible = lambda p: None
+    problem = problem_of(bars, [1.2], (unknowns(1)[0], second))
+    search = YieldSearch(problem, GaussNewtonOptions(), History("test", bars, quiet))
+    start = search.scaling.start
+    seen = search.evaluate(start)
+    assert seen.p[1] == -3.0
+    assert seen.p[0] == pytest.approx(1.0, rel=1e-5)  # nothing yields at 2: brought near
