@@ -49,6 +49,12 @@ PATIENCE = 12
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
+_LEFT_OVER = 0.01
+"""Part of the change of load that may stay unbalanced where flow is not associated."""
+
+_SHORTEST = {True: 1e-3, False: 0.05}
+"""Share of a step below which it is given up, by whether the way is the bold one."""
+
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
@@ -65,12 +71,14 @@ class Balance:
         steps: Newton steps taken.
         factor: of the tangent before the last step, or None if none was made.
         made_at: where it was made.
+        left: part of the change of load that is not balanced, where no more could be done.
     """
 
     trial: Trial
     steps: int
     factor: Factor | None
     made_at: Trial | None
+    left: float = 0.0
 
 
 def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
@@ -84,29 +92,75 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    trial = min((equations.at(guess) for guess in guesses), key=equations.distance)
-    search = follow_slope if equations.associated else _along_norm
+    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
+    return (_by_potential if equations.associated else _by_residual)(equations, start)
+
+
+def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
+    """Newton's method along the slope of Pi."""
     factor: Factor | None = None
     made_at: Trial | None = None
-    least, reached = 0, (0, np.inf)
+    least = 0
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, step, factor, made_at)
-        if trial.error < 0.5 * reached[1]:
-            reached = step, trial.error
-        if not equations.associated and step - reached[0] > PATIENCE:
-            break
         factor, level = equations.factor(trial, least=least)
         made_at = trial if level == 0 else None
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
-        following, share = search(equations, trial, d)
+        following, share = follow_slope(equations, trial, d)
         if following.error >= trial.error and trial.error <= ROUNDING:
             return Balance(trial, step + 1, factor, made_at)
-        if step >= _SUSPICIOUS and equations.associated and share == 1.0:
+        if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
         trial = following
     raise NoEquilibrium(trial.du, proven=False)
+
+
+def _by_residual(equations: StageEquations, start: Trial) -> Balance:
+    """Newton's method that lowers the residual.
+
+    Where a step cannot, two ways are tried: to take the least harm and go on, or a stiffer tangent.
+    With a dilation far below the friction, ground without hardening prefers to shear in bands: near
+    the even flow tangents have negative directions, and neither way comes nearer. What is then left
+    of the load is small, and is said.
+    """
+    bold = _lower(equations, start, bold=True)
+    if bold.trial.error <= BALANCED or bold.left == 0.0:
+        return bold
+    cautious = _lower(equations, start, bold=False)
+    for found in (cautious, bold):  # the cautious way stays nearer to the even flow
+        if found.left <= _LEFT_OVER:
+            return found
+    raise NoEquilibrium(cautious.trial.du, proven=False)
+
+
+def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
+    """One of the two ways; how much of the load is left at its best point."""
+    factor: Factor | None = None
+    made_at: Trial | None = None
+    least, reached, start, best = 0, (0, np.inf), trial.error, trial
+    for step in range(MOST_STEPS):
+        best = min(best, trial, key=lambda t: t.error)
+        if trial.error <= BALANCED:
+            return Balance(trial, step, factor, made_at)
+        if trial.error < 0.5 * reached[1]:
+            reached = step, trial.error
+        if step - reached[0] > (PATIENCE if bold else 2 * PATIENCE) or least == len(LEFT):
+            break
+        factor, level = equations.factor(trial, least=least)
+        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
+        following, share, lower = _shortened(equations, trial, d, _SHORTEST[bold])
+        made_at = trial if level == 0 else None
+        if lower or bold:
+            if following.error >= trial.error and trial.error <= ROUNDING:
+                return Balance(trial, step + 1, factor, made_at)
+            trial, least = following, _next_level(least, share)
+        elif trial.error <= ROUNDING:
+            return Balance(trial, step + 1, factor, made_at)
+        else:
+            least = max(least + 1, _STIFFER)
+    return Balance(best, MOST_STEPS, None, None, best.error / start)
 
 
 def _next_level(level: int, share: float) -> int:
@@ -145,19 +199,20 @@ def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Tr
     return following, share
 
 
-def _along_norm(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
-    """Halves a step until the residual is smaller."""
+def _shortened(
+    equations: StageEquations, trial: Trial, d: Floats, shortest: float
+) -> tuple[Trial, float, bool]:
+    """A step halved until the residual is smaller: trial, share, and whether it is smaller."""
     before = float(np.linalg.norm(trial.residual))
-    share, best = 1.0, None
-    while share > 1e-3:
+    share = 1.0
+    tried: list[tuple[Trial, float]] = []
+    while share > shortest:
         following = equations.at(trial.du + share * d)
         if np.linalg.norm(following.residual) < (1.0 - 1e-4 * share) * before:
-            return following, share
-        if best is None or following.error < best[0].error:
-            best = following, share
+            return following, share, True
+        tried.append((following, share))
         share *= 0.5
-    assert best is not None
-    return best
+    return *min(tried, key=lambda found: found[0].error), False
 
 
 def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:

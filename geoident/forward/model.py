@@ -154,6 +154,12 @@ class StagedModel:
         notes += self._odd_notes()
         notes += yield_notes(self.case)
         notes += structure_notes(self.case, self.mesh, self.timeline, self._fixed)
+        notes += [
+            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
+            "dilation far below the friction the flow tends to shear in bands; a larger dilation "
+            "(or none given: associated) has an exact solution"
+            for stage, part in self.march.plastic.left.items()
+        ]
         if self.march.imbalance > 1e-9:
             notes.append(
                 f"the in-situ stress is out of balance by {100 * self.march.imbalance:.3g} % of "

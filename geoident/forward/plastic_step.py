@@ -64,7 +64,7 @@ flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 
 _REMEMBERED = 4
 """Parameter vectors whose displacements are kept, to start from the nearest one."""
 
-_LOAD_STEPS = (1, 4, 16, 64)
+_LOAD_STEPS = (1, 4, 16)
 """Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
 
 
@@ -113,6 +113,7 @@ class PlasticSteps:
         self._record = ActivityRecord(case, systems.points.n_strain)
         self._memory: dict[int, deque[_Memory]] = {}
         self._laws: dict[str, YieldLaw | None] = {}
+        self.left: dict[str, float] = {}  # stage to the part of its load that is not balanced
         self._ratio = 0.0
         self._explain = True
 
@@ -120,6 +121,7 @@ class PlasticSteps:
         """A march begins at these parameter values."""
         self._ratio, self._explain = options.ratio, options.explain
         self._laws = {}
+        self.left = {}
         self._record.begin(values)
 
     def activity(self, names: Sequence[str]) -> Activity:
@@ -224,6 +226,8 @@ class PlasticSteps:
         if du.shape[1] > 1:
             du[:, 1:] = self._slopes.of(task, equations, balance, ratio=self._ratio)
         self._accept(task, equations, balance.trial)
+        if balance.left > 0.0:
+            self.left[task.state.name] = max(balance.left, self.left.get(task.state.name, 0.0))
         if warm:
             self._remember(task, du)
         return du, yielded_points(equations, balance.trial)
@@ -317,15 +321,16 @@ class PlasticSteps:
         self, task: StepTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
     ) -> CollapseError:
         msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
-        if np.isfinite(fraction):
-            msg += f" at {100 * fraction:.3g} % of the change of load of this stage"
-        if not proven:
-            msg += " (or flow that the method cannot follow: with dilation below friction there is"
-            msg += " no proof)"
-        if mechanism is not None:
-            msg += self._systems.describe_motion(mechanism)
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
+        if not proven:
+            msg = f"at stage '{task.state.name}' no equilibrium was found: plastic collapse, or "
+            msg += "flow that shears in bands, as it may with a dilation far below the friction"
+            hint += " A larger dilation, or none given (associated), decides which it is."
+        if np.isfinite(fraction):
+            msg += f"; {100 * fraction:.3g} % of the change of load of this stage is carried"
+        if mechanism is not None:
+            msg += self._systems.describe_motion(mechanism)
         return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
 
     def _accept(self, task: StepTask, equations: StageEquations, trial: Trial) -> None:
