@@ -19,9 +19,11 @@ import numpy as np
 
 from geoident.identify.protocols import (
     AffineElastic,
+    ComplementaritySystem,
     Condensed,
     HasOpening,
     OpeningForm,
+    StagedSystem,
     YieldSystem,
 )
 from geoident.model.arrays import Floats, Ints
@@ -174,6 +176,19 @@ class Remembered:
         if known is None:
             known = self._compute("activity", p, lambda: _stored(self._inner.activity(p)))
         return _restored(known)
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        inner = self._inner
+        if not isinstance(inner, ComplementaritySystem):
+            return "the model does not show its equations"
+        return inner.system_obstacle()
+
+    def system(self) -> StagedSystem:
+        """The equations of all stages as arrays; not logged, they cost no analysis."""
+        inner = self._inner
+        assert isinstance(inner, ComplementaritySystem)
+        return inner.system()
 
     def _evaluate(self, p: Floats) -> Arrays:
         v, dv_dp = self._inner.evaluate(p)

@@ -1,5 +1,7 @@
 """Yield limits from a case file to the result: complementarity by default, and its certificate."""
 
+from pathlib import Path
+
 import pytest
 
 from geoident.io.result_file import read_result
@@ -62,6 +64,39 @@ def test_another_method_may_be_named(yielding, run_json):
     (found,) = run_json("fit", "case.yaml", "--set", "fit.method=gauss-newton")
     assert found["method"] == "gauss-newton"
     assert "certificate" not in found
+
+
+def by(formulation):
+    return (
+        "--set",
+        f"fit={{method: complementarity, complementarity: {{formulation: {formulation}}}}}",
+    )
+
+
+def test_full_space_finds_the_same(yielding, run_json):
+    (found,) = run_json("fit", "case.yaml", *by("full-space"))
+    assert found["parameters"]["k1"]["value"] == pytest.approx(0.5e6, rel=1e-3)
+    assert found["certificate"]["kind"] == "global"  # exact readings are met exactly
+
+
+@pytest.mark.slow
+def test_the_bound_that_global_proves_is_shown(yielding, run, run_json):
+    """Readings of one digit: the discrepancy is not zero, and nothing in the bounds lowers it."""
+    header, *body = [line.split(",") for line in Path("exact.csv").read_text().splitlines()]
+    column = header.index("value")
+    for row in body:
+        row[column] = f"{float(row[column]):.1g}"
+    Path("exact.csv").write_text("".join(",".join(row) + "\n" for row in (header, *body)))
+    tight = (
+        "--set", "parameters.k1={start: 0.5 MPa, bounds: [0.45 MPa, 0.6 MPa]}",
+        "--set", "parameters.k2={start: 3 MPa, bounds: [2.9 MPa, 3.1 MPa]}",
+    )  # fmt: skip
+    (found,) = run_json("fit", "case.yaml", *by("global"), *tight)
+    proof = found["certificate"]
+    assert proof["kind"] == "global"
+    assert 0.0 < proof["bound"] <= found["objective"]
+    assert proof["gap"] < 1e-4
+    assert "Proven: no discrepancy is below" in run("show", "case.fit.h5").stdout
 
 
 def test_where_no_strength_is_sought_gauss_newton_remains(yielding, run_json):
