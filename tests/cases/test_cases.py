@@ -20,11 +20,12 @@ from geoident.io.mesh_file import read_mesh
 from geoident.units import read_quantity
 
 CASES = Path(__file__).parents[2] / "cases"
-NAMES = ("cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel", "tunnel-3d")
-SLOW = pytest.param("tunnel-3d", marks=pytest.mark.slow)
-FITS = ("cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel", SLOW)
+QUICK = ("cavern", "dam", "gravity-dam", "pressure-tunnel", "shaft", "stratified-tunnel")
+SLOW = ("cavern-plastic", "tunnel-3d")
+NAMES = (*QUICK, *SLOW)
+FITS = (*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW))
 LEAST_DOFS = {"tunnel-3d": 60_000}
-LEAST_ELEMENTS = {"cavern": 5_000}
+LEAST_ELEMENTS = {"cavern": 5_000, "cavern-plastic": 10_000}
 LARGEST_MESH = 6_000_000  # bytes
 
 
