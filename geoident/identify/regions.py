@@ -129,18 +129,22 @@ class Energy:
         self.form = form
         self.root, self.convex = form.root, form.convex
 
-    def reachable(self) -> Bools:
-        """(q,) planes that may be reached in the box, by the ball of the module's head."""
-        form, everywhere = self.form, np.ones(len(self.linear), dtype=np.bool_)
+    def lowest(self) -> Floats:
+        """(q,) what W s is at least in the box, by the ball of the module's head."""
+        form, nothing = self.form, np.full(len(self.linear), -np.inf)
         if not form.convex or not len(form.root):
-            return everywhere
+            return nothing
         y = shortest(form.root.T, -self.linear)
         if y is None:
-            return everywhere
+            return nothing
         radius = np.linalg.norm(form.carried, axis=1) * np.linalg.norm(y)
-        lowest = self.linear + 0.5 * (form.carried @ y - radius)
-        size = np.abs(self.linear) + radius
-        return np.asarray((lowest <= 1e-9 * size) | ~form.exact)
+        bound = self.linear + 0.5 * (form.carried @ y - radius)
+        bound -= 1e-9 * (np.abs(self.linear) + radius)
+        return np.where(form.exact, bound, -np.inf)
+
+    def reachable(self) -> Bools:
+        """(q,) planes that may be reached in the box."""
+        return np.asarray(self.lowest() <= 0.0)
 
 
 def shortest(G: Floats, h: Floats) -> Floats | None:

@@ -70,7 +70,8 @@ def test_no_plane_that_is_reached_is_dropped_and_no_bound_is_too_high(
         centre = rng.uniform(0.85, 1.6, 2)
         half = rng.uniform(0.02, 0.15, 2) * centre
         lower, upper = (centre - half) / system.reference, (centre + half) / system.reference
-        may = Energy(system, form, lower, upper).reachable()
+        energy = Energy(system, form, lower, upper)
+        may = energy.reachable()
         dropped += int((~may).sum())
         inside = rng.uniform(centre - half, centre + half, (6, 2))
         best = 1.01 * max(phi(problem, p) for p in inside)
@@ -78,7 +79,11 @@ def test_no_plane_that_is_reached_is_dropped_and_no_bound_is_too_high(
         found = examined(system, form, region, best)
         assert found is not None
         for p in inside:
-            assert not np.any(multipliers(problem, p)[~may] > 0.0)
+            lam = multipliers(problem, p) / system.multiplier_size
+            assert not np.any(lam[~may] > 0.0)
+            slack = system.slack + system.slack_by_p @ (p / system.reference)
+            slack += system.slack_by_lam @ lam
+            assert np.all(system.work * slack >= energy.lowest() - 1e-12)
             assert np.all(found.lower * system.reference <= p + 1e-9)
             assert np.all(found.upper * system.reference >= p - 1e-9)
             assert found.bound <= phi(problem, p) * (1 + 1e-6)
