@@ -25,8 +25,8 @@ FLOORS = {"heading": 33.0, "bench-1": 26.0, "bench-2": 19.0, "bench-3": 12.0, "b
 FLOORS["bench-5"] = 0.0
 GAUGES = [29.5, 22.5, 15.5, 9.0]  # levels of the instruments in the walls
 LEFT, RIGHT, BOTTOM, TOP = -150.0, 150.0, -110.0, 145.0
-# element sizes at the walls, at their corners with the floors (where plastic strains concentrate and
-# move the walls) and at the floors, and how they grow with distance
+# element sizes at the walls, at their corners with the floors (where plastic strains concentrate
+# and move the walls) and at the floors, and how they grow with distance
 WALL, CORNER, FLOOR = 0.7, 0.12, 1.7
 GROWTH, CORNER_GROWTH = 0.11, 0.25
 
