@@ -5,11 +5,39 @@ from __future__ import annotations
 import os
 import platform
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 
 from geoident.fem.solvers import SolverInfo, pick_solver, solver_report
 from geoident.workflow.provenance import versions
 
+EXTRAS = {
+    "report": ("matplotlib", "figures and pages"),
+    "ags": ("python-ags4", "readings from AGS4 files"),
+    "full-space": ("casadi", "complementarity in full space"),
+    "global": ("pyscipopt", "proven bounds of a discrepancy"),
+}
+"""Extra of the installation: the package that it brings, and what for."""
+
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A part that is installed on demand.
+
+    Args:
+        name: of the extra.
+        package: that it brings.
+        use: what it is for.
+        version: of the package; empty if it is not installed.
+        remedy: how to install it.
+    """
+
+    name: str
+    package: str
+    use: str
+    version: str
+    remedy: str
 
 
 @dataclass(frozen=True)
@@ -24,6 +52,7 @@ class Diagnosis:
         solvers: the sparse solvers, the fastest first.
         picked: name of the solver that ``auto`` takes.
         remedies: sentences on what to do, the most useful first.
+        extras: parts that are installed on demand.
     """
 
     versions: dict[str, str]
@@ -33,6 +62,7 @@ class Diagnosis:
     solvers: tuple[SolverInfo, ...]
     picked: str
     remedies: tuple[str, ...]
+    extras: tuple[Extra, ...] = ()
 
 
 def diagnose() -> Diagnosis:
@@ -46,7 +76,16 @@ def diagnose() -> Diagnosis:
         solvers=solvers,
         picked=picked,
         remedies=_remedies(solvers, picked),
+        extras=tuple(_extra(name, *what) for name, what in EXTRAS.items()),
     )
+
+
+def _extra(name: str, package: str, use: str) -> Extra:
+    try:
+        found = version(package)
+    except PackageNotFoundError:
+        found = ""
+    return Extra(name, package, use, found, f'pip install "geoident[{name}]"')
 
 
 def _cores() -> int:

@@ -223,7 +223,12 @@ def test_the_schema_is_json(run):
 
 def test_the_doctor_tells_versions_and_the_solver_in_use(run):
     assert "used" in run("doctor").stdout
-    assert json.loads(run("doctor", "--json").stdout)["picked"] in ("pardiso", "cholmod", "splu")
+    found = json.loads(run("doctor", "--json").stdout)
+    assert found["picked"] in ("pardiso", "cholmod", "splu")
+    extras = {extra["name"]: extra for extra in found["extras"]}
+    assert set(extras) == {"report", "ags", "full-space", "global"}
+    assert extras["global"]["version"]
+    assert extras["global"]["remedy"] == 'pip install "geoident[global]"'
 
 
 def test_commands_are_all_there():

@@ -46,10 +46,15 @@ def _text(found: Diagnosis) -> str:
         ]
         for solver in found.solvers
     ]
+    extras = [
+        [extra.use, f"{extra.package} {extra.version}" if extra.version else extra.remedy]
+        for extra in found.extras
+    ]
     limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
     return sections(
         table(["program", "version"], versions),
         table(["solver", "from", "threads", ""], solvers, right="llrl"),
+        table(["extra", "from"], extras),
         f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
         section("To be faster", bullets(found.remedies)),
     )
