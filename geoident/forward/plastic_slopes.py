@@ -46,22 +46,19 @@ class PlasticSlopes:
         self._systems = systems
         self._structures = systems.structures
 
-    def of(
-        self, task: StepTask, equations: StageEquations, balance: Balance, *, ratio: float
-    ) -> Floats:
+    def of(self, task: StepTask, equations: StageEquations, balance: Balance) -> Floats:
         """Derivatives (n_dofs, n + k) of the displacement step; updates what is borne.
 
         Args:
             task: the stage; its state is still that of before.
             equations: its equations.
             balance: their solution.
-            ratio: hardening added to every plane.
         """
         trial = balance.trial
         members = task.borne.members[:, 1:]
         strain = self._structures.strain(trial.du)[:, None]
         members[:, : len(task.names)] += task.moduli[:, 1:] * strain
-        slopes = self._at_rest(task, equations, trial, ratio)
+        slopes = self._at_rest(task, equations, trial)
         rest = task.forces[:, 1:] - self._systems.points.forces(slopes, task.system.volume)
         if self._structures.n_rows:
             rest -= self._structures.nodal_forces(members)
@@ -74,9 +71,7 @@ class PlasticSlopes:
             members += task.moduli[:, :1] * self._structures.strain(ddu)
         return ddu
 
-    def _at_rest(
-        self, task: StepTask, equations: StageEquations, trial: Trial, ratio: float
-    ) -> Floats:
+    def _at_rest(self, task: StepTask, equations: StageEquations, trial: Trial) -> Floats:
         """Derivatives g (s, n_points, n + k) of the stress, the displacements kept."""
         slopes = np.ascontiguousarray(task.borne.stress[..., 1:])
         strain = self._systems.points.strain(trial.du)
@@ -84,7 +79,7 @@ class PlasticSlopes:
             strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
         further = slopes.shape[2] - len(task.names)
         hardening = Hardening(task, slopes.shape[2])
-        of_laws = {m: self._of_law(task, m, ratio) for m in task.system.points_of}
+        of_laws = {m: self._of_law(task, m) for m in task.system.points_of}
         for material, mine in task.system.points_of.items():
             for column, name in enumerate(task.names):
                 found = of_laws[material].get(name)
@@ -111,10 +106,10 @@ class PlasticSlopes:
             hardening.add(ground, points, more)
         return stress
 
-    def _of_law(self, task: StepTask, material: str, ratio: float) -> Mapping[str, LawSlopes]:
+    def _of_law(self, task: StepTask, material: str) -> Mapping[str, LawSlopes]:
         n_strain = self._systems.points.n_strain
         given = self._case.materials[material]
-        return law_slopes(given, task.values, task.names, n_strain, ratio=ratio)
+        return law_slopes(given, task.values, task.names, n_strain)
 
 
 def _exact_factor(equations: StageEquations, balance: Balance) -> Factor:

@@ -73,12 +73,10 @@ class PlasticOptions:
     """How a march treats yielding.
 
     Args:
-        ratio: hardening added to every plane, in parts of n^T E n.
         explain: find the part of the load that can be carried, where there is a collapse.
         partial: go on after a collapse with the states that do not build on it.
     """
 
-    ratio: float = 0.0
     explain: bool = True
     partial: bool = False
 
@@ -114,12 +112,11 @@ class PlasticSteps:
         self._memory: dict[int, deque[_Memory]] = {}
         self._laws: dict[str, YieldLaw | None] = {}
         self.left: dict[str, float] = {}  # stage to the part of its load that is not balanced
-        self._ratio = 0.0
         self._explain = True
 
     def begin(self, values: Mapping[str, float], options: PlasticOptions) -> None:
         """A march begins at these parameter values."""
-        self._ratio, self._explain = options.ratio, options.explain
+        self._explain = options.explain
         self._laws = {}
         self.left = {}
         self._record.begin(values)
@@ -151,17 +148,14 @@ class PlasticSteps:
         for name in task.system.points_of:
             if name not in self._laws:
                 material, elasticity = self._case.materials[name], task.laws[name]
-                law = yield_law(material, task.values, elasticity, ratio=self._ratio)
+                law = yield_law(material, task.values, elasticity)
                 self._laws[name] = law
         found = ((name, self._laws[name]) for name in task.system.points_of)
         return {name: law for name, law in found if law is not None}
 
     def refuse_virgin(self, task: StepTask) -> None:
-        """Raise if the virgin stress is outside a yield surface, with place and factor.
-
-        With added hardening there is no outside: the first stage flows.
-        """
-        if not self.yields(task.state) or self._ratio > 0.0:
+        """Raise if the virgin stress is outside a yield surface, with place and factor."""
+        if not self.yields(task.state):
             return
         for material, law in self._yield_laws(task).items():
             mine = task.system.points_of[material]
@@ -224,7 +218,7 @@ class PlasticSteps:
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
         if du.shape[1] > 1:
-            du[:, 1:] = self._slopes.of(task, equations, balance, ratio=self._ratio)
+            du[:, 1:] = self._slopes.of(task, equations, balance)
         self._accept(task, equations, balance.trial)
         if balance.left > 0.0:
             self.left[task.state.name] = max(balance.left, self.left.get(task.state.name, 0.0))

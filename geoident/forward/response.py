@@ -15,7 +15,7 @@ from geoident.forward.opening_model import OpeningResponse, opening_in_mesh
 from geoident.forward.opening_site import Circle
 from geoident.forward.plastic_step import PlasticOptions
 from geoident.forward.standing import Push
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
 from geoident.model.complementarity import StagedSystem
 from geoident.model.condensed import Condensed
@@ -32,14 +32,12 @@ class StagedResponse:
     """Readings of some (channel, stage) pairs as a function of the parameters.
 
     Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
-    identifiers.
-    The march ends with the last stage that a reading needs.
+    identifiers. The march ends with the last stage that a reading needs.
 
     Args:
         model: the staged model.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
-        ratio: hardening added to every yield plane, in parts of n^T E n.
     """
 
     def __init__(
@@ -47,14 +45,10 @@ class StagedResponse:
         model: StagedModel,
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
-        *,
-        ratio: float = 0.0,
     ) -> None:
         observation = model.observation
         self._model = model
-        self._pairs = tuple(pairs)
-        self._given_times = tuple(times)
-        self._ratio = ratio
+        self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._evaluated: tuple[int, bytes] | None = None
         stages = model.case.stage_names
         self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
@@ -90,21 +84,6 @@ class StagedResponse:
         """Whether any material of the case has yield limits."""
         return self._model.yields
 
-    def levels(self) -> Ints:
-        """(g,) number of the last stage on which each reading depends."""
-        return np.maximum(self._state, self._model.observation.zero[self._row])
-
-    def until(self, level: int) -> StagedResponse:
-        """The same for the readings whose level is at most this."""
-        kept = np.flatnonzero(self.levels() <= level)
-        pairs = [self._pairs[k] for k in kept]
-        times = [self._given_times[k] for k in kept] if self._given_times else ()
-        return StagedResponse(self._model, pairs, times, ratio=self._ratio)
-
-    def hardened(self, ratio: float) -> StagedResponse:
-        """The same with hardening added to every yield plane."""
-        return StagedResponse(self._model, self._pairs, self._given_times, ratio=ratio)
-
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,), of the last run if it was made here."""
         if self._evaluated != (self._model.counts.evaluations, p.tobytes()):
@@ -113,8 +92,6 @@ class StagedResponse:
 
     def system_obstacle(self) -> str | None:
         """Why the equations are no `StagedSystem` of arrays, or None if they are."""
-        if self._ratio:
-            return "hardening was added to every plane"
         return export_obstacle(self._model, self._start())
 
     def system(self) -> StagedSystem:
@@ -179,7 +156,7 @@ class StagedResponse:
         values = self._model.values(p)
         # Where the very first loads collapse, the user wants to know by how much; an identifier
         # only that they do.
-        plastic = PlasticOptions(self._ratio, explain=number == 1)
+        plastic = PlasticOptions(explain=number == 1)
         march = self._model.run(values, names=names, last=self._last, push=push, plastic=plastic)
         observed = np.stack([operator @ standing.u for standing in march])
         self._evaluated = number, p.tobytes()

@@ -12,14 +12,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from geoident.fem.plastic.hardening import harden, harden_slopes
 from geoident.fem.plastic.law import LawSlopes, YieldLaw
 from geoident.fem.plastic.polyhedral import PolyhedralLaw
 from geoident.fem.plastic.principal import PrincipalLaw
 from geoident.forward.cones import drucker_prager, weak_plane
 from geoident.forward.facets import Facets, joined
 from geoident.forward.jets import Point
-from geoident.forward.materials import elasticity as elasticity_of
 from geoident.forward.materials import elasticity_slopes
 from geoident.forward.polyhedra import given_planes, mohr_coulomb, smooth_mohr_coulomb
 from geoident.model.arrays import Floats
@@ -44,29 +42,24 @@ def is_smooth(material: Material) -> bool:
     return any(isinstance(s, MohrCoulomb) and s.planes is None for s in material.yields)
 
 
-def yield_law(
-    material: Material, values: Values, elasticity: Floats, *, ratio: float = 0.0
-) -> YieldLaw | None:
+def yield_law(material: Material, values: Values, elasticity: Floats) -> YieldLaw | None:
     """The law of a material, or None if it does not yield.
 
     Args:
         material: the material.
         values: parameters, SI.
         elasticity: E (s, s), Pa.
-        ratio: hardening added to every plane, in parts of n^T E m.
     """
     if not material.yields:
         return None
     planes = facets_of(material, Point(values, ()), len(elasticity)).planes()
-    if ratio > 0.0:
-        planes = harden(planes, elasticity, ratio)
     if is_smooth(material):
         return PrincipalLaw(elasticity, planes)
     return PolyhedralLaw(elasticity, planes)
 
 
 def law_slopes(
-    material: Material, values: Values, names: Sequence[str], n_strain: int, *, ratio: float = 0.0
+    material: Material, values: Values, names: Sequence[str], n_strain: int
 ) -> dict[str, LawSlopes]:
     """Derivatives of what the law of a material is made of.
 
@@ -75,7 +68,6 @@ def law_slopes(
         values: parameters, SI.
         names: parameters to differentiate by.
         n_strain: number s of strain components.
-        ratio: as in `yield_law`.
 
     Returns:
         Parameter to derivatives, for the parameters on which the law depends.
@@ -84,14 +76,11 @@ def law_slopes(
         return {}
     facets = facets_of(material, Point(values, names), n_strain)
     stiffening = elasticity_slopes(material, values, n_strain)
-    E = elasticity_of(material, values, n_strain)
     slopes = {}
     for column, name in enumerate(names):
         found = replace(facets.slopes(column), elasticity=stiffening.get(name))
         if all(getattr(found, field.name) is None for field in fields(found)):
             continue
-        if ratio > 0.0:
-            found = harden_slopes(found, facets.planes(), E, ratio)
         slopes[name] = found
     return slopes
 

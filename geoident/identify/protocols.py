@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity
 from geoident.model.complementarity import StagedSystem
 from geoident.model.condensed import Condensed
@@ -97,22 +97,6 @@ class YieldSystem(Response, Protocol):
 
     def yields(self) -> bool:
         """Whether any material of the model has yield limits."""
-
-    def levels(self) -> Ints:
-        """(g,) number of the last stage on which each reading depends, from 1."""
-
-    def until(self, level: int) -> YieldSystem:
-        """The same model for the readings whose level is at most this, in their order.
-
-        Stages after it are not computed.
-        """
-
-    def hardened(self, ratio: float) -> YieldSystem:
-        """The same model and readings with hardening added to every plane.
-
-        H = ratio times n^T E n of the plane: no load collapses, every parameter has a response;
-        ratio = 0 is the model itself, ratio to infinity the elastic one.
-        """
 
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""

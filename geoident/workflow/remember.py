@@ -12,7 +12,7 @@ largest count that any process saw is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -26,7 +26,7 @@ from geoident.identify.protocols import (
     StagedSystem,
     YieldSystem,
 )
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
 from geoident.model.result import Counts
 
@@ -49,40 +49,6 @@ class Log(Protocol):
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
     """All that the identifiers may ask of the staged model."""
 
-    def until(self, level: int) -> Staged:
-        """The same for the readings whose level is at most this."""
-
-    def hardened(self, ratio: float) -> Staged:
-        """The same with hardening added to every yield plane."""
-
-
-@dataclass
-class _Ledger:
-    """The log of a run and what the run spent: one for a model and all that derives from it.
-
-    Args:
-        log: of evaluations of the same problem.
-        before: called before every evaluation that must be computed; raises to stop the run.
-        counts: costs so far.
-        seen: evaluations that this run has asked for.
-    """
-
-    log: Log
-    before: Callable[[], None]
-    counts: Counts
-    seen: set[tuple[str, bytes]] = field(default_factory=set)
-
-    def spend(self, cost: Floats) -> None:
-        """Add what an evaluation cost."""
-        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
-        self.counts = replace(
-            self.counts,
-            evaluations=self.counts.evaluations + evaluations,
-            factorizations=self.counts.factorizations + factorizations,
-            solves=self.counts.solves + solves,
-            analyses=max(self.counts.analyses, analyses),
-        )
-
 
 class Remembered:
     """A response whose evaluations are logged, and answered from the log when they come again.
@@ -95,14 +61,10 @@ class Remembered:
 
     def __init__(self, inner: Staged, log: Log, *, before: Callable[[], None]) -> None:
         self._inner = inner
-        self._ledger = _Ledger(log, before, inner.counts)
-        self._prefix = ""
-
-    def _derived(self, inner: Staged, prefix: str) -> Remembered:
-        """Another response of the same model; its evaluations are kept apart by a prefix."""
-        other = Remembered(inner, self._ledger.log, before=self._ledger.before)
-        other._ledger, other._prefix = self._ledger, self._prefix + prefix
-        return other
+        self._log = log
+        self._before = before
+        self._counts = inner.counts
+        self._seen: set[tuple[str, bytes]] = set()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,7 +74,7 @@ class Remembered:
     @property
     def counts(self) -> Counts:
         """Costs so far, those of remembered evaluations among them."""
-        return self._ledger.counts
+        return self._counts
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain of the model, or None."""
@@ -158,18 +120,6 @@ class Remembered:
         """Whether any material of the model has yield limits."""
         return self._inner.yields()
 
-    def levels(self) -> Ints:
-        """(g,) number of the last stage on which each reading depends."""
-        return self._inner.levels()
-
-    def until(self, level: int) -> Remembered:
-        """The same for the readings whose level is at most this."""
-        return self._derived(self._inner.until(level), f"until {level}: ")
-
-    def hardened(self, ratio: float) -> Remembered:
-        """The same with hardening added to every yield plane."""
-        return self._derived(self._inner.hardened(ratio), f"hardened {ratio!r}: ")
-
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,), logged: to find them again costs a whole analysis."""
         known = self._recall("activity", p)
@@ -204,27 +154,35 @@ class Remembered:
         }
 
     def _recall(self, kind: str, p: Floats) -> Arrays | None:
-        ledger, kind = self._ledger, self._prefix + kind
-        known = ledger.log.find(kind, p)
-        if known is not None and (kind, p.tobytes()) not in ledger.seen:
-            ledger.seen.add((kind, p.tobytes()))
-            ledger.spend(known["cost"])
+        known = self._log.find(kind, p)
+        if known is not None and (kind, p.tobytes()) not in self._seen:
+            self._seen.add((kind, p.tobytes()))
+            self._spend(known["cost"])
         return known
 
     def _compute(self, kind: str, p: Floats, work: Callable[[], Arrays]) -> Arrays:
-        ledger, kind = self._ledger, self._prefix + kind
-        ledger.before()
+        self._before()
         before = self._inner.counts
         try:
             arrays = work()
         except Exception:
-            ledger.spend(_cost(before, self._inner.counts))
+            self._spend(_cost(before, self._inner.counts))
             raise
         cost = _cost(before, self._inner.counts)
-        ledger.log.add(kind, p, {**arrays, "cost": cost})
-        ledger.seen.add((kind, p.tobytes()))
-        ledger.spend(cost)
+        self._log.add(kind, p, {**arrays, "cost": cost})
+        self._seen.add((kind, p.tobytes()))
+        self._spend(cost)
         return arrays
+
+    def _spend(self, cost: Floats) -> None:
+        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
+        self._counts = replace(
+            self._counts,
+            evaluations=self._counts.evaluations + evaluations,
+            factorizations=self._counts.factorizations + factorizations,
+            solves=self._counts.solves + solves,
+            analyses=max(self._counts.analyses, analyses),
+        )
 
 
 def _stored(found: Activity) -> Arrays:

@@ -20,9 +20,9 @@ import piqp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from support.hardening import harden
 from support.plastic import coulomb, definite, isotropic, random_planes
 
-from geoident.fem.plastic.hardening import harden
 from geoident.fem.plastic.law import Planes
 from geoident.fem.plastic.polyhedral import PolyhedralLaw
 from geoident.fem.plastic.principal import PrincipalLaw

@@ -11,7 +11,6 @@ from geoident.io.templates import TEMPLATES
 from geoident.io.yaml_reader import parse_yaml
 from tests.support.trench import write_mesh
 
-
 MESHLESS = ("opening",)
 
 

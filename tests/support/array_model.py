@@ -98,28 +98,6 @@ class ArrayModel:
     def yields(self) -> bool:
         return True
 
-    def levels(self) -> Ints:
-        stages = np.arange(1, len(self.staged.stages) + 1)[:, None]
-        return np.asarray((stages * (self.staged.active != 0.0)).max(axis=0))
-
-    def until(self, level: int) -> ArrayModel:
-        kept = self.levels() <= level
-        staged = replace(
-            self.staged,
-            stages=self.staged.stages[:level],
-            rows=self.staged.rows[kept],
-            active=self.staged.active[:level, kept],
-            offset=replace(
-                self.staged.offset,
-                constant=self.staged.offset.constant[kept],
-                slopes=self.staged.offset.slopes[kept],
-            ),
-        )
-        return ArrayModel(staged, self.ratio)
-
-    def hardened(self, ratio: float) -> ArrayModel:
-        return ArrayModel(self.staged, ratio)
-
     def readings(self, p: Floats) -> Floats:
         return self.evaluate(p)[0]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import CollapseError
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
 from geoident.model.result import Counts
 
@@ -75,15 +75,6 @@ class PlasticBars:
 
     def yields(self) -> bool:
         return any(k is not None for frame in self.frames for k in frame.strength)
-
-    def levels(self) -> Ints:
-        return np.repeat(np.arange(1, self.last + 1), len(self.frames))
-
-    def until(self, level: int) -> PlasticBars:
-        return PlasticBars(self.frames, self.n, ratio=self.ratio, last=level, costs=self.costs)
-
-    def hardened(self, ratio: float) -> PlasticBars:
-        return PlasticBars(self.frames, self.n, ratio=ratio, last=self.last, costs=self.costs)
 
     def readings(self, p: Floats) -> Floats:
         return self.evaluate(p)[0]

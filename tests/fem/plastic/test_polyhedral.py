@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.hardening import harden, harden_slopes
 from support.plastic import definite, projection_by_piqp, random_planes
 
-from geoident.fem.plastic.hardening import harden, harden_slopes
 from geoident.fem.plastic.law import LawSlopes, Planes
 from geoident.fem.plastic.polyhedral import PolyhedralLaw
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.hardening import harden
 from support.plastic import brute_force_return, coulomb, images, isotropic, matrix_of
 
 from geoident.fem.plastic.domain import EmptyDomain
-from geoident.fem.plastic.hardening import harden
 from geoident.fem.plastic.law import LawSlopes, Planes
 from geoident.fem.plastic.polyhedral import PolyhedralLaw
 from geoident.fem.plastic.principal import PrincipalLaw
