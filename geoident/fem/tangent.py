@@ -23,7 +23,7 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
-_CHUNK = 4_000_000  # entries of element matrices held at once
+_CHUNK = 1_000_000  # entries of element matrices held at once
 
 
 class PointBlocks:

@@ -122,16 +122,19 @@ def _together(channels: Sequence[str]) -> str:
 def _cost(cost: CostEstimate | None) -> str:
     if cost is None:
         return ""
+    fit = "a fit by gauss-newton takes some 5 to 10 of them."
+    if cost.newton_steps > 1:
+        fit = (
+            f"ground yields, so {cost.newton_steps} Newton steps a stage are reckoned with. A fit by "
+            "complementarity takes some 20 to 60 evaluations, most of them near a known one, at two "
+            "to four steps a stage."
+        )
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
         f"stages take {_many(cost.factor_flops)} operations (counted).",
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
-        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); a fit by "
-        "gauss-newton takes some 5 to 10 of them.",
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); {fit}",
     ]
-    if cost.newton_steps > 1:
-        lines[0] += f" Ground yields: {cost.newton_steps} Newton steps a stage are reckoned with."
-        lines.append("After a small change of the parameters a stage takes two to four steps.")
     return "\n".join(sentence(line) for line in lines)
 
 

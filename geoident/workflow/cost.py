@@ -16,6 +16,7 @@ _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the m
 _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
+_YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PROGRAM = 120e6  # bytes of Python and its libraries
 
 
@@ -36,6 +37,7 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
     largest = max((c.entries for c in costs), default=0)
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
     state = 8 * points * columns * (model.systems.points.n_strain + 2)
+    state += _YIELD_BYTES * points / 4 if model.yields else 0
     memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 

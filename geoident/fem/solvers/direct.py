@@ -15,11 +15,11 @@ from geoident.model.arrays import Floats, Ints
 SINGULAR = 1e-13
 """A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
 
-LARGE = 1_000_000
+LARGE = 250_000
 """Entries of a matrix from which on a factor's memory is given back as soon as nobody uses it.
 
 A staged model has one analysis for every stage; if each kept its last factor, the memory of a
-three-dimensional model would grow with the number of stages.
+model would grow with the number of stages.
 """
 
 Solve = Callable[[Floats], Floats]
