@@ -125,9 +125,9 @@ def _cost(cost: CostEstimate | None) -> str:
     fit = "a fit by gauss-newton takes some 5 to 10 of them."
     if cost.newton_steps > 1:
         fit = (
-            f"ground yields, so {cost.newton_steps} Newton steps a stage are reckoned with. A fit by "
-            "complementarity takes some 20 to 60 evaluations, most of them near a known one, at two "
-            "to four steps a stage."
+            f"ground yields, so {cost.newton_steps} Newton steps a stage are reckoned with. A fit "
+            "by complementarity takes some 20 to 60 evaluations, most of them near a known one, at "
+            "two to four steps a stage."
         )
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
