@@ -40,9 +40,6 @@ PROBE = 1e-3
 LOWER = 1e-4
 """A discrepancy lower by less than this part, a step away, is none."""
 
-LOOSE = 0.15
-"""Relative standard deviation of a strength from which on it is looked at from above."""
-
 PLAIN = 3.84
 """Growth of the discrepancy at the end of a 95 % interval of one parameter."""
 
@@ -137,8 +134,7 @@ def open_above(
         spent: whether no more may be evaluated.
     """
     found = np.zeros(len(strength), dtype=np.bool_)
-    unit = search.box.unit(point.x)
-    for i in np.flatnonzero(strength & (_spread(point.model.jacobian * unit) > LOOSE)):
+    for i in np.flatnonzero(strength):
         if spent() or not np.isfinite(search.scaling.upper[i]):
             break
         x = point.x.copy()
@@ -147,15 +143,6 @@ def open_above(
         search.record(x, trial, 0.0, "from above" if trial else "from above: no solution")
         found[i] = trial is not None and _expected(search, trial, int(i)) < point.phi + PLAIN
     return found
-
-
-def _spread(J: Floats) -> Floats:
-    """Standard deviations (n,) to first order; infinite where J (rows, n) does not tell."""
-    _, S, Vt = np.linalg.svd(J, full_matrices=True)
-    S = np.pad(S, (0, len(Vt) - len(S)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        parts = np.where(Vt != 0.0, Vt / S[:, None], 0.0)
-    return np.asarray(np.sqrt((parts**2).sum(axis=0)))
 
 
 def _expected(search: Search, point: Point, held: int) -> float:
@@ -194,8 +181,9 @@ def certificate(
         activity=activity,
         lower_bounds={names[i]: float(least[i]) for i in np.flatnonzero(idle & np.isfinite(least))},
         bound=0.0 if exact else float("nan"),
+        open_above=tuple(above),
         remarks=(
-            *_remarks(checked, exact=exact),
+            *_remarks(checked, kinks, exact=exact),
             *(
                 f"The readings do not exclude that {name} is so large that no strain point reaches "
                 "its planes: its interval has no upper end."
@@ -215,13 +203,13 @@ def _kind(checked: Checked, kinks: int, *, exact: bool) -> str:
     return STRONG if not kinks else NONE
 
 
-def _remarks(checked: Checked, *, exact: bool) -> Iterator[str]:
+def _remarks(checked: Checked, kinks: int, *, exact: bool) -> Iterator[str]:
     if exact:
         yield "The readings are met exactly: no parameters can meet them better."
+    place = "The answer lies at a kink of the response"
+    if not kinks:
+        place = "The slope of the discrepancy is not quite zero at the answer"
     if checked.probes and checked.lower is None:
-        yield (
-            f"The answer lies at a kink of the response: {checked.probes} points around it were "
-            "compared, and none is better."
-        )
+        yield f"{place}: {checked.probes} points around it were compared, and none is better."
     if checked.lower is not None:
-        yield "The answer lies at a kink of the response, and a point near it is better."
+        yield f"{place}, and a point near it is better."

@@ -199,7 +199,7 @@ class _Implicit:
 
     def run(self) -> Outcome:
         """All of the module's head."""
-        best = self.improve(self.begin())
+        best = self.awake(self.improve(self.begin()))
         found = self.check(best)
         for _ in range(_ROUNDS):
             if found.lower is None or self.spent():
@@ -207,6 +207,33 @@ class _Implicit:
             best = self.search.descend(found.lower, self.stuck)
             found = self.check(best)
         return self.outcome(best, found)
+
+    def awake(self, best: Ending) -> Ending:
+        """Where strengths ended unreached: what a plain descent finds, if it is better.
+
+        With cohesion and friction both free, the ground may seem elastic with either far off; the
+        search then stays there, since what it knows of one strength holds only beside the other.
+        """
+        if not cast(Seen, best.point).idle.any() or best.point.phi <= self.exact or self.spent():
+            return best
+        plain = Search(self.search.discrepancy.problem, self.search.options, self.history)
+        for x in (plain.scaling.start, self.weak(best.point)):
+            start = plain.try_point(x)
+            plain.record(x, start, 0.0, "plain descent" if start else "plain descent: no solution")
+            if start is None:
+                continue
+            found = plain.descend(start, self.stuck)
+            if found.point.phi < (1.0 - SAME) * best.point.phi:
+                best = self.improve(self.search.evaluate(found.point.x))
+        return best
+
+    def weak(self, point: Point) -> Floats:
+        """A point (n,) like this one, with all that moves planes half way to the weak side."""
+        slopes = cast(Seen, point).activity.slopes * self.search.scaling.slope(point.p)
+        moves = np.abs(slopes).max(axis=0, initial=0.0) > 0.0
+        return np.where(
+            moves, 0.5 * (self.search.scaling.start + self.search.scaling.lower), point.x
+        )
 
     def check(self, best: Ending) -> Checked:
         """What one-sided derivatives say of the best ending."""

@@ -106,7 +106,13 @@ def refusal(
     why = _obstacle(response, METHODS[name], loss, options)
     if why is None:
         return None
-    able = [other for other, method in METHODS.items() if _obstacle(response, method, loss) is None]
+    able = [
+        other
+        for other, method in METHODS.items()
+        if other != name and _obstacle(response, method, loss) is None
+    ]
+    if options is not None and _obstacle(response, METHODS[name], loss) is None:
+        able.append(f"{name} in its default formulation")
     return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
 
 
@@ -147,7 +153,9 @@ def formulation_obstacle(response: Response, formulation: str) -> str | None:
     if not isinstance(response, ComplementaritySystem):
         return f"the formulation {formulation} needs equations that the model does not show"
     if find_spec(package) is None:
-        return f"the formulation {formulation} needs {package}: install geoident[{formulation}]"
+        return (
+            f'the formulation {formulation} needs {package} (pip install "geoident[{formulation}]")'
+        )
     why = response.system_obstacle()
     return None if why is None else f"for the formulation {formulation}, {why}"
 

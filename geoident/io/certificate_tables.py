@@ -62,8 +62,10 @@ def read_certificate(file: h5py.File) -> Certificate:
     )
     return Certificate(
         kind=group.attribute("kind", str),
+        gradient=group.attribute("gradient", float),
         activity=activity,
         lower_bounds=dict(zip(bounded, map(float, least), strict=True)),
+        bound=group.attribute("bound", float),
+        gap=group.attribute("gap", float),
         remarks=group.texts("remark"),
-        **{name: group.attribute(name, float) for name in _NUMBERS},
     )

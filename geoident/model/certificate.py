@@ -48,6 +48,8 @@ class Certificate:
         bound: proven lower bound of the discrepancy, NaN if none was proven.
         gap: (objective - bound) relative to the objective, NaN if none.
         remarks: sentences for the report.
+        open_above: parameters that may as well be so large that their planes are never reached;
+            written as an interval that ends on the upper bound.
     """
 
     kind: str
@@ -57,3 +59,4 @@ class Certificate:
     bound: float = float("nan")
     gap: float = float("nan")
     remarks: tuple[str, ...] = ()
+    open_above: tuple[str, ...] = ()

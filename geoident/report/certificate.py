@@ -76,6 +76,8 @@ def _reached(found: Certificate, r: int) -> bool:
 def _from_below(reached: float) -> str:
     if not np.isfinite(reached):
         return "no strain point has the material"
+    if reached <= 0.0:
+        return "never reached"
     return f"never reached: k >= {number(reached / 1e6)} MPa"
 
 

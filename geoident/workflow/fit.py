@@ -32,7 +32,7 @@ from geoident.workflow.predictions import (
     predicted_stages,
     score,
 )
-from geoident.workflow.proof import bound_findings
+from geoident.workflow.proof import bound_findings, opened, over_all_stages
 from geoident.workflow.provenance import job_provenance
 from geoident.workflow.tables import accuracies, gauge_table, parameter_table
 
@@ -92,7 +92,10 @@ def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
 def _result(job: Job, setup: Setup, found: Found) -> Result:
     case, survey = job.inputs.case, found.survey
     gauges = gauge_table(setup.selection, survey.computed)
-    parameters = parameter_table(case.parameters, found.outcome.values, found.assessment)
+    parameters = opened(
+        parameter_table(case.parameters, found.outcome.values, found.assessment),
+        found.outcome.certificate,
+    )
     prediction = predict_stages(
         survey.computed,
         found.assessment,
@@ -127,7 +130,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         members=survey.members,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
-        certificate=found.outcome.certificate,
+        certificate=over_all_stages(found.outcome.certificate, setup.model),
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.outcome.remarks)),
@@ -143,6 +146,15 @@ def _status(found: Found) -> str:
     return "not-determined" if _undetermined(found).any() else "converged"
 
 
+def _scatter(found: Found) -> float:
+    """Scatter of all residuals in accuracies: a few far off count, unless the loss bears them."""
+    if found.diagnostics.loss != "squared":
+        return 0.0
+    used = int(np.isfinite(found.diagnostics.standardized).sum())
+    freedom = max(used - len(found.outcome.values), 1)
+    return float(np.sqrt(found.outcome.objective / freedom))
+
+
 def _undetermined(found: Found) -> Bools:
     """Parameters (n,) that neither readings nor priors determine."""
     return ~(found.assessment.determined | found.assessment.from_prior)
@@ -151,7 +163,7 @@ def _undetermined(found: Found) -> Bools:
 def _reason(found: Found, names: tuple[str, ...]) -> str:
     loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    off = found.diagnostics.scale
+    off = max(found.diagnostics.scale, _scatter(found))
     misfit = f" The model does not meet the readings: they are {off:.0f} times as far off as their "
     misfit += "accuracy says (see the findings)."
     return found.outcome.reason + also + (misfit if off > MISFIT else "")
