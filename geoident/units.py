@@ -188,6 +188,8 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         raise UnitError(message, "Remove the unit.")
     if quantity.unit == "":
         message = f"'{text}' has no unit; {with_article(dimension)} is expected"
+        if dimension == "angle":  # whoever writes 30 means degrees
+            raise UnitError(message, f"Write '{text.strip()} deg', or one of {units}.")
         si = DIMENSIONS[dimension]
         raise UnitError(
             message, f"The SI unit is {si}: write '{text.strip()} {si}', or one of {units}."

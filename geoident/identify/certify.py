@@ -208,7 +208,7 @@ def _remarks(checked: Checked, kinks: int, *, exact: bool) -> Iterator[str]:
         yield "The readings are met exactly: no parameters can meet them better."
     place = "The answer lies at a kink of the response"
     if not kinks:
-        place = "The slope of the discrepancy is not quite zero at the answer"
+        place = "The answer lies within a hair of a kink of the response"
     if checked.probes and checked.lower is None:
         yield f"{place}: {checked.probes} points around it were compared, and none is better."
     if checked.lower is not None:

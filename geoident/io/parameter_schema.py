@@ -56,7 +56,7 @@ class ParameterSection(Section):
         start, wanted = self.start, {bound.dimension for bound in self.bounds}
         if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
             message = f"the start '{start.text}' has no unit, but its bounds have"
-            unit = DIMENSIONS[self.bounds[0].dimension]
+            unit = self.bounds[0].unit or DIMENSIONS[self.bounds[0].dimension]
             wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
             return
         for path, given in self._numbers():

@@ -27,6 +27,7 @@ from geoident.workflow.estimate import require_possible
 from geoident.workflow.finished import bad_notes
 from geoident.workflow.inputs import Inputs, build_model, load_inputs
 from geoident.workflow.selection import Selection, require_enough, select_readings
+from geoident.workflow.simulate import start_values
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,11 @@ class Checked:
 
 
 def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
-    """Read a case and build its model, without solving anything.
+    """Read a case and build its model; no stage is computed.
 
     Raises:
         InputError: with all faults that are found in one go.
-        ModelError: the model moves freely somewhere.
+        ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
     """
     inputs = load_inputs(path, overrides=overrides)
     model = build_model(inputs, solver=solver)
@@ -51,6 +52,8 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
     if inputs.case.readings:
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
+    if isinstance(model, StagedModel) and model.yields:
+        next(model.run(model.values(start_values(inputs.case, model))))
     mesh = model.mesh if isinstance(model, StagedModel) else None
     return Checked(inputs.case, mesh, summarize(inputs, model, selection))
 

@@ -101,7 +101,7 @@ def test_a_smooth_surface_is_refused() -> None:
 def test_a_missing_package_is_refused_before_computing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(methods, "find_spec", lambda name: None)
     problem = two_layers((3, 2), (4.5,), start=(1.2, 1.2))
-    with pytest.raises(InputError, match=r"install geoident\[full-space\]"):
+    with pytest.raises(InputError, match=r"install \"geoident\[full-space\]\""):
         identify(problem, (FULL,), silent)
     assert problem.response.counts.evaluations == 1  # that of the readings
 
