@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from geoident.io.case_values import AnyQuantity, Bounds, Given
 from geoident.io.section import Section, Wrongs
 from geoident.model.case import KeyPath
-from geoident.units import DIMENSIONLESS, DIMENSIONS, with_article
+from geoident.units import DIMENSIONLESS, DIMENSIONS, UNITS, with_article
 
 
 class PriorSection(Section):
@@ -52,11 +52,18 @@ class ParameterSection(Section):
             numbers += [(("prior", "mean"), self.prior.mean), (("prior", "sd"), self.prior.sd)]
         return numbers
 
+    def _likely_unit(self) -> str:
+        """The unit of the bounds, if the start lies between them in it; else the SI unit."""
+        low, high = self.bounds
+        _, size = UNITS.get(low.unit, ("", 1.0))
+        between = low.factor <= self.start.factor * size <= high.factor
+        return low.unit if between and low.unit else DIMENSIONS[low.dimension]
+
     def _check_dimensions(self, wrongs: Wrongs) -> None:
         start, wanted = self.start, {bound.dimension for bound in self.bounds}
         if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
             message = f"the start '{start.text}' has no unit, but its bounds have"
-            unit = self.bounds[0].unit or DIMENSIONS[self.bounds[0].dimension]
+            unit = self._likely_unit()
             wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
             return
         for path, given in self._numbers():
