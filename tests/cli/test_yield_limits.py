@@ -115,3 +115,21 @@ def test_complementarity_needs_yield_limits(trench, run):
     done = run("fit", "case.yaml", "--set", "fit.method=complementarity")
     assert done.exit_code == 3
     assert "no material of the model has yield limits" in done.stderr
+
+
+def test_virgin_ground_outside_its_yield_surface_is_found_by_check(yielding, run):
+    uneven = "in_situ={model: constant, xx: -1 MPa, yy: -9 MPa, zz: -4 MPa}"
+    weak = "parameters.k1.start=0.11 MPa"
+    done = run("check", "case.yaml", "--set", weak, "--set", uneven)
+    assert done.exit_code == 5
+    assert "the in-situ stress is outside the yield surface of rock near" in done.stderr
+    assert "by a factor of" in done.stderr
+
+
+def test_points_are_counted_in_predicted_stages_too(yielding, run_json):
+    (whole,) = run_json("fit", "case.yaml", "-o", "whole.h5")
+    (part,) = run_json("fit", "case.yaml", "--set", "fit.stages=[first]", "-o", "part.h5")
+    for found in (whole, part):
+        shear = found["certificate"]["planes"][0]["points"]
+        assert min(shear.values()) > 0
+        assert len(shear) == 2
