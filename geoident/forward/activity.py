@@ -42,6 +42,11 @@ class ActivityRecord:
         self._biactive = np.zeros(shape, dtype=np.int64)
         self._margin = np.full(self._n_planes, -np.inf)
 
+    def forget(self, state: int) -> None:
+        """A state is tried anew."""
+        self._points[:, state - 1] = 0
+        self._biactive[:, state - 1] = 0
+
     def name(self, material: str, plane: int) -> str:
         """Name of a plane within its material."""
         return self._names[material][plane]

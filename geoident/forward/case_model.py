@@ -9,6 +9,7 @@ from typing import Protocol
 from geoident.forward.instruments import Instruments
 from geoident.forward.timeline import Timeline
 from geoident.model.arrays import Floats
+from geoident.model.certificate import Activity
 from geoident.model.result import Counts, FieldSeries, MemberForces
 
 
@@ -23,6 +24,7 @@ class Survey:
         members: forces in linings and bolts, or None if there are none.
         collapses: a sentence for every stage at which the ground cannot carry the loads; what
             builds on it is NaN.
+        activity: what the yield planes do in all stages, or None if nothing can yield.
     """
 
     computed: Floats
@@ -30,6 +32,7 @@ class Survey:
     fields: FieldSeries | None
     members: MemberForces | None = None
     collapses: tuple[str, ...] = ()
+    activity: Activity | None = None
 
 
 class PairResponse(Protocol):

@@ -114,7 +114,7 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
         trial = following
-    raise NoEquilibrium(trial.du, proven=False)
+    raise NoEquilibrium(trial.du)
 
 
 def _by_residual(equations: StageEquations, start: Trial) -> Balance:
@@ -132,7 +132,7 @@ def _by_residual(equations: StageEquations, start: Trial) -> Balance:
     for found in (cautious, bold):  # the cautious way stays nearer to the even flow
         if found.left <= _LEFT_OVER:
             return found
-    raise NoEquilibrium(cautious.trial.du, proven=False)
+    raise NoEquilibrium(cautious.trial.du)
 
 
 def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
@@ -221,4 +221,4 @@ def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> Non
     free = d[equations.dofs]
     power = float(np.abs(equations.forces[equations.dofs] * free).sum())
     if float(far.residual @ free) > 1e-6 * power:
-        raise NoEquilibrium(d, proven=True)
+        raise NoEquilibrium(d)

@@ -252,7 +252,8 @@ class StagedModel:
         if collapses and not np.isfinite(table).any():
             raise collapses[0]
         said = tuple(error.message for error in collapses)
-        return Survey(table[..., 0], table[..., 1:], series, members.table(), said)
+        activity = self.march.plastic.activity(self.names) if self.yields else None
+        return Survey(table[..., 0], table[..., 1:], series, members.table(), said, activity)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from relative displacements since placing: less what was there at zero.

@@ -1,19 +1,10 @@
 """A step of the march where materials yield (theory 2 and 5).
 
-The state follows from `equilibrium`; its derivatives by the parameters from the same equations on
-the pieces of the yield surface that are active there. With s* = sigma_old + E C du and
-sigma = P(s*, p),
+The state follows from `equilibrium`, its derivatives by the parameters from `plastic_slopes`: with
+the same factorization of the tangent where the last Newton step did not leave its pieces.
 
-    g_h  = T (dsigma_old/dp_h + dE/dp_h C du) + dP/dp_h       (du kept)
-    K_T ddu/dp_h = df/dp_h - C^T V g_h
-    dsigma/dp_h = g_h + T E C ddu/dp_h
-
-so one factorization of the consistent tangent serves all columns, and where the last Newton step
-did not leave its pieces it is there already. At a kink the derivative is that of the planes which
-the projection counts as active (see `geoident.fem.plastic.law`).
-
-Newton's method starts from what the last parameter vector needed, continued by its derivatives: a
-small change of the parameters costs one or two factorizations a stage.
+Newton's method starts from what the nearest known parameter vector needed, continued by its
+derivatives: a small change of the parameters costs one or two factorizations a stage.
 """
 
 from __future__ import annotations
@@ -186,6 +177,8 @@ class PlasticSteps:
         """The same in parts of the load; more of them where Newton's method fails."""
         start, before, done = task.borne.copy(), self._internal(task), 0.0
         for count in _LOAD_STEPS:
+            self.left.pop(task.state.name, None)
+            self._record.forget(task.number)
             total = np.zeros_like(task.forces)
             yielded = np.zeros(self._systems.points.n_points, dtype=bool)
             for part in range(1, count + 1):
@@ -278,7 +271,7 @@ class PlasticSteps:
         try:
             found = solve(equations, [np.zeros_like(equations.forces), *guesses])
             if self._means_nothing(equations, found):
-                raise NoEquilibrium(found.trial.du, proven=False)
+                raise NoEquilibrium(found.trial.du)
             return found
         except NotPositiveDefinite as error:
             place = self._systems.describe_unknown(task.system, error.unknown)
@@ -287,9 +280,8 @@ class PlasticSteps:
             msg = f"the yield planes of a material contradict each other: {error}"
             raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
         except NoEquilibrium as error:
-            if not equations.associated:
-                raise self._collapse(task, np.nan, error.mechanism) from error
-            if not self._explain:  # whoever searches needs only to know that it is none
+            # Whoever searches needs only to know that there is none; load steps say it themselves.
+            if not (equations.associated and self._explain):
                 raise self._collapse(task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 

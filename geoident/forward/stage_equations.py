@@ -67,12 +67,10 @@ class NoEquilibrium(ArithmeticError):
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
-        proven: the mechanism proves that there is no equilibrium.
     """
 
-    def __init__(self, mechanism: Floats | None, *, proven: bool) -> None:
+    def __init__(self, mechanism: Floats | None) -> None:
         self.mechanism = mechanism
-        self.proven = proven
         super().__init__("no equilibrium")
 
 
@@ -183,7 +181,7 @@ class StageEquations:
         try:
             projection = ground.law.project(trial, ground.hardened)
         except ArithmeticError as error:  # flow that is not associated may lead nowhere
-            raise NoEquilibrium(None, proven=False) from error
+            raise NoEquilibrium(None) from error
         stress[:, mine] = projection.stress
         return projection
 

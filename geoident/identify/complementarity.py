@@ -8,6 +8,7 @@ of the active pieces. Its discrepancy has many local minima. The way to the glob
     descent   Gauss-Newton from its best point, or from the given start if that is better,
     restarts  descents from around the best point along what the readings hardly see (`valley`),
               until the readings are met exactly or some of them in a row found nothing better,
+    waking    plain descents from elsewhere where strengths ended unreached,
     proof     what kind of point it is (`certify`); on from there where a side of it is lower.
 
 On the way planes that no strain point reaches are brought as near as can be (`slack`): the
@@ -231,9 +232,9 @@ class _Implicit:
         """A point (n,) like this one, with all that moves planes half way to the weak side."""
         slopes = cast(Seen, point).activity.slopes * self.search.scaling.slope(point.p)
         moves = np.abs(slopes).max(axis=0, initial=0.0) > 0.0
-        return np.where(
-            moves, 0.5 * (self.search.scaling.start + self.search.scaling.lower), point.x
-        )
+        start, lower = self.search.scaling.start, self.search.scaling.lower
+        half = 0.5 * (start + np.where(np.isfinite(lower), lower, start))
+        return np.where(moves, half, point.x)
 
     def check(self, best: Ending) -> Checked:
         """What one-sided derivatives say of the best ending."""

@@ -130,7 +130,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         members=survey.members,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
-        certificate=over_all_stages(found.outcome.certificate, setup.model),
+        certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.outcome.remarks)),

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.forward.case_model import CaseModel
-from geoident.forward.model import StagedModel
+from geoident.forward.case_model import Survey
 from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter
 from geoident.model.result import ParameterTable
@@ -49,15 +48,15 @@ def opened(table: ParameterTable, found: Certificate | None) -> ParameterTable:
     return replace(table, upper95=np.where(above, table.upper, table.upper95))
 
 
-def over_all_stages(found: Certificate | None, model: CaseModel) -> Certificate | None:
-    """The certificate with what yields in predicted stages too, from the survey just made.
+def over_all_stages(found: Certificate | None, survey: Survey) -> Certificate | None:
+    """The certificate with what yields in predicted stages too.
 
     What is known of planes that are never reached stays that of the stages with readings.
     """
-    if found is None or not isinstance(model, StagedModel):
+    if found is None or survey.activity is None:
         return found
-    last = model.march.plastic.activity(model.names)
-    activity = replace(found.activity, points=last.points, biactive=last.biactive)
+    yielding = survey.activity
+    activity = replace(found.activity, points=yielding.points, biactive=yielding.biactive)
     return replace(found, activity=activity)
 
 
