@@ -18,13 +18,13 @@ import numpy as np
 from geoident.model.case import Case
 from geoident.model.result import Iteration, Result
 from geoident.units import DIMENSIONS
-from geoident.workflow.control import Control, Silent
-from geoident.workflow.finished import Finished
 from geoident.workflow.fit import fit as run_fit
-from geoident.workflow.inputs import load_inputs
-from geoident.workflow.jobs import Request, plan_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.inputs import load_inputs
+from geoident.workflow.running.jobs import Request, plan_fit
+from geoident.workflow.running.outcome import Finished
 
 __all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict"]
 

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import click
 
 from geoident import __version__
-from geoident.cli.guard import PipeClosed, guarded
+from geoident.cli.error_boundary import PipeClosed, guarded
 
 COMMANDS = (
     "init",

@@ -15,7 +15,7 @@ from types import FrameType
 
 import click
 
-from geoident.cli.guard import say_error
+from geoident.cli.error_boundary import say_error
 from geoident.cli.options import Options
 from geoident.cli.several import combined
 from geoident.cli.signals import CODES

@@ -13,12 +13,12 @@ from geoident.cli.several import failures_as_json
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
-from geoident.report.json import dumps, result_object, summary_object
-from geoident.report.text import summary_text
-from geoident.workflow.control import Control
-from geoident.workflow.finished import Finished
-from geoident.workflow.jobs import Job, Request
+from geoident.report.text.json import dumps, result_object, summary_object
+from geoident.report.text.text import summary_text
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Job, Request
+from geoident.workflow.running.outcome import Finished
 
 Plan = Callable[[Request], Job]
 Run = Callable[[Job, Control], Finished]
@@ -76,9 +76,9 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
 
 def _say_plan(job: Job, options: Options) -> int:
     """What would be done, on stdout; the model is built, nothing is solved."""
-    from geoident.report import check_text
+    from geoident.report.text import check as check_text
     from geoident.workflow.check import summarize
-    from geoident.workflow.estimate import prepare
+    from geoident.workflow.running.estimate import prepare
 
     setup = prepare(job)
     summary = summarize(job.inputs, setup.model, setup.selection)

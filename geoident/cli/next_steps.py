@@ -105,7 +105,7 @@ def _look_at(result: str, *others: str) -> Steps:
 
 def _result(kind: str, case: str, options: Options) -> str:
     """The path of the result that a command has written."""
-    from geoident.workflow.outputs import target
+    from geoident.workflow.running.outputs import target
 
     return str(target(case, kind, output=options.output).path)
 

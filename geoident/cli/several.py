@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import click
 
-from geoident.cli.guard import code_of, say_geoident_error
+from geoident.cli.error_boundary import code_of, say_geoident_error
 from geoident.cli.options import Options
 from geoident.errors import ExitCode, GeoidentError
 
@@ -58,7 +58,7 @@ def failures_as_json(case: str, options: Options) -> Iterator[None]:
         yield
     except GeoidentError as error:
         if options.as_json:
-            from geoident.report.json import dumps, failure_object
+            from geoident.report.text.json import dumps, failure_object
 
             click.echo(dumps(failure_object(error, case=case)))
         raise

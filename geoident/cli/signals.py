@@ -19,7 +19,7 @@ _SAID = "Stopping after the running evaluation; once more stops at once.\n"
 
 
 class Stopper(Protocol):
-    """Something that can be asked to stop; `geoident.workflow.control.StopRequest` is one."""
+    """Something that can be asked to stop, as `workflow.running.control.StopRequest`."""
 
     def ask(self, exit_code: ExitCode) -> None:
         """Wish the stop."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.cli.options import Options
-from geoident.cli.pace import Pace, clock_text
+from geoident.cli.remaining_time import Pace, clock_text
 
 if TYPE_CHECKING:
     from geoident.model.parameter import Parameter
@@ -56,7 +56,7 @@ class Terminal:
 
     def step(self, iteration: Iteration) -> None:
         """One iteration: a line when verbose, else the live line."""
-        from geoident.report.text import iteration_text
+        from geoident.report.text.text import iteration_text
 
         line = iteration_text(iteration, self._parameters)
         self._pace.add(iteration.step)

@@ -17,7 +17,7 @@ import numpy as np
 
 from geoident.fem.rotation import Turn, bond, bond_slope
 from geoident.model.arrays import Floats
-from geoident.model.elastic import ENTRIES
+from geoident.model.ground import ENTRIES
 
 VOIGT = {
     2: np.array([[0, 3], [3, 1]]),

@@ -10,7 +10,7 @@ from geoident.fem.compatibility import block_geometry
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.mesh_summary import MeshSummary, PartSummary
+from geoident.model.summary import MeshSummary, PartSummary
 
 
 def element_volumes(mesh: Mesh, kinematics: Kinematics) -> Floats:

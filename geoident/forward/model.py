@@ -13,31 +13,31 @@ from geoident.fem.location import Locator
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.fem.solvers.protocol import Solver
-from geoident.forward.actions import Actions
-from geoident.forward.case_model import Survey
-from geoident.forward.fields import FieldRecorder
-from geoident.forward.in_situ import edges_held, in_situ_models, surface_faults, zone_faults
-from geoident.forward.instruments import Instruments
-from geoident.forward.march import March
-from geoident.forward.materials import inadmissible
-from geoident.forward.member_forces import MemberRecorder
-from geoident.forward.observation import Observation, format_point, observe
-from geoident.forward.plastic_step import PERFECT, PlasticOptions
+from geoident.forward.actions.forces import Actions
+from geoident.forward.actions.supports import burden_faults, fixed_dofs, load_faults, support_faults
+from geoident.forward.axisymmetric_checks import revolution_faults
+from geoident.forward.gauges.instrument_errors import Instruments
+from geoident.forward.gauges.observation import Observation, format_point, observe
+from geoident.forward.ground.checks import section_faults
+from geoident.forward.ground.elasticity import inadmissible
+from geoident.forward.in_situ.stress import edges_held, in_situ_models, surface_faults, zone_faults
+from geoident.forward.march.discretization import StageSystems
+from geoident.forward.march.fields import FieldRecorder
+from geoident.forward.march.march import March
+from geoident.forward.march.plastic_step import PERFECT, PlasticOptions
+from geoident.forward.march.state import Push, Standing
+from geoident.forward.protocols import Survey
 from geoident.forward.response import StagedResponse
-from geoident.forward.revolution import revolution_faults
-from geoident.forward.section_plane import section_faults
-from geoident.forward.stage_systems import StageSystems
-from geoident.forward.standing import Push, Standing
-from geoident.forward.structure_checks import (
+from geoident.forward.stages import Timeline, build_timeline, group_faults
+from geoident.forward.structures.checks import (
     standing_faults,
     structure_faults,
     structure_notes,
 )
-from geoident.forward.structures import Structures
-from geoident.forward.structures import inadmissible as impossible_structure
-from geoident.forward.supports import burden_faults, fixed_dofs, load_faults, support_faults
-from geoident.forward.timeline import Timeline, build_timeline, group_faults
-from geoident.forward.yield_checks import no_stress_left, yield_faults, yield_notes
+from geoident.forward.structures.forces import MemberRecorder
+from geoident.forward.structures.members import Structures
+from geoident.forward.structures.members import inadmissible as impossible_structure
+from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, KeyPath, Source, format_path
 from geoident.model.mesh import Mesh

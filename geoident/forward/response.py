@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward import actions, in_situ, materials, release, structures, thermal, water
-from geoident.forward.complementarity_export import ReadingRows, export, export_obstacle
-from geoident.forward.opening_model import OpeningResponse, opening_in_mesh
-from geoident.forward.opening_site import Circle
-from geoident.forward.plastic_step import PlasticOptions
-from geoident.forward.standing import Push
+from geoident.forward.actions import forces as actions
+from geoident.forward.actions import release, thermal, water
+from geoident.forward.equations import ReadingRows, export, export_obstacle
+from geoident.forward.ground import elasticity as materials
+from geoident.forward.in_situ import stress as in_situ
+from geoident.forward.march.plastic_step import PlasticOptions
+from geoident.forward.march.state import Push
+from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
+from geoident.forward.openings.site import Circle
+from geoident.forward.structures import members as structures
 from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
-from geoident.model.complementarity import StagedSystem
-from geoident.model.condensed import Condensed
+from geoident.model.equations import Condensed, StagedSystem
 from geoident.model.result import Counts
 
 _DEPENDENT = 1e-10

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from geoident.identify.methods import METHODS, Method, identify, refusal, refusals
-from geoident.identify.problem import Observer, Outcome, Problem
-from geoident.identify.uncertainty import Assessment, assess, predict_band
+from geoident.identify.assessment.uncertainty import Assessment, assess, predict_band
+from geoident.identify.problem.methods import METHODS, Method, identify, refusal, refusals
+from geoident.identify.problem.problem import Observer, Outcome, Problem
 
 __all__ = [
     "METHODS",

@@ -8,14 +8,13 @@ from enum import Enum
 
 from geoident.errors import Fault, Location
 from geoident.model.actions import Load, Temperature, Water
-from geoident.model.elastic import Elastic
 from geoident.model.gauges import Channel, Reading
+from geoident.model.ground import Elastic
 from geoident.model.in_situ import InSitu
-from geoident.model.loss import LossOptions, SquaredOptions
-from geoident.model.methods import ClosedFormOptions, MethodOptions
+from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
-from geoident.model.yields import YieldSurface
+from geoident.model.yielding import YieldSurface
 
 KeyPath = tuple[str | int, ...]
 

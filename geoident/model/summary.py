@@ -1,8 +1,16 @@
-"""What a case amounts to on its mesh, before anything is computed: for ``geoident check``."""
+"""What a case amounts to on its mesh, before anything is computed: for ``geoident check``.
+
+What a mesh holds, in the numbers that help to write a case for it.
+
+What planned gauges could tell, before any reading exists.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from geoident.model.arrays import Floats
+from geoident.model.result import ParameterTable
 
 
 @dataclass(frozen=True)
@@ -160,3 +168,85 @@ class CaseSummary:
     unused: tuple[tuple[str, int], ...]
     cost: CostEstimate | None
     notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PartSummary:
+    """A group of the mesh.
+
+    Args:
+        name: of the group.
+        count: its elements, facets or nodes.
+        low: (dim,) smallest coordinates, m.
+        high: (dim,) largest coordinates, m.
+        volume: of a group of elements, m3 (of a unit thickness in plane strain); else None.
+    """
+
+    name: str
+    count: int
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    volume: float | None = None
+
+    @property
+    def plane(self) -> int | None:
+        """The axis along which the group has no extent, such as an edge of the model."""
+        extent = [high - low for low, high in zip(self.low, self.high, strict=True)]
+        flat = [axis for axis, size in enumerate(extent) if size <= 1e-9 * max(extent)]
+        return flat[0] if len(flat) == 1 else None
+
+
+@dataclass(frozen=True)
+class MeshSummary:
+    """A mesh.
+
+    Args:
+        file: its path.
+        nodes: number of nodes.
+        kinds: kind to number of its elements.
+        low: (dim,) smallest coordinates, m.
+        high: (dim,) largest coordinates, m.
+        groups: of elements.
+        facet_groups: of lines (in the plane) or surfaces.
+        node_groups: of nodes.
+        ungrouped: number of elements that are in no group.
+        shared: number of elements that are in several groups.
+    """
+
+    file: str
+    nodes: int
+    kinds: tuple[tuple[str, int], ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    groups: tuple[PartSummary, ...]
+    facet_groups: tuple[PartSummary, ...]
+    node_groups: tuple[PartSummary, ...]
+    ungrouped: int
+    shared: int
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.low)
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return sum(number for _, number in self.kinds)
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the planned readings could determine.
+
+    Args:
+        parameters: the parameters at their start values, with the intervals to expect.
+        findings: sentences on what would stay undetermined.
+        singular_values: (min(g, n),) of the scaled sensitivities of the readings.
+        readings: number g of planned readings: all channels at all stages of the fit.
+    """
+
+    parameters: ParameterTable
+    findings: tuple[str, ...]
+    singular_values: Floats
+    readings: int

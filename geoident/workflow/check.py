@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.case_model import CaseModel
+from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
-from geoident.forward.placement import placements
+from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -22,11 +22,11 @@ from geoident.model.summary import (
     ReadingSummary,
     StageSummary,
 )
-from geoident.workflow.cost import estimate_cost
-from geoident.workflow.estimate import require_possible
-from geoident.workflow.finished import bad_notes
-from geoident.workflow.inputs import Inputs, build_model, load_inputs
-from geoident.workflow.selection import Selection, require_enough, select_readings
+from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.estimate import require_possible
+from geoident.workflow.running.inputs import Inputs, build_model, load_inputs
+from geoident.workflow.running.outcome import bad_notes
+from geoident.workflow.running.selection import Selection, require_enough, select_readings
 from geoident.workflow.simulate import start_values
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from geoident.io.result_file import read_result
+from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
 from geoident.model.comparison import Amount, Comparison, Difference, Place, Tolerance
 from geoident.model.result import GaugeTable, ParameterTable, Prediction, Result

@@ -7,10 +7,16 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from geoident.errors import InputError, UsageError
-from geoident.io.atomic import atomic_output, output_error
-from geoident.io.hdf5 import refusal
-from geoident.io.vtkhdf import REFIT, copy_fields, sidecar_path, sidecar_target, write_sidecar
-from geoident.io.vtu import write_pvd, write_vtu
+from geoident.io.result.hdf5 import refusal
+from geoident.io.result.vtkhdf import (
+    REFIT,
+    copy_fields,
+    sidecar_path,
+    sidecar_target,
+    write_sidecar,
+)
+from geoident.io.result.vtu import write_pvd, write_vtu
+from geoident.io.text.atomic import atomic_output, output_error
 from geoident.model.result import FieldSeries, Result
 
 Writer = Callable[[str], None]

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ExitCode
-from geoident.forward.case_model import Survey
-from geoident.identify.problem import Outcome, Problem
-from geoident.identify.uncertainty import Assessment
+from geoident.forward.protocols import Survey
+from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, Diagnostics, Result
-from geoident.workflow.control import Control
-from geoident.workflow.diagnosis import assess_robustly, diagnostics_table, remarks
-from geoident.workflow.estimate import (
+from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import assess_robustly, diagnostics_table, remarks
+from geoident.workflow.running.estimate import (
     Setup,
     evaluation_log,
     prepare,
@@ -24,17 +25,16 @@ from geoident.workflow.estimate import (
     total,
     used_readings,
 )
-from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
-from geoident.workflow.jobs import Job
-from geoident.workflow.predictions import (
+from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.outcome import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
     predicted_stages,
     score,
 )
-from geoident.workflow.proof import bound_findings, opened, over_all_stages
-from geoident.workflow.provenance import job_provenance
-from geoident.workflow.tables import accuracies, gauge_table, parameter_table
+from geoident.workflow.running.provenance import job_provenance
+from geoident.workflow.running.tables import accuracies, gauge_table, parameter_table
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
-from geoident.forward.case_model import CaseModel, Survey
+from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
-from geoident.io.result_file import read_result, write_result
+from geoident.io.result.file import read_result, write_result
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.result import Counts, ParameterTable, Provenance, Result
-from geoident.workflow.control import Control
-from geoident.workflow.finished import Finished
-from geoident.workflow.inputs import Inputs, build_model, inputs_of_result, load_inputs
-from geoident.workflow.outputs import (
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.inputs import Inputs, build_model, inputs_of_result, load_inputs
+from geoident.workflow.running.outcome import Finished
+from geoident.workflow.running.outputs import (
     Standing,
     Target,
     require_free,
@@ -26,16 +26,16 @@ from geoident.workflow.outputs import (
     standing,
     target,
 )
-from geoident.workflow.predictions import (
+from geoident.workflow.running.predictions import (
     chosen_stages,
     collapse_findings,
     predict_stages,
     predicted_stages,
     score,
 )
-from geoident.workflow.provenance import case_path, provenance
-from geoident.workflow.selection import Selection
-from geoident.workflow.tables import accuracies, gauge_table
+from geoident.workflow.running.provenance import case_path, provenance
+from geoident.workflow.running.selection import Selection
+from geoident.workflow.running.tables import accuracies, gauge_table
 
 
 @dataclass(frozen=True)

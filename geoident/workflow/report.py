@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from geoident.errors import OutputError, UsageError
-from geoident.io.atomic import atomic_output, output_error
-from geoident.io.result_file import read_result
+from geoident.io.result.file import read_result
+from geoident.io.text.atomic import atomic_output, output_error
 from geoident.model.result import Result
-from geoident.workflow.inputs import STDIN
+from geoident.workflow.running.inputs import STDIN
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from geoident.errors import ExitCode
-from geoident.identify.problem import Outcome
+from geoident.identify.problem.problem import Outcome
 from geoident.model.arrays import Floats
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, Result
-from geoident.workflow.control import Control
-from geoident.workflow.estimate import (
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.estimate import (
     Setup,
     evaluation_log,
     prepare,
@@ -16,10 +16,10 @@ from geoident.workflow.estimate import (
     search,
     total,
 )
-from geoident.workflow.finished import Finished, keep, tell_readings, unused_notes, write
-from geoident.workflow.jobs import Job
-from geoident.workflow.provenance import job_provenance
-from geoident.workflow.tables import bare_parameter_table, gauge_table
+from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.outcome import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.running.provenance import job_provenance
+from geoident.workflow.running.tables import bare_parameter_table, gauge_table
 
 
 def scan(job: Job, control: Control) -> Finished:

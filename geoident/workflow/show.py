@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoident.io.result_file import read_result
+from geoident.io.result.file import read_result
 from geoident.model.result import Result
 
 

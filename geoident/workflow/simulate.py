@@ -8,12 +8,12 @@ from enum import Enum
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.case_model import CaseModel
+from geoident.forward.protocols import CaseModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.workflow.inputs import NO_READINGS, build_model, load_inputs
-from geoident.workflow.outputs import refuse_inputs
+from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.running.outputs import refuse_inputs
 
 
 class Noise(Enum):

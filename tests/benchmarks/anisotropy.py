@@ -22,10 +22,10 @@ from support.anisotropy import general, random_definite, ties
 from support.cases import model, rollers
 from support.meshes import box
 
-from geoident.forward.materials import elasticity, elasticity_slopes
+from geoident.forward.ground.elasticity import elasticity, elasticity_slopes
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
-from geoident.model.elastic import Anisotropic, Isotropic, constants
+from geoident.model.ground import Anisotropic, Isotropic, constants
 from geoident.model.parameter import Parameter, Scalar
 
 

@@ -21,8 +21,8 @@ from support import calculix
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import StagedModel
-from geoident.io.case_file import read_case
-from geoident.io.mesh_file import read_mesh
+from geoident.io.case.file import read_case
+from geoident.io.mesh.file import read_mesh
 
 
 def main() -> None:

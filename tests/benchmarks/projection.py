@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support.hardening import harden
 from support.plastic import coulomb, definite, isotropic, random_planes
 
-from geoident.fem.plastic.law import Planes
-from geoident.fem.plastic.polyhedral import PolyhedralLaw
-from geoident.fem.plastic.principal import PrincipalLaw
+from geoident.fem.yielding.law import Planes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.principal import PrincipalLaw
 
 YIELDING = 0.3
 SAMPLE = 300

@@ -15,8 +15,8 @@ import yaml
 from click.testing import CliRunner
 
 from geoident.cli.app import geoident
-from geoident.io.case_file import read_case
-from geoident.io.mesh_file import read_mesh
+from geoident.io.case.file import read_case
+from geoident.io.mesh.file import read_mesh
 from geoident.units import read_quantity
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from geoident.cli.commands.export import TABLES
-from geoident.io.result_file import read_result
-from geoident.report.csv_tables import CSV_TABLES
+from geoident.io.result.file import read_result
+from geoident.report.text.csv_tables import CSV_TABLES
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from geoident.io.case_file import read_case
-from geoident.io.skeleton import name_text
-from geoident.io.templates import TEMPLATES
-from geoident.io.yaml_reader import parse_yaml
+from geoident.io.case.file import read_case
+from geoident.io.docs.skeleton import name_text
+from geoident.io.docs.templates import TEMPLATES
+from geoident.io.text.yaml_reader import parse_yaml
 from tests.support.trench import write_mesh
 
 MESHLESS = ("opening",)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from geoident.io.templates import TEMPLATES
+from geoident.io.docs.templates import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from geoident.io.templates import TEMPLATES
+from geoident.io.docs.templates import TEMPLATES
 from geoident.report.drawing.case_parts import parts_of, window
 from geoident.workflow.check import check
 

@@ -9,9 +9,9 @@ import time
 import pytest
 
 from geoident.cli.several import combined
-from geoident.io.result_file import read_result
-from geoident.workflow.control import Control
-from geoident.workflow.jobs import Request, plan_scan
+from geoident.io.result.file import read_result
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Request, plan_scan
 from geoident.workflow.scan import scan
 
 GEOIDENT = [sys.executable, "-m", "geoident"]

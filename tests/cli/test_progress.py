@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from geoident.cli.options import Options
-from geoident.cli.pace import Pace
+from geoident.cli.remaining_time import Pace
 from geoident.cli.terminal import Terminal
 from geoident.model.parameter import Parameter
 from geoident.model.result import Counts, Iteration
-from geoident.workflow.control import Control, Silent
 from geoident.workflow.fit import fit
-from geoident.workflow.jobs import Request, plan_fit
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.jobs import Request, plan_fit
 
 
 class Clock:

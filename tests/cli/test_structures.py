@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from geoident.io.result_file import read_result
-from geoident.report.page_text import structure_table
+from geoident.io.result.file import read_result
+from geoident.report.page.sentences import structure_table
 
 STRUCTURES = """\
 structures:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from geoident.io.result_file import read_result
+from geoident.io.result.file import read_result
 
 TRUTH = ("--set", "parameters.k1.start=0.5 MPa", "--set", "parameters.k2.start=3 MPa")
 

@@ -27,7 +27,7 @@ from geoident.fem.elasticity import (
 )
 from geoident.fem.kinematics import PLANE_STRAIN, SOLID
 from geoident.fem.rotation import bond, turn_of_attitude, turn_of_axes
-from geoident.model.elastic import ENTRIES
+from geoident.model.ground import ENTRIES
 
 ANISOTROPIC = {
     name: float(random_definite(np.random.default_rng(3))[int(name[1]) - 1, int(name[2]) - 1])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.fem.distance import distance_to_faces
-from geoident.fem.faces import FacetPatch
+from geoident.fem.faces import FacetPatch, distance_to_faces
 from geoident.fem.solvers.protocol import LowerPattern
 from geoident.fem.symbolic import factor_cost
 from geoident.model.mesh import Mesh

@@ -19,8 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import GeoidentError, InputError
-from geoident.io.case_file import parse_case
-from geoident.io.readings_file import parse_readings
+from geoident.io.case.file import parse_case
+from geoident.io.readings.file import parse_readings
 from geoident.workflow.check import check
 from tests.support.trench import CASE, READINGS, write_case
 

@@ -18,11 +18,10 @@ from support.array_model import ArrayModel
 from support.derivatives import assert_exact
 from support.frames import foundation, truss
 
-from geoident.identify.complementarity import complementarity
-from geoident.identify.full_space import full_space
-from geoident.identify.problem import Outcome, Problem
-from geoident.model.loss import HuberOptions
-from geoident.model.methods import ComplementarityOptions
+from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.full_space import full_space
+from geoident.model.methods import ComplementarityOptions, HuberOptions
 from geoident.model.result import Iteration
 
 FOUNDATION = np.array([125.0, 1.6, 125.0, 0.0, 171.5, 0.08, 171.5, 0.0])

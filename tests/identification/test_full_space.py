@@ -13,15 +13,14 @@ from support.yield_sites import deep_opening, task
 from support.yielding import Cavity, constant, mohr, rock
 
 from geoident.errors import InputError
-from geoident.identify import methods
-from geoident.identify.complementarity import complementarity
-from geoident.identify.discrepancy import Discrepancy
-from geoident.identify.full_space import full_space
-from geoident.identify.gauss_newton import gauss_newton
-from geoident.identify.methods import identify
-from geoident.identify.problem import Problem
-from geoident.model.loss import StudentOptions
-from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem import methods
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
+from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.full_space import full_space
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior, Scalar
 from geoident.model.result import Iteration
 

@@ -11,14 +11,13 @@ from support.footings import two_layers
 from support.frames import truss
 
 from geoident.errors import InputError
-from geoident.identify.complementarity import complementarity
-from geoident.identify.gauss_newton import gauss_newton
-from geoident.identify.global_bound import global_bound
-from geoident.identify.influence import Influence, influence
-from geoident.identify.problem import Problem
-from geoident.identify.regions import Energy, Region, examined, form_of
-from geoident.model.loss import HuberOptions
-from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.problem import Problem
+from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.condensed_system import Influence, influence
+from geoident.identify.yield_limits.global_bound import global_bound
+from geoident.identify.yield_limits.parameter_boxes import Energy, Region, examined, form_of
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, HuberOptions
 from geoident.model.parameter import Prior
 from geoident.model.result import Iteration
 

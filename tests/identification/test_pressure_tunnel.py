@@ -19,12 +19,12 @@ from support.cases import model, rollers
 from support.tunnels import walled
 from support.yielding import constant, mohr, rock
 
-from geoident.forward.jets import Jet
 from geoident.forward.model import StagedModel
-from geoident.forward.openings import Opening, Rock, mohr_coulomb
+from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
 from geoident.identify import Assessment, Outcome, Problem, assess, identify
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
+from geoident.model.dual import Jet
 from geoident.model.gauges import Channel
 from geoident.model.methods import ComplementarityOptions, MethodOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar

@@ -8,11 +8,11 @@ from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
 from geoident.identify import identify
-from geoident.identify.problem import Problem
-from geoident.identify.uncertainty import assess
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support
-from geoident.model.elastic import Isotropic
+from geoident.model.ground import Isotropic
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar

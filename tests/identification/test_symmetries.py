@@ -24,11 +24,11 @@ from support.cases import displacement, model, rollers
 from support.meshes import box
 
 from geoident.identify import identify
-from geoident.identify.problem import Problem
-from geoident.identify.uncertainty import assess
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Material, Stage
-from geoident.model.elastic import (
+from geoident.model.ground import (
     Anisotropic,
     Attitude,
     Isotropic,

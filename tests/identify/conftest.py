@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from geoident.identify.problem import Problem
+from geoident.identify.problem.problem import Problem
 from geoident.model.result import Counts
 
 

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from geoident.io.result_file import read_result
-from geoident.io.vtkhdf import sidecar_target
+from geoident.io.result.file import read_result
+from geoident.io.result.vtkhdf import sidecar_target
 from tests.support.commands import run_command
 from tests.support.trench import write_case
 
@@ -27,11 +27,11 @@ RESULTS = {"case.fit.h5", "case.fit.vtkhdf"}
 
 NURSERY = """
 import json, os, signal, sys, time
-import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case_file
-import geoident.forward.model, geoident.io.result_file, geoident.io.mesh_file, geoident.fem.solvers
+import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case.file
+import geoident.forward.model, geoident.io.result.file, geoident.io.mesh.file, geoident.fem.solvers
 from geoident.cli.app import geoident as program
 if sys.argv[1:] == ["report"]:
-    import geoident.report.html
+    import geoident.report.page.html
 for line in sys.stdin:
     seconds, words = json.loads(line)
     begun = time.monotonic()

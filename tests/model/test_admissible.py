@@ -7,13 +7,13 @@ import pytest
 from support.anisotropy import LOVE, ORTHOTROPIC, STRATA, attitude, general, scalars
 
 from geoident.fem.elasticity import love_law
-from geoident.model.admissible import breach
-from geoident.model.elastic import (
+from geoident.model.ground import (
     Anisotropic,
     Isotropic,
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
+    breach,
     constants,
 )
 from geoident.model.parameter import Scalar

@@ -4,8 +4,8 @@ import pytest
 
 pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "geoident[report]"')
 
-from geoident.report import page
 from geoident.report.drawing.style import image
+from geoident.report.page import page
 from tests.support.results import example_result
 
 

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from geoident.cli.app import geoident
 from geoident.errors import ExitCode, InputError, OutputError, UsageError
-from geoident.io.result_file import write_result
+from geoident.io.result.file import write_result
 from geoident.workflow.report import page_path, read_results
 from tests.support.results import small_result
 

@@ -11,12 +11,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from geoident.report import figures as figures_module
 from geoident.report.drawing.fields import bands
+from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.style import image
-from geoident.report.figures import album, figure_files
-from geoident.report.scene import Scene
-from geoident.report.svg import inline_svg
+from geoident.report.page import figures as figures_module
+from geoident.report.page.figures import album, figure_files
+from geoident.report.page.svg import inline_svg
 from tests.support.results import STAGES, example_result, small_result
 
 SLACK = 1.0  # pixels of 1/100 inch

@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from geoident.report.case_text import case_title
-from geoident.report.figures import album
-from geoident.report.html import Html, page, tag
-from geoident.report.page import report_page
-from geoident.report.page_text import reading_table
-from geoident.report.residuals import outliers, rms, scored
+from geoident.report.page.figures import album
+from geoident.report.page.html import Html, page, tag
+from geoident.report.page.page import report_page
+from geoident.report.page.sentences import reading_table
+from geoident.report.text.case import case_title
+from geoident.report.text.residuals import outliers, rms, scored
 from tests.support.results import STAGES, example_result, fields_of, grid_mesh, small_result
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.report.scene import Scene, gauge_planes, round_down
-from geoident.report.sheets import Plane, SheetMaker
+from geoident.report.drawing.scene import Scene, gauge_planes, round_down
+from geoident.report.drawing.sheets import Plane, SheetMaker
 from tests.support.meshes import KINDS_2D, KINDS_3D, box
 from tests.support.results import example_result, grid_mesh
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.identify.protocols import Condensed
+from geoident.identify.problem.protocols import Condensed
 from geoident.model.arrays import Floats
 from geoident.model.result import Counts
 

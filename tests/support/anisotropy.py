@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from geoident.model.elastic import (
+from geoident.model.ground import (
     ENTRIES,
     Anisotropic,
     Attitude,

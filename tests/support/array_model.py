@@ -14,13 +14,13 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geoident.errors import CollapseError
-from geoident.fem.plastic.law import LawSlopes, Planes
-from geoident.fem.plastic.polyhedral import PolyhedralLaw
-from geoident.forward.equilibrium import Balance, solve
-from geoident.forward.stage_equations import Ground, NoEquilibrium, StageEquations
+from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.forward.march.equilibrium import Balance, solve
+from geoident.forward.march.stage_equations import Ground, NoEquilibrium, StageEquations
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
-from geoident.model.complementarity import LoadStage, PointLaw, StagedSystem
+from geoident.model.equations import LoadStage, PointLaw, StagedSystem
 from geoident.model.result import Counts
 
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from geoident.fem.elements import reference_element
-from geoident.forward.in_situ import in_situ_stress
+from geoident.forward.actions.supports import fixed_dofs
+from geoident.forward.in_situ.stress import in_situ_stress
 from geoident.forward.model import StagedModel
-from geoident.forward.supports import fixed_dofs
-from geoident.model.elastic import Anisotropic, Elastic, Orthotropic, constants
+from geoident.model.ground import Anisotropic, Elastic, Orthotropic, constants
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"

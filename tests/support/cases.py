@@ -13,8 +13,8 @@ from geoident.model.case import (
     Material,
     Support,
 )
-from geoident.model.elastic import Isotropic
 from geoident.model.gauges import Channel
+from geoident.model.ground import Isotropic
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Scalar

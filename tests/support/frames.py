@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.model.arrays import Floats
-from geoident.model.complementarity import (
+from geoident.model.equations import (
     Affine,
     LoadStage,
     PointLaw,

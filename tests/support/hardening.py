@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.fem.plastic.law import LawSlopes, Planes
+from geoident.fem.yielding.law import LawSlopes, Planes
 from geoident.model.arrays import Floats
 
 

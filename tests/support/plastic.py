@@ -7,7 +7,7 @@ from itertools import combinations, permutations
 import numpy as np
 import piqp
 
-from geoident.fem.plastic.law import Planes
+from geoident.fem.yielding.law import Planes
 
 
 def definite(rng, size):

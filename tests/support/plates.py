@@ -12,7 +12,7 @@ from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.kinematics import kinematics_of
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis
-from geoident.model.complementarity import (
+from geoident.model.equations import (
     Affine,
     LoadStage,
     PointLaw,

@@ -14,13 +14,13 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.model import StagedModel
-from geoident.identify.problem import Problem
+from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Traction
 from geoident.model.case import Material, Stage, Support
-from geoident.model.elastic import Isotropic
+from geoident.model.ground import Isotropic
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.yields import GivenPlanes, YieldPlane
+from geoident.model.yielding import GivenPlanes, YieldPlane
 
 from .cases import displacement, model, rollers
 from .meshes import opening, regroup, with_outer_faces

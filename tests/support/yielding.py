@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from geoident.forward.march.plastic_step import PlasticOptions
+from geoident.forward.march.state import Standing
 from geoident.forward.model import StagedModel
-from geoident.forward.plastic_step import PlasticOptions
-from geoident.forward.standing import Standing
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.yields import GivenPlanes, MohrCoulomb, YieldPlane, YieldSurface
+from geoident.model.yielding import GivenPlanes, MohrCoulomb, YieldPlane, YieldSurface
 from support.cases import as_scalar, material, model, rollers
 from support.meshes import opening
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from geoident.model.certificate import Activity, Certificate
 from geoident.model.parameter import Parameter
-from geoident.workflow.proof import bound_findings, opened
-from geoident.workflow.tables import bare_parameter_table
+from geoident.workflow.running.certificate_text import bound_findings, opened
+from geoident.workflow.running.tables import bare_parameter_table
 
 PARAMETERS = (
     Parameter("c", 1e6, 0.05e6, 5e6, dimension="pressure", unit="MPa"),

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from geoident.errors import ExitCode, Interrupted, ModelError
-from geoident.identify.protocols import Condensed
+from geoident.identify.problem.protocols import Condensed
 from geoident.model.result import Counts
-from geoident.workflow.control import Control, Silent, StopRequest
-from geoident.workflow.remember import Remembered
+from geoident.workflow.running.control import Control, Silent, StopRequest
+from geoident.workflow.running.evaluation_log import Remembered
 
 
 @dataclass

@@ -5,11 +5,11 @@ import pytest
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import Interrupted
-from geoident.identify.complementarity import complementarity
-from geoident.identify.problem import Problem
+from geoident.identify.problem.problem import Problem
+from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
-from geoident.workflow.remember import Remembered
+from geoident.workflow.running.evaluation_log import Remembered
 
 
 class Notebook(dict):

@@ -13,8 +13,8 @@ from geoident.model.result import (
     Provenance,
     Result,
 )
-from geoident.report.json import dumps, result_object
-from geoident.report.text import result_text
+from geoident.report.text.json import dumps, result_object
+from geoident.report.text.text import result_text
 
 
 @pytest.fixture

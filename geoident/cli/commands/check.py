@@ -66,9 +66,9 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 
 def _identifiability(case: str, options: Options) -> int:
-    from geoident.report.json import dumps, plan_object
-    from geoident.report.text import plan_text
-    from geoident.workflow.identifiability import identifiability
+    from geoident.report.text.json import dumps, plan_object
+    from geoident.report.text.text import plan_text
+    from geoident.workflow.running.identifiability import identifiability
 
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)
@@ -80,8 +80,8 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _check(case: str, picture: str | None, options: Options) -> int:
-    from geoident.report.check_text import summary_text
-    from geoident.report.json import dumps, summary_object
+    from geoident.report.text.check import summary_text
+    from geoident.report.text.json import dumps, summary_object
     from geoident.workflow.check import check
 
     with failures_as_json(case, options):
@@ -92,7 +92,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
         click.echo(summary_text(checked.summary))
     if picture is not None:
         from geoident.report.drawing.case import case_picture
-        from geoident.workflow.outputs import write_bytes
+        from geoident.workflow.running.outputs import write_bytes
 
         if checked.mesh is None:
             raise click.UsageError(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.guard import code_of
+from geoident.cli.error_boundary import code_of
 from geoident.cli.options import Options, takes
 from geoident.cli.several import failures_as_json
 from geoident.errors import ExitCode
@@ -81,8 +81,8 @@ def _tolerance(rtol: float, absolute: tuple[str, ...]) -> Tolerance:
 
 
 def _diff(first: str, second: str, tolerance: Tolerance, options: Options) -> int:
-    from geoident.report.comparison import comparison_object, comparison_text
-    from geoident.report.json import dumps
+    from geoident.report.page.comparison import comparison_object, comparison_text
+    from geoident.report.text.json import dumps
     from geoident.workflow.diff import diff
 
     with failures_as_json(f"{first} {second}", options):

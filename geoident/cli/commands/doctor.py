@@ -25,7 +25,7 @@ Examples:
 @takes("as_json")
 def command(options: Options) -> int:
     """Tell versions, solvers and threads, and how to get faster ones."""
-    from geoident.report.json import dumps
+    from geoident.report.text.json import dumps
     from geoident.workflow.doctor import diagnose
 
     found = diagnose()
@@ -34,7 +34,7 @@ def command(options: Options) -> int:
 
 
 def _text(found: Diagnosis) -> str:
-    from geoident.report.layout import bullets, section, sections, table
+    from geoident.report.text.layout import bullets, section, sections, table
 
     versions = [[name, version] for name, version in found.versions.items()]
     solvers = [

@@ -68,8 +68,8 @@ def command(
 
 
 def _one_table(path: str, name: str, options: Options) -> int:
-    from geoident.report.csv_tables import csv_tables, csv_text
-    from geoident.workflow.outputs import write_text
+    from geoident.report.text.csv_tables import csv_tables, csv_text
+    from geoident.workflow.running.outputs import write_text
     from geoident.workflow.show import show
 
     found = csv_tables(show(path))
@@ -96,7 +96,7 @@ def _export(path: str, formats: tuple[str, ...], options: Options) -> int:
 
 
 def _write(kind: str, path: str, result: Result, options: Options) -> tuple[str, ...]:
-    from geoident.report.csv_tables import csv_tables, csv_text
+    from geoident.report.text.csv_tables import csv_tables, csv_text
     from geoident.workflow import export
 
     folder = export.export_folder(path, options.output)

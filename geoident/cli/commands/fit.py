@@ -36,6 +36,6 @@ def command(cases: tuple[str, ...], options: Options) -> int:
         return Batch("fit", options).run(cases)
     from geoident.cli.jobs import run_case
     from geoident.workflow.fit import fit
-    from geoident.workflow.jobs import plan_fit
+    from geoident.workflow.running.jobs import plan_fit
 
     return run_case(cases[0], options, plan=plan_fit, run=fit)

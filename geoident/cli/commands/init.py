@@ -7,7 +7,7 @@ from __future__ import annotations
 import click
 
 from geoident.cli.options import Options, takes
-from geoident.io.templates import TEMPLATES
+from geoident.io.docs.templates import TEMPLATES
 
 EPILOG = """\b
 Examples:

@@ -27,7 +27,7 @@ def command(case: str, options: Options) -> int:
     parameters. Writes CASE.scan.h5 and prints its path.
     """
     from geoident.cli.jobs import run_case
-    from geoident.workflow.jobs import plan_scan
+    from geoident.workflow.running.jobs import plan_scan
     from geoident.workflow.scan import scan
 
     return run_case(case, options, plan=plan_scan, run=scan)

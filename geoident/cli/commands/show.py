@@ -34,10 +34,10 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 
 
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
-    from geoident.report.csv_tables import all_csv
-    from geoident.report.json import dumps, result_object
-    from geoident.report.text import result_text
-    from geoident.workflow.provenance import case_path
+    from geoident.report.text.csv_tables import all_csv
+    from geoident.report.text.json import dumps, result_object
+    from geoident.report.text.text import result_text
+    from geoident.workflow.running.provenance import case_path
     from geoident.workflow.show import show
 
     with failures_as_json(path, options):

@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
-from geoident.forward.supports import group_nodes
+from geoident.forward.actions.supports import group_nodes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh

@@ -23,6 +23,8 @@ from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats
 from geoident.report.drawing.readings import MM
+from geoident.report.drawing.scene import Scene, Window, round_down
+from geoident.report.drawing.sheets import Sheet, Trace
 from geoident.report.drawing.style import (
     COMPUTED,
     DIVERGING,
@@ -35,8 +37,6 @@ from geoident.report.drawing.style import (
     hide_unused,
     short,
 )
-from geoident.report.scene import Scene, Window, round_down
-from geoident.report.sheets import Sheet, Trace
 
 _WIDTH = 10.0
 _BANDS = 12

@@ -19,8 +19,8 @@ from geoident.report.drawing.fields import (
     weighted,
 )
 from geoident.report.drawing.readings import draw_computed, draw_measured
+from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.style import COMPUTED, LENGTHS, MEASURED, Picture, short, stage_ticks
-from geoident.report.scene import Scene
 
 _PANELS = 6
 

@@ -23,8 +23,8 @@ from geoident.report.drawing.style import (
     Picture,
     short,
 )
-from geoident.report.layout import number
-from geoident.report.quantities import in_unit, prior_interval, shown_unit
+from geoident.report.text.layout import number
+from geoident.report.text.quantities import in_unit, prior_interval, shown_unit
 
 _PRIOR_COLOUR = "#e69f00"
 

@@ -23,8 +23,8 @@ from geoident.report.drawing.style import (
     Picture,
     short,
 )
-from geoident.report.layout import number
-from geoident.report.residuals import OUTLIER, standardized
+from geoident.report.text.layout import number
+from geoident.report.text.residuals import OUTLIER, standardized
 
 _MOST_ROWS = 60
 

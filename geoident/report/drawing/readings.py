@@ -27,7 +27,7 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.quantities import NORMAL_95
+from geoident.report.text.quantities import NORMAL_95
 
 MM = 1e3
 _PER_FIGURE = 12

@@ -6,9 +6,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import InputError
-from geoident.io.overrides import apply_overrides
-from geoident.io.readings_file import parse_readings
-from geoident.io.yaml_reader import parse_yaml, read_yaml
+from geoident.io.case.overrides import apply_overrides
+from geoident.io.readings.file import parse_readings
+from geoident.io.text.yaml_reader import parse_yaml, read_yaml
 from geoident.model.case import format_path
 from geoident.units import UnitError, read_quantity
 

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 
 from geoident.errors import InputError, Location
-from geoident.io.case_file import read_case
+from geoident.io.case.file import read_case
 from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Analysis, Material, Stage, Support
-from geoident.model.elastic import Isotropic
 from geoident.model.gauges import Channel, Reading
+from geoident.model.ground import Isotropic
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.methods import (
     CondensationOptions,

@@ -7,8 +7,8 @@ from math import cos, pi, radians, sin
 import numpy as np
 import pytest
 
-from geoident.forward.materials import elasticity
-from geoident.model.elastic import (
+from geoident.forward.ground.elasticity import elasticity
+from geoident.model.ground import (
     Anisotropic,
     Attitude,
     Axes,

@@ -3,7 +3,7 @@
 import pytest
 
 from geoident.errors import Location
-from geoident.io.faults import SET_FLAG
+from geoident.io.text.faults import SET_FLAG
 from geoident.model.methods import SimplexOptions
 
 

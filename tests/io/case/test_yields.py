@@ -8,10 +8,10 @@ import jsonschema
 import pytest
 import yaml
 
-from geoident.io.schema import case_schema
-from geoident.model.elastic import Attitude, Axes
+from geoident.io.schema.document import case_schema
+from geoident.model.ground import Attitude, Axes
 from geoident.model.parameter import Scalar
-from geoident.model.yields import DruckerPrager, GivenPlanes, MohrCoulomb, WeakPlane, YieldPlane
+from geoident.model.yielding import DruckerPrager, GivenPlanes, MohrCoulomb, WeakPlane, YieldPlane
 
 ROCK = "  rock: {E: $E_rock, nu: 0.25, density: 2650 kg/m3}\n"
 E_ROCK = "  E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}\n"

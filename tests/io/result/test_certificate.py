@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoident.io.result_file import read_result, write_result
+from geoident.io.result.file import read_result, write_result
 from geoident.model.certificate import Activity, Certificate
-from geoident.report.json import dumps, result_object
-from geoident.report.page import report_page
-from geoident.report.text import result_text
+from geoident.report.page.page import report_page
+from geoident.report.text.json import dumps, result_object
+from geoident.report.text.text import result_text
 
 
 def proof(names, **changes):

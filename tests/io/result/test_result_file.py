@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from geoident.errors import InputError, OutputError
-from geoident.io import hdf5
-from geoident.io.result_file import ResultIdentity, read_identity, read_result, write_result
+from geoident.io.result import hdf5
+from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
 from geoident.model.result import Result
 
 Make = Callable[..., Result]
@@ -367,7 +367,7 @@ import resource, sys
 sys.path.insert(0, sys.argv[1])
 from conftest import make_result
 from geoident.errors import OutputError
-from geoident.io.result_file import write_result
+from geoident.io.result.file import write_result
 result = make_result()
 for limit in range(0, int(sys.argv[3]), int(sys.argv[4])):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
@@ -425,7 +425,7 @@ WRITER = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from conftest import make_result
-from geoident.io.result_file import write_result
+from geoident.io.result.file import write_result
 results = [make_result(2), make_result(3)]
 print("ready", flush=True)
 for turn in range(1, 10**9):

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from geoident.io.result_file import read_result, write_result
-from geoident.io.vtkhdf import sidecar_path
+from geoident.io.result.file import read_result, write_result
+from geoident.io.result.vtkhdf import sidecar_path
 from geoident.model.result import FieldSeries, Result
 
 vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs vtk")

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from geoident.io.vtu import write_pvd, write_vtu
+from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import FieldSeries
 

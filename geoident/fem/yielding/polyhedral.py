@@ -1,0 +1,151 @@
+"""Yield surfaces of planes with associated flow: exact projection in the norm of E^-1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.projection import Rays, active_faces
+from geoident.fem.yielding.return_step import FaceStep
+from geoident.fem.yielding.scaled_planes import system_of
+from geoident.fem.yielding.warm_start import FaceMemory
+from geoident.model.arrays import Bools, Floats, Ints
+
+_MOST_FACES = 20_000
+"""Of many planes that harden there are as many faces as points, and none comes again."""
+
+
+class PolyhedralLaw:
+    """Yield planes in the space of stresses, associated, perfect or hardening.
+
+    Args:
+        elasticity: E (s, s), symmetric, positive definite, Pa.
+        planes: normals (y, s); any number, also parallel or repeated ones.
+
+    Raises:
+        ValueError: E is not positive definite, a plane has no normal, or a flow is given.
+    """
+
+    def __init__(self, elasticity: Floats, planes: Planes) -> None:
+        if planes.flow is not None:
+            raise ValueError("planes in the space of stresses flow along their normals")
+        self.planes = planes
+        self._system = system_of(elasticity, planes)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin with no face known."""
+        self._rays = Rays(Faces(self._system.coupling), self._system.root)
+        self._memory = FaceMemory(self._rays.faces)
+
+    @property
+    def associated(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def n_planes(self) -> int:
+        """Number y of planes."""
+        return len(self.planes.normals)
+
+    @property
+    def hardens(self) -> bool:
+        """Whether the multipliers of earlier steps count."""
+        return self._system.hardens
+
+    def project(self, trial: Floats, hardened: Floats | None = None) -> PolyhedralProjection:
+        """Bring trial stresses (s, m) to the polyhedron; `hardened` (y, m) as in `YieldLaw`.
+
+        Raises:
+            EmptyDomain: no stress satisfies all planes.
+        """
+        # Projections keep the faces they know; only a law between two of them may forget.
+        if len(self._rays.faces.members) > _MOST_FACES:
+            self._forget()
+        yielded, face = self._faces_of(trial, hardened)
+        some = None if hardened is None else hardened[:, yielded]
+        step = FaceStep(self._system, self._rays.faces, trial[:, yielded], some, face)
+        return PolyhedralProjection(trial, yielded, step)
+
+    def _faces_of(self, trial: Floats, hardened: Floats | None) -> tuple[Ints, Ints]:
+        """The points (q,) outside the polyhedron and the faces (q,) on which they end."""
+        excess = self._system.excess(trial, hardened)
+        outside = np.flatnonzero((excess > 0.0).any(axis=0))
+        some = None if hardened is None else hardened[:, outside]
+        beyond = np.ascontiguousarray(excess[:, outside].T)
+        tolerance = np.ascontiguousarray(self._system.tolerance(trial[:, outside], some).T)
+        count = trial.shape[1]
+        face = self._memory.confirmed(count, outside, beyond, tolerance)
+        rest = np.flatnonzero(face == 0)
+        face[rest] = active_faces(beyond[rest], tolerance[rest], self._rays)
+        self._memory.keep(count, outside, face)
+        return outside[face > 0], face[face > 0]
+
+    def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
+        """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
+        return self._system.excess(stress, hardened) * self._system.scale[:, None]
+
+
+class PolyhedralProjection:
+    """What `PolyhedralLaw` makes of trial stresses; see `law.Projection`.
+
+    Args:
+        trial: (s, m).
+        yielded: (q,) points with an active plane.
+        step: of those points.
+    """
+
+    def __init__(self, trial: Floats, yielded: Ints, step: FaceStep) -> None:
+        self._trial = trial
+        self._yielded = yielded
+        self._step = step
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(s, m) admissible stress; the trial stress itself where nothing yields."""
+        stress = self._trial.copy()
+        stress[:, self._yielded] = self._step.stress
+        return stress
+
+    @property
+    def yielded(self) -> Ints:
+        """(q,) the points with an active plane, ascending."""
+        return self._yielded
+
+    @property
+    def multipliers(self) -> Floats:
+        """(q, y) dlam >= 0."""
+        return self._step.multipliers
+
+    @property
+    def active(self) -> Bools:
+        """(q, y) planes on which the derivatives are taken."""
+        return self._step.active
+
+    @property
+    def biactive(self) -> Bools:
+        """(q, y) planes that are reached with dlam = 0."""
+        return self._step.biactive
+
+    @property
+    def reduction(self) -> Floats:
+        """(q, s, s) dsigma/ds* on the active planes."""
+        return self._step.reduction
+
+    @property
+    def reserve(self) -> Floats:
+        """(q,) J/m3."""
+        return self._step.reserve
+
+    def slopes(
+        self,
+        trial: Floats,
+        parameters: Sequence[LawSlopes | None] = (),
+        hardened: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers."""
+        return self._step.slopes(trial, parameters, hardened)

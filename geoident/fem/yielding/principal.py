@@ -1,0 +1,241 @@
+"""Isotropic yield surfaces in principal stresses: smooth Mohr-Coulomb with edges and apex.
+
+A trial stress and the stress it ends at have the same principal axes, because elasticity and
+surface are isotropic; between their principal values stands the complementarity problem of planes.
+The consistent tangent has the derivative of that and, for the spin of the axes, the ratios
+(sigma_i - sigma_j) / (s_i - s_j): Simo (1998), Numerical analysis and simulation of plasticity,
+Handbook of Numerical Analysis VI; de Souza Neto, Peric & Owen (2008), Computational Methods for
+Plasticity, appendix A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
+from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.nonassociated_return import Returns
+from geoident.fem.yielding.principal_axes import (
+    PAIRS,
+    Spectrum,
+    principal_values,
+    rough_principal_values,
+    spectrum,
+)
+from geoident.fem.yielding.projection import Rays, active_faces
+from geoident.fem.yielding.return_step import FaceStep
+from geoident.fem.yielding.scaled_planes import system_of
+from geoident.fem.yielding.sorted_planes import Images, images_of
+from geoident.model.arrays import Bools, Floats, Ints
+
+_Finder = Callable[[Floats, Floats, Floats], Ints]
+_ROUGH = 1e-6
+"""Of the largest stress: an error that rough principal values never have."""
+_REPEATED = 1e-8
+"""Of the largest principal value: differences below are those of a repeated one."""
+
+
+class PrincipalLaw:
+    """Yield planes in sorted principal stresses, isotropic, associated or not.
+
+    Args:
+        elasticity: E (s, s), isotropic, of xx, yy, zz, xy (4) or xx, yy, zz, xy, yz, xz (6), Pa.
+        planes: normals (y, 3) for sigma_1 >= sigma_2 >= sigma_3, components descending.
+
+    Raises:
+        ValueError: E is not isotropic or not positive definite, normals do not descend, a plane
+            flows inwards, or no stress satisfies all planes.
+    """
+
+    def __init__(self, elasticity: Floats, planes: Planes) -> None:
+        _check_isotropic(elasticity)
+        self.planes = planes
+        self._images = images_of(planes)
+        self._system = system_of(elasticity[:3, :3], self._images.planes(planes))
+        self._faces = Faces(self._system.coupling)
+        self._ends = self._finder()
+        if not self.hardens and (bad := empty_principal_domain(planes)) is not None:
+            raise EmptyDomain(bad)
+
+    def _finder(self) -> _Finder:
+        """What finds active sets: projection where there is one."""
+        if self.associated:
+            rays = Rays(self._faces, self._system.root)
+            return lambda excess, tolerance, _limits: active_faces(excess, tolerance, rays)
+        return Returns(self._system, self._faces, self._images).find
+
+    @property
+    def associated(self) -> bool:
+        """Whether plastic strains follow the normals."""
+        return self.planes.flow is None or np.array_equal(self.planes.flow, self.planes.normals)
+
+    @property
+    def n_planes(self) -> int:
+        """Number y of stated planes."""
+        return len(self.planes.normals)
+
+    @property
+    def hardens(self) -> bool:
+        """Whether the multipliers of earlier steps count."""
+        return self._system.hardens
+
+    def project(self, trial: Floats, hardened: Floats | None = None) -> PrincipalProjection:
+        """Return trial stresses (s, m) to the surface; `hardened` (y, m) as in `YieldLaw`."""
+        some = self._outside(trial, hardened)
+        spectral = spectrum(trial[:, some])
+        spread = self._images.spread(None if hardened is None else hardened[:, some])
+        face = self._faces_of(spectral.values, spread)
+        ends = np.flatnonzero(face)
+        spectral = spectral.of(ends)
+        step = FaceStep(
+            self._system,
+            self._faces,
+            spectral.values,
+            None if spread is None else spread[:, ends],
+            face[ends],
+        )
+        return PrincipalProjection(self._images, trial, some[ends], spectral, step)
+
+    def _outside(self, trial: Floats, hardened: Floats | None) -> Ints:
+        """Points that may be outside, judged by rough principal values."""
+        values = rough_principal_values(trial)
+        excess = self._stated(values, hardened)
+        margin = _ROUGH * np.abs(values).max(axis=0, initial=0.0)
+        lengths = np.abs(self.planes.normals).sum(axis=1)
+        return np.flatnonzero((excess > -lengths[:, None] * margin).any(axis=0))
+
+    def _faces_of(self, values: Floats, hardened: Floats | None) -> Ints:
+        """Faces (q,) on which sorted principal values (3, q) end; 0 for those inside."""
+        system = self._system
+        shape = (len(system.scale), values.shape[1])
+        rows = (
+            system.excess(values, hardened),
+            system.tolerance(values, hardened),
+            np.broadcast_to(system.limits(hardened), shape),
+        )
+        try:
+            return self._ends(*(np.ascontiguousarray(row.T) for row in rows))
+        except EmptyDomain as error:
+            stated = np.unique(self._images.owner[list(error.planes)])
+            raise EmptyDomain(tuple(int(p) for p in stated)) from None
+
+    def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
+        """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
+        return self._stated(principal_values(stress), hardened)
+
+    def _stated(self, values: Floats, hardened: Floats | None) -> Floats:
+        """Yield functions (y, m) of sorted principal values (3, m)."""
+        excess = self.planes.normals @ values - self.planes.distances[:, None]
+        if hardened is not None and self.planes.hardening is not None:
+            excess -= self.planes.hardening @ hardened
+        return np.asarray(excess)
+
+
+class PrincipalProjection:
+    """What `PrincipalLaw` makes of trial stresses; see `law.Projection`.
+
+    Args:
+        images: of the stated planes.
+        trial: (s, m).
+        yielded: (q,) points with an active plane.
+        spectral: principal values and axes of their trial stress.
+        step: of the principal values, on the images.
+    """
+
+    def __init__(
+        self, images: Images, trial: Floats, yielded: Ints, spectral: Spectrum, step: FaceStep
+    ) -> None:
+        self._images = images
+        self._trial = trial
+        self._yielded = yielded
+        self._spectral = spectral
+        self._step = step
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(s, m) admissible stress; the trial stress itself where nothing yields."""
+        stress = self._trial.copy()
+        along = self._spectral.assemble[:, :, :3]
+        stress[:, self._yielded] = np.einsum("qsi,iq->sq", along, self._step.stress)
+        return stress
+
+    @property
+    def yielded(self) -> Ints:
+        """(q,) the points with an active plane, ascending."""
+        return self._yielded
+
+    @cached_property
+    def multipliers(self) -> Floats:
+        """(q, y) dlam >= 0, summed over the images of each plane."""
+        return np.maximum(self._step.signed_multipliers @ self._images.total.T, 0.0)
+
+    @cached_property
+    def active(self) -> Bools:
+        """(q, y) planes on an image of which the derivatives are taken."""
+        return np.asarray(self._step.active @ self._images.total.T > 0.0)
+
+    @cached_property
+    def biactive(self) -> Bools:
+        """(q, y) planes that are reached with dlam = 0 on all images."""
+        total = self._images.total.T
+        return np.asarray((self._step.reached @ total > 0.0) & (self._step.working @ total == 0.0))
+
+    @cached_property
+    def reduction(self) -> Floats:
+        """(q, s, s) dsigma/ds*: of the principal values and by the spin of the axes."""
+        assemble, resolve = self._spectral.assemble, self._spectral.resolve
+        values = assemble[:, :, :3] @ self._step.reduction @ resolve[:, :3]
+        spin = (assemble[:, :, 3:] * self._spin[:, None, :]) @ resolve[:, 3:]
+        return np.asarray(values + spin)
+
+    @cached_property
+    def _spin(self) -> Floats:
+        """(q, 3): what is left of a shear of the trial stress between two of its axes."""
+        trial, stress = self._spectral.values, self._step.stress
+        limit = _REPEATED * np.abs(trial).max(axis=0, initial=0.0)
+        slope = self._step.reduction
+        spin = np.empty((trial.shape[1], 3))
+        for pair, (i, j) in enumerate(PAIRS):
+            apart = trial[i] - trial[j]
+            repeated = apart <= limit
+            ends = slope[:, i, i] - slope[:, i, j] + slope[:, j, j] - slope[:, j, i]
+            ratio = (stress[i] - stress[j]) / np.where(repeated, 1.0, apart)
+            spin[:, pair] = np.where(repeated, 0.5 * ends, ratio)
+        return spin
+
+    @property
+    def reserve(self) -> Floats:
+        """(q,) J/m3."""
+        return self._step.reserve
+
+    def slopes(
+        self,
+        trial: Floats,
+        parameters: Sequence[LawSlopes | None] = (),
+        hardened: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers."""
+        along = np.einsum("qks,sqn->kqn", self._spectral.resolve, trial)
+        turned = [None if p is None else self._images.slopes(p) for p in parameters]
+        spread = self._images.spread(hardened)
+        values, multipliers = self._step.slopes(along[:3], turned, spread)
+        spin = self._spin.T[:, :, None] * along[3:]
+        ends = np.concatenate([values, spin])
+        stress = np.einsum("qsk,kqn->sqn", self._spectral.assemble, ends)
+        return stress, np.tensordot(self._images.total, multipliers, axes=1)
+
+
+def _check_isotropic(elasticity: Floats) -> None:
+    """Refuse an elasticity that principal axes do not suit."""
+    size = len(elasticity)
+    if size not in (4, 6):
+        raise ValueError("principal stresses need stresses of 4 or 6 components")
+    lame, shear = elasticity[0, 1], elasticity[3, 3]
+    model = np.diag([2.0 * shear] * 3 + [shear] * (size - 3))
+    model[:3, :3] += lame
+    if np.abs(model - elasticity).max() > 1e-8 * np.abs(elasticity).max():
+        raise ValueError("planes in principal stresses need an isotropic elasticity")

@@ -1,0 +1,215 @@
+"""Projection of many points on one polyhedron: a dual active-set method, all points at once.
+
+Goldfarb & Idnani (1983), Mathematical Programming 27, 1-33. Each point starts at its trial stress
+with no plane active and takes in the plane it violates most: along the ray on which the multiplier
+of that plane grows and the active planes stay active. Where an active multiplier would turn
+negative first, its plane is dropped on the way. The dual objective grows with every plane taken in,
+so no set of active planes comes twice, also where normals depend linearly on each other. Only where
+planes miss each other by little more than rounding may it grow by too little to be told from it;
+points that take long are therefore asked for less and less accuracy.
+
+The ray depends on the active planes and the new one alone, so each is computed once (`Rays`) and a
+step of all points is a few operations on arrays (w, y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.yielding.active_sets import Faces, rows_of_floats, rows_of_numbers, unique_pairs
+from geoident.fem.yielding.domain import EmptyDomain
+from geoident.model.arrays import Bools, Floats, Ints
+
+_DEPENDENT = 1e-11
+"""Squared sine of the angle to the active normals under which a normal depends on them."""
+_NEGLIGIBLE = 1e4
+"""Times the tolerance: a contradiction of planes that is rounding of a slab without thickness."""
+
+
+class Rays:
+    """Directions in which a plane is taken in while those of a face stay active.
+
+    Args:
+        faces: the faces of the polyhedron, of symmetric coupling.
+        root: B (r, y), B^T B = A.
+    """
+
+    def __init__(self, faces: Faces, root: Floats) -> None:
+        self.faces = faces
+        self._root = root
+        count = len(faces.coupling)
+        self._row = rows_of_numbers(count)
+        self._loss = rows_of_floats(count)
+        self._drop = rows_of_floats(count)
+        self._curvature = rows_of_floats()
+
+    def find(self, faces: Ints, planes: Ints) -> tuple[Floats, Floats, Floats]:
+        """Rays of faces (w,) and new planes (w,), per unit of the multiplier of the new plane.
+
+        Returns:
+            (w, y) by how much multipliers fall (-1 for the new plane), (w, y) by how much yield
+            functions fall, and (w,) that of the new plane, zero where it depends on the face.
+        """
+        self._row.grow(len(self.faces.members) - self._row.size)
+        rows = self._row.all[faces, planes]
+        if (missing := rows < 0).any():
+            count = len(self.faces.coupling)
+            self._add(*unique_pairs(faces[missing], planes[missing], count))
+            rows = self._row.all[faces, planes]
+        return self._loss.all[rows], self._drop.all[rows], self._curvature.all[rows]
+
+    def _add(self, faces: Ints, planes: Ints) -> None:
+        """Compute rays that are asked for the first time."""
+        start, count = self._loss.size, faces.size
+        for table in (self._loss, self._drop, self._curvature):
+            table.grow(count)
+        self._row.all[faces, planes] = np.arange(start, start + count)
+        for places, active, inverse in self.faces.by_size(faces.tolist()):
+            new = planes[places]
+            loss = np.zeros((places.size, len(self.faces.coupling)))
+            across = self.faces.coupling[active, new[:, None]]
+            np.put_along_axis(loss, active, np.einsum("gij,gj->gi", inverse, across), axis=1)
+            loss[np.arange(places.size), new] = -1.0
+            lasting = -loss @ self._root.T  # the part of the new normal across the active ones
+            drop = lasting @ self._root
+            np.put_along_axis(drop, active, 0.0, axis=1)
+            curvature = np.einsum("gr,gr->g", lasting, lasting)
+            self._loss.all[start + places] = loss
+            self._drop.all[start + places] = drop
+            self._curvature.all[start + places] = np.where(curvature > _DEPENDENT, curvature, 0.0)
+
+
+@dataclass(eq=False)
+class _Work:
+    """The points that are not done, as arrays with one row each."""
+
+    point: Ints
+    excess: Floats
+    tolerance: Floats
+    multipliers: Floats
+    face: Ints
+    plane: Ints
+
+    def keep(self, rows: Bools) -> None:
+        """Forget the other points."""
+        for name, value in vars(self).items():
+            setattr(self, name, value[rows])
+
+
+def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
+    """Numbers (q,) of the faces on which the projections of points lie.
+
+    Args:
+        excess: (q, y) scaled yield functions of the trial stresses.
+        tolerance: (q, y) what counts as zero in them.
+        rays: of the polyhedron.
+
+    Raises:
+        EmptyDomain: the planes contradict each other.
+    """
+    count, planes = excess.shape
+    found = np.zeros(count, dtype=np.int64)
+    work = _Work(
+        point=np.arange(count),
+        excess=excess.copy(),
+        tolerance=tolerance.copy(),
+        multipliers=np.zeros((count, planes)),
+        face=found.copy(),
+        plane=np.full(count, -1),
+    )
+    for step in range(step_limit(planes)):
+        _choose(work)
+        if step and step % (20 + planes) == 0:
+            work.tolerance *= 10.0
+        if (done := work.plane < 0).any():
+            found[work.point[done]] = work.face[done]
+            work.keep(~done)
+        if not work.point.size:
+            return found
+        _advance(work, rays)
+    raise ArithmeticError("the projection on the yield planes did not end")
+
+
+def step_limit(planes: int) -> int:
+    """Steps that no projection needs: a handful a plane."""
+    return 100 + 20 * planes
+
+
+def _choose(work: _Work) -> None:
+    """Give points without a plane in hand the one they violate most, if there is one."""
+    free = np.flatnonzero(work.plane < 0)
+    if free.size == work.point.size:
+        outside = work.excess - work.tolerance
+    else:
+        outside = work.excess[free] - work.tolerance[free]
+    worst = outside.argmax(axis=1)
+    violated = outside[np.arange(free.size), worst] > 0.0
+    work.plane[free[violated]] = worst[violated]
+
+
+def _advance(work: _Work, rays: Rays) -> None:
+    """Take one step along the rays: to the new plane, or until a multiplier vanishes."""
+    rows = np.arange(work.point.size)
+    loss, drop, curvature = rays.find(work.face, work.plane)
+    first, bound = _first_to_vanish(work, loss)
+    to_plane = np.full(rows.size, np.inf)
+    np.divide(work.excess[rows, work.plane], curvature, out=to_plane, where=curvature > 0.0)
+    full = (to_plane <= bound) & np.isfinite(to_plane)
+    length = np.minimum(bound, to_plane)
+    if (stuck := np.isinf(length)).any():
+        _leave_or_refuse(work, loss, stuck)
+        length[stuck] = 0.0
+    loss *= length[:, None]
+    drop *= length[:, None]
+    work.multipliers -= loss
+    work.excess -= drop
+    _arrive(work, rays, full)
+    _drop(work, rays, ~full & ~stuck, first)
+
+
+def _first_to_vanish(work: _Work, loss: Floats) -> tuple[Ints, Floats]:
+    """The active plane (w,) whose multiplier vanishes first on the way, and the step (w,) to it."""
+    first, bound = np.zeros(work.point.size, dtype=np.int64), np.full(work.point.size, np.inf)
+    some = np.flatnonzero(work.face)
+    losing = loss[some]
+    steps = np.full(losing.shape, np.inf)
+    with np.errstate(over="ignore"):
+        np.divide(work.multipliers[some], losing, out=steps, where=losing > _DEPENDENT)
+    first[some] = steps.argmin(axis=1)
+    bound[some] = steps[np.arange(some.size), first[some]]
+    return first, bound
+
+
+def _arrive(work: _Work, rays: Rays, rows: Bools) -> None:
+    """Count the new plane among the active ones of rows that reached it."""
+    planes = work.plane[rows]
+    work.face[rows] = rays.faces.join(work.face[rows], planes)
+    # Members are on their planes: what rounding leaves there must not call them again.
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1
+
+
+def _drop(work: _Work, rays: Rays, rows: Bools, first: Ints) -> None:
+    """Take the plane whose multiplier vanished out of the active ones."""
+    planes = first[rows]
+    work.face[rows] = rays.faces.leave(work.face[rows], planes)
+    work.multipliers[rows, planes] = 0.0
+    work.excess[rows, planes] = 0.0
+
+
+def _leave_or_refuse(work: _Work, loss: Floats, stuck: Bools) -> None:
+    """Drop a contradiction that is rounding; refuse one that is not.
+
+    The new normal is minus a nonnegative combination of active ones, and yet its plane is violated:
+    Farkas' certificate that nothing satisfies them all.
+    """
+    rows = np.flatnonzero(stuck)
+    planes = work.plane[rows]
+    real = work.excess[rows, planes] > _NEGLIGIBLE * work.tolerance[rows, planes]
+    if real.any():
+        row = rows[real][0]
+        raise EmptyDomain(tuple(int(i) for i in np.flatnonzero(loss[row] < -_DEPENDENT)))
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1

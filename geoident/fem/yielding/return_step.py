@@ -1,0 +1,174 @@
+"""Stress, multipliers, tangent and derivatives of points whose active planes are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.law import LawSlopes
+from geoident.fem.yielding.scaled_planes import System
+from geoident.model.arrays import Bools, Floats, Ints
+
+_REACHED = 100.0
+"""Times the tolerance of a yield function: within it a plane is reached."""
+
+
+class FaceStep:
+    """The step of points (q) from trial stresses to the faces on which they end.
+
+    Args:
+        system: the planes.
+        faces: of its coupling.
+        trial: s* (s, q).
+        hardened: multipliers of earlier steps (y, q); None for zero.
+        face: (q,) numbers of faces.
+    """
+
+    def __init__(
+        self, system: System, faces: Faces, trial: Floats, hardened: Floats | None, face: Ints
+    ) -> None:
+        self._system = system
+        self._faces = faces
+        self.trial = trial
+        self._hardened = hardened
+        self._used, self._place = np.unique(face, return_inverse=True)
+        self._face_planes, self._face_inverse = faces.compact(self._used.tolist())
+        self._planes = self._face_planes[self._place]
+        self._inverse = self._face_inverse[self._place]
+        self._scaled = self._solve()
+
+    def _solve(self) -> Floats:
+        """Scaled multipliers (q, y), refined once: what the inverse lacks in digits."""
+        excess = self._system.excess(self.trial, self._hardened).T
+        multipliers = np.zeros_like(excess)
+        for _ in range(2):
+            rest = excess - multipliers @ self._system.coupling.T
+            multipliers += self._spread(self._on_face(rest))
+        return multipliers
+
+    def _on_face(self, values: Floats) -> Floats:
+        """A_WW^-1 times the active ones of values (q, y), (q, w)."""
+        active = np.take_along_axis(values, self._planes, axis=1)
+        return np.asarray(np.einsum("qij,qj->qi", self._inverse, active))
+
+    def _spread(self, compact: Floats) -> Floats:
+        """Values (q, w) of active planes at their places among all, (q, y)."""
+        full = np.zeros((len(compact), len(self._system.scale)))
+        np.put_along_axis(full, self._planes, compact, axis=1)
+        return full
+
+    @property
+    def signed_multipliers(self) -> Floats:
+        """(q, y), of the planes as given, with the sign that rounding left."""
+        return self._scaled / self._system.scale
+
+    @property
+    def multipliers(self) -> Floats:
+        """(q, y) >= 0, of the planes as given."""
+        return np.maximum(self.signed_multipliers, 0.0)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(s, q)."""
+        return np.asarray(self.trial - self._system.moved @ self._scaled.T)
+
+    @cached_property
+    def active(self) -> Bools:
+        """(q, y)."""
+        table = np.zeros((len(self._used), len(self._system.scale)), dtype=np.bool_)
+        for row, face in enumerate(self._used):
+            table[row, list(self._faces.members[face])] = True
+        return table[self._place]
+
+    @cached_property
+    def _near(self) -> Floats:
+        """(q, y): what is zero but for rounding, in yield functions and scaled multipliers."""
+        return _REACHED * self._system.tolerance(self.trial, self._hardened).T
+
+    @cached_property
+    def reached(self) -> Bools:
+        """(q, y) planes on which the stress lies."""
+        limits = self._system.limits(self._hardened) + self._system.hardening @ self._scaled.T
+        excess = self._system.normals @ self.stress - limits
+        return np.asarray(excess.T + self._near >= 0.0)
+
+    @property
+    def working(self) -> Bools:
+        """(q, y) planes with a multiplier."""
+        return np.asarray(np.abs(self._scaled) > self._near)
+
+    @property
+    def biactive(self) -> Bools:
+        """(q, y)."""
+        return self.reached & ~self.working
+
+    @cached_property
+    def reduction(self) -> Floats:
+        """(q, s, s)."""
+        planes = self._face_planes
+        moved, normals = self._system.moved.T[planes], self._system.normals[planes]
+        change = np.einsum("fis,fij,fjt->fst", moved, self._face_inverse, normals, optimize=True)
+        return np.asarray((np.eye(len(self.trial)) - change)[self._place])
+
+    @property
+    def reserve(self) -> Floats:
+        """(q,): 1/2 lam^T (M E M^T + H) lam."""
+        work = self._system.flow @ self._system.moved + self._system.hardening
+        return np.asarray(0.5 * np.einsum("qi,ij,qj->q", self._scaled, work, self._scaled))
+
+    def slopes(
+        self,
+        trial: Floats,
+        parameters: Sequence[LawSlopes | None] = (),
+        hardened: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`."""
+        system = self._system
+        stress = trial.copy()
+        grown = np.zeros((len(system.scale), *trial.shape[1:]))
+        for column, slopes in enumerate(parameters):
+            if slopes is not None:
+                self._add_direct(system.scaled(slopes), stress[:, :, column], grown[:, :, column])
+        if hardened is not None and system.hardens:
+            grown += np.tensordot(system.hardening * system.scale, hardened, axes=1)
+        excess = np.tensordot(system.normals, stress, axes=1) - grown
+        multipliers = self._multiplier_slopes(excess)
+        stress -= np.tensordot(system.moved, multipliers, axes=1)
+        return stress, multipliers / system.scale[:, None, None]
+
+    def _multiplier_slopes(self, excess: Floats) -> Floats:
+        """Scaled dlam (y, q, n) of the slopes of yield functions at fixed multipliers."""
+        points = np.arange(excess.shape[1])[:, None]
+        compact = np.einsum("qij,qjn->qin", self._inverse, excess[self._planes, points])
+        full = np.zeros_like(excess)
+        full[self._planes, points] = compact
+        return full
+
+    def _add_direct(self, slopes: LawSlopes, stress: Floats, grown: Floats) -> None:
+        """What one parameter changes at fixed multipliers: the stress (s, q), the limits (y, q)."""
+        system, lam = self._system, self._scaled
+        flow = slopes.normals if slopes.flow is None and self.follows else slopes.flow
+        if slopes.elasticity is not None:
+            stress -= slopes.elasticity @ (lam @ system.flow).T
+        if flow is not None:
+            stress -= system.elasticity @ (lam @ flow).T
+        if slopes.distances is not None:
+            grown += slopes.distances[:, None]
+        if slopes.normals is not None:
+            grown -= slopes.normals @ self.stress
+        if slopes.hardening is not None:
+            grown += slopes.hardening @ self._accumulated()
+
+    @cached_property
+    def follows(self) -> bool:
+        """Whether the flow is that of the normals."""
+        return bool(np.array_equal(self._system.flow, self._system.normals))
+
+    def _accumulated(self) -> Floats:
+        """Scaled multipliers of this step and those before, (y, q)."""
+        if self._hardened is None:
+            return self._scaled.T
+        return np.asarray(self._scaled.T + self._system.scale[:, None] * self._hardened)

@@ -1,0 +1,1 @@
+"""What acts on the ground: weight, loads, water, temperature, supports, release."""

@@ -1,0 +1,92 @@
+"""Loads made ready: what does not depend on parameters is computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.faces import FacetPatch
+from geoident.fem.kinematics import Kinematics
+from geoident.fem.loads import pressure_forces, pressure_operator, traction_weights
+from geoident.fem.location import Site
+from geoident.forward.actions.supports import group_nodes
+from geoident.forward.actions.water import FacePressure
+from geoident.model.actions import FaceLoad, PointForce, Pressure, Traction
+from geoident.model.arrays import Floats
+from geoident.model.dual import Point
+from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
+
+
+class ReadyLoad(Protocol):
+    """A load that can be asked for its nodal forces."""
+
+    def forces(self, point: Point) -> Floats:
+        """Forces (n_dofs, 1 + n) and their derivatives, N."""
+
+
+class ScaledForces:
+    """Forces that are given ones times numbers of the case.
+
+    Args:
+        terms: nodal forces (n_dofs,) with the number that scales them.
+    """
+
+    def __init__(self, terms: Sequence[tuple[Floats, Scalar]]) -> None:
+        self._terms = terms
+
+    def forces(self, point: Point) -> Floats:
+        """Forces (n_dofs, 1 + n) and their derivatives, N."""
+        parts = (np.outer(unit, point.jet(scalar).columns) for unit, scalar in self._terms)
+        return np.asarray(sum(parts))
+
+
+class WaterForces:
+    """Forces of water on faces.
+
+    Args:
+        terms: the pressure at the quadrature points of a patch with the operator (n_dofs, m)
+            that makes forces of it.
+    """
+
+    def __init__(self, terms: Sequence[tuple[FacePressure, sp.csr_array]]) -> None:
+        self._terms = terms
+
+    def forces(self, point: Point) -> Floats:
+        """Forces (n_dofs, 1 + n) and their derivatives, N."""
+        return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in self._terms))
+
+
+def face_load(
+    mesh: Mesh, load: FaceLoad, faces: Sequence[FacetPatch], kinematics: Kinematics
+) -> ReadyLoad:
+    """A load on the free faces of the ground."""
+    if isinstance(load, Pressure):
+        push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
+        return ScaledForces([(push, load.value)])
+    if isinstance(load, Traction):
+        area = sum((traction_weights(mesh, p, kinematics) for p in faces), np.zeros(1))
+        return _along_axes(mesh, area, load.value)
+    ready = [pressure_operator(mesh, p, kinematics) for p in faces]
+    return WaterForces([(FacePressure(load, where), matrix) for where, matrix in ready])
+
+
+def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
+    """A force at a site, shared by the nodes around it; or on the nodes of a group."""
+    shares = np.zeros(mesh.n_nodes)
+    if isinstance(load.place, str):
+        nodes = group_nodes(mesh, load.place)
+        shares[nodes] = 1 / len(nodes)
+    elif site is not None:
+        shares[site.nodes] = site.shapes
+    return _along_axes(mesh, shares, load.value)
+
+
+def _along_axes(mesh: Mesh, shares: Floats, value: Sequence[Scalar]) -> ScaledForces:
+    """Forces shared by the nodes (n_nodes,), with one number per axis."""
+    axes = np.eye(mesh.dim)
+    terms = zip(axes, value, strict=True)
+    return ScaledForces([(np.outer(shares, axis).ravel(), number) for axis, number in terms])

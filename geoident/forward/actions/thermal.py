@@ -1,0 +1,120 @@
+"""Thermal strains: eps_0 = alpha dT in every direction, an initial strain of the ground.
+
+The stress that a change of temperature brings is sigma = E (C u - eps_0). Each state imposes the
+strain of the *change* of temperature since the state on which it builds, with the expansion of the
+material that is there now, so that a change of material keeps the stress. What is placed is free of
+stress at the temperature zero of its own count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoident.forward.actions.products import product_obstacle
+from geoident.forward.ground.elasticity import Values
+from geoident.forward.march.discretization import StageSystems
+from geoident.forward.stages import State, Timeline
+from geoident.model.actions import Temperature, TemperatureField
+from geoident.model.arrays import Floats
+from geoident.model.case import Case, Material
+from geoident.model.dual import Jet, Point
+from geoident.model.ground import constants
+from geoident.model.parameter import Scalar
+
+NORMAL_COMPONENTS = 3
+"""The first three strain components, out of plane included, are normal strains."""
+
+
+class ThermalStrains:
+    """Thermal strains of all states; given temperature fields are interpolated once."""
+
+    def __init__(self, case: Case, timeline: Timeline, systems: StageSystems) -> None:
+        self._case = case
+        self._timeline = timeline
+        self._systems = systems
+        self._fields: dict[tuple[int, int], Floats] = {}
+
+    def change(self, state: int, values: Values, names: Sequence[str]) -> Floats | None:
+        """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
+        current = self._timeline.states[state]
+        before = self._timeline.states[current.base]
+        warmed = _changed(current, before)
+        if not warmed or state == 0:
+            return None
+        point = Point(values, names)
+        strain = np.zeros((self._systems.points.n_points, point.n_columns))
+        for group in warmed:
+            expansion = point.jet(self._case.materials[current.materials[group]].expansion)
+            change = self._temperature(current.temperature.get(group), group, point)
+            if group not in current.placed:
+                change = change - self._temperature(before.temperature.get(group), group, point)
+            strain[self._systems.points_of[group]] = (change * expansion).columns
+        return strain
+
+    def _temperature(self, given: Temperature | None, group: int, point: Point) -> Jet:
+        """Change of temperature at the points of a group, (k or 1,)."""
+        if given is None:
+            return point.given(np.zeros(1))
+        if isinstance(given, Scalar):
+            return Jet(point.jet(given).columns[None])
+        key = (id(given), group)
+        if key not in self._fields:
+            positions = self._systems.points.position[self._systems.points_of[group]]
+            self._fields[key] = interpolate(given, positions)
+        return Jet(point.jet(given.factor).columns[None]).times(self._fields[key])
+
+
+def interpolate(field: TemperatureField, positions: Floats) -> Floats:
+    """Values (m,) at positions (m, dim): linear between the points, the nearest beyond them."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # noqa: PLC0415
+    from scipy.spatial import QhullError  # noqa: PLC0415
+
+    points, given = np.array(field.points), np.array(field.values)
+    nearest = np.asarray(NearestNDInterpolator(points, given)(positions))
+    try:
+        found = np.asarray(LinearNDInterpolator(points, given)(positions))
+    except QhullError:  # too few points, or all on a line
+        return nearest
+    return np.where(np.isnan(found), nearest, found)
+
+
+def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
+    """Why thermal stresses are not affine in the free parameters, or None if they are."""
+    warmed = [item for stage in case.stages for item in stage.temperature.items()]
+    reasons = (
+        _obstacle(case.materials[name], given, free)
+        for group, given in warmed
+        for name in _materials_of(case, group)
+    )
+    return next((reason for reason in reasons if reason), None)
+
+
+def _obstacle(material: Material, given: Temperature, free: frozenset[str]) -> str | None:
+    """The thermal stress is a modulus times the expansion times the temperature."""
+    temperature = given if isinstance(given, Scalar) else given.factor
+    what = f"the thermal stress of {material.name}"
+    moduli = constants(material.elastic).values()
+    products = ((modulus, material.expansion, temperature) for modulus in moduli)
+    reasons = (product_obstacle(what, factors, free) for factors in products)
+    return next((reason for reason in reasons if reason), None)
+
+
+def _materials_of(case: Case, group: str) -> list[str]:
+    """Every material that a group is made of at some time."""
+    names = [case.groups.get(group)]
+    for stage in case.stages:
+        names += [stage.install.get(group), stage.change.get(group)]
+    return [name for name in dict.fromkeys(names) if name is not None]
+
+
+def _changed(current: State, before: State) -> list[int]:
+    """Groups that are there and whose temperature is not that of the state before."""
+    named = current.temperature.keys() | before.temperature.keys()
+    return sorted(
+        g
+        for g in named
+        if g in current.materials
+        and (g in current.placed or current.temperature.get(g) is not before.temperature.get(g))
+    )

@@ -1,0 +1,83 @@
+"""Pressure of water: in the pores below a table, and on faces below a level.
+
+With water in the pores the stress of the march is the *effective* stress sigma' of the skeleton,
+and the ground as a whole carries sigma = sigma' - p (Terzaghi). Equilibrium of the whole,
+C^T V (sigma' - p) = f, reads for the skeleton C^T V sigma' = f + C^T V p: the pressure is a load,
+and so is its change from stage to stage. Densities below the table are those of saturated ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.forward.actions.products import product_obstacle
+from geoident.forward.in_situ.surfaces import Depths
+from geoident.model.actions import HeadLine, Load, Water, WaterPressure
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
+from geoident.model.dual import Jet, Point
+from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
+
+
+class PorePressure:
+    """Pore pressure at fixed positions (m, dim), m."""
+
+    def __init__(self, water: Water, mesh: Mesh, positions: Floats) -> None:
+        self._unit_weight = water.unit_weight
+        self._depths = Depths(mesh, water.table, positions)
+        self.n_outside = self._depths.n_outside
+
+    def at(self, point: Point) -> Jet:
+        """Pressure (m,), Pa, zero above the table."""
+        return self._depths.at(point).positive_part() * point.jet(self._unit_weight)
+
+
+class FacePressure:
+    """Pressure of water on faces, at fixed positions (m, dim), m."""
+
+    def __init__(self, load: WaterPressure, positions: Floats) -> None:
+        self._load = load
+        self._height = positions[:, -1]
+        self._along = None if load.falls is None else _parts_of(load.falls, positions)
+
+    def at(self, point: Point) -> Jet:
+        """Pressure (m,), Pa, zero above the level."""
+        load = self._load
+        level = Jet(point.jet(load.level).columns[None])
+        if load.falls is not None and self._along is not None:
+            end = Jet(point.jet(load.falls.level).columns[None])
+            level = level.times(1 - self._along) + end.times(self._along)
+        depth = level.plus(-self._height)
+        return depth.positive_part() * point.jet(load.unit_weight)
+
+
+def _parts_of(line: HeadLine, positions: Floats) -> Floats:
+    """How far along a line positions are, (m,), from 0 at its start to 1 at its end."""
+    start = np.array(line.start)
+    span = np.array(line.end) - start
+    return np.asarray(np.clip((positions - start) @ span / (span @ span), 0.0, 1.0))
+
+
+def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
+    """Why the pressures of water are not affine in the free parameters, or None if they are."""
+    waters = [case.water, *(stage.water for stage in case.stages)]
+    loads: list[Load] = [*case.loads.values()]
+    loads += [load for stage in case.stages for load in stage.loads.values()]
+    numbers = [(w.table, w.unit_weight) for w in waters if w is not None]
+    for load in loads:
+        if isinstance(load, WaterPressure):
+            numbers.append((load.level, load.unit_weight))
+            if load.falls is not None:
+                numbers.append((load.falls.level, load.unit_weight))
+    reasons = (_obstacle(level, weight, free) for level, weight in numbers)
+    return next((reason for reason in reasons if reason), None)
+
+
+def _obstacle(level: Scalar | str, weight: Scalar, free: frozenset[str]) -> str | None:
+    if isinstance(level, str):
+        return None
+    product = product_obstacle("the pressure of the water", (level, weight), free)
+    if product is None and level.parameter in free:
+        return f"the water ends at the level {level.parameter}, so its pressure is not linear in it"
+    return product

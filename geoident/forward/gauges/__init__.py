@@ -1,0 +1,1 @@
+"""What the gauges see, and what they add by themselves."""

@@ -1,0 +1,1 @@
+"""Elasticity of the ground: moduli at parameter values, and whether a section can stay plane."""

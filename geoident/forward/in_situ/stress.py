@@ -1,0 +1,257 @@
+"""In-situ stress sigma_0 and its derivatives (theory 2).
+
+The formulas are written with jets, so every number of a model may be a parameter: stresses, unit
+weights, K0 in both directions, the azimuth, the level of the surface. Depth is counted downwards
+from the surface; where the surface is a level that crosses strain points, the stress has a kink
+there, and the derivative by the level is one-sided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.forward.actions.products import product_obstacle
+from geoident.forward.ground.elasticity import Values
+from geoident.forward.in_situ.surfaces import Depths, is_known
+from geoident.forward.stages import Timeline, listed
+from geoident.model.actions import Water
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case, KeyPath
+from geoident.model.dual import Jet, Point
+from geoident.model.in_situ import (
+    Components,
+    ConstantStress,
+    HeimStress,
+    InSitu,
+    ProfileStress,
+    Surface,
+)
+from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
+
+_N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
+
+
+class InSituStress:
+    """The in-situ stress of a case at fixed positions: levels of surfaces are sought once.
+
+    Args:
+        case: the case.
+        mesh: its mesh, for surfaces with topography.
+        positions: (m, dim) m.
+        groups: (m,) group index of each position.
+        names: names of the groups by index.
+    """
+
+    def __init__(
+        self, case: Case, mesh: Mesh, positions: Floats, groups: Ints, names: Sequence[str]
+    ) -> None:
+        self._shape = (_N_STRAIN[mesh.dim], len(positions))
+        own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
+        zones = [(case.in_situ, ~own)]
+        zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
+        self._zones = [
+            (_stress_of(model, mesh, positions[here]), np.flatnonzero(here))
+            for model, here in zones
+            if model is not None and here.any()
+        ]
+        self.n_outside = sum(zone.n_outside for zone, _ in self._zones)
+
+    def columns(self, values: Values, names: Sequence[str]) -> Floats:
+        """Stress and its derivatives, (n_strain, m, 1 + n), Pa, tension positive."""
+        point = Point(values, names)
+        result = np.zeros((*self._shape, point.n_columns))
+        for zone, here in self._zones:
+            for row, jet in enumerate(zone.components(point)[: len(result)]):
+                result[row, here] = jet.columns
+        return result
+
+
+def in_situ_stress(
+    model: InSitu | None, values: Values, names: Sequence[str], positions: Floats
+) -> Floats:
+    """Stress of one model at positions (m, dim), without topography; see `InSituStress`."""
+    dim = positions.shape[1]
+    result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
+    if model is not None:
+        zone = _stress_of(model, Mesh(np.empty((0, dim)), ()), positions)
+        for row, jet in enumerate(zone.components(Point(values, names))[: len(result)]):
+            result[row] = jet.columns
+    return result
+
+
+def edges_held(model: InSitu | None) -> bool:
+    """Whether tractions on the edges of the model hold the stress (`model.in_situ`).
+
+    A stress that is the same everywhere can't vanish at the surface: the ground that continues
+    beyond the edges of the model holds it.
+    """
+    if model is None:
+        return False
+    if model.held is not None:
+        return model.held
+    return isinstance(model, ConstantStress) or (
+        isinstance(model, HeimStress) and model.vertical is not None
+    )
+
+
+def in_situ_models(case: Case) -> Iterator[tuple[KeyPath, InSitu]]:
+    """Every in-situ model of a case with its key."""
+    if case.in_situ is not None:
+        yield ("in_situ",), case.in_situ
+    for group, model in case.in_situ_of.items():
+        yield ("in_situ", "groups", group), model
+
+
+def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
+    """Surfaces of the in-situ stress and tables of the water that the mesh does not have."""
+    wanted: list[tuple[KeyPath, Surface]] = [
+        ((*path, "surface"), model.surface)
+        for path, model in in_situ_models(case)
+        if not isinstance(model, ConstantStress) and model.surface is not None
+    ]
+    waters: list[tuple[KeyPath, Water | None]] = [(("water",), case.water)]
+    waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(case.stages)]
+    wanted += [((*path, "table"), water.table) for path, water in waters if water is not None]
+    return [
+        case.source.fault(
+            path,
+            code="missing-group",
+            message=f"the mesh {mesh.file} has no group of faces '{surface}'",
+            hint=f"its groups of faces: {listed(mesh.facet_groups)}",
+        )
+        for path, surface in wanted
+        if not is_known(mesh, surface)
+    ]
+
+
+def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
+    """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
+    virgin = {timeline.groups[g] for g in timeline.states[0].materials}
+    return [
+        case.source.fault(
+            ("in_situ", "groups", group),
+            code="absent-group",
+            message=f"'{group}' is not present in the virgin state, so it has no in-situ stress",
+            hint="remove the entry, or correct 'groups'",
+        )
+        for group in case.in_situ_of
+        if group not in virgin
+    ]
+
+
+def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
+    """Why sigma_0 is not affine in the free parameters, or None if it is."""
+    reasons = (_obstacle(model, free) for _, model in in_situ_models(case))
+    return next((reason for reason in reasons if reason), None)
+
+
+def _obstacle(model: InSitu, free: frozenset[str]) -> str | None:
+    if isinstance(model, ConstantStress):
+        return None
+    level = model.surface if isinstance(model.surface, Scalar) else None
+    if isinstance(model, ProfileStress):
+        products = ((level, slope) for slope in model.gradient)
+        reasons = (product_obstacle("the stress", factors, free) for factors in products)
+        return next((reason for reason in reasons if reason), None)
+    if level is not None and level.parameter in free:
+        return f"the in-situ stress ends at the level {level.parameter} of the surface"
+    if model.azimuth is not None and model.azimuth.parameter in free:
+        return f"the horizontal stress turns with the azimuth {model.azimuth.parameter}"
+    size = model.vertical or model.unit_weight
+    for ratio in (model.K0, model.K0_across):
+        reason = product_obstacle("the horizontal stress", (size, ratio), free)
+        if reason is not None:
+            return reason
+    return None
+
+
+class _Uniform:
+    """Stress that is the same at all positions."""
+
+    n_outside = 0
+
+    def __init__(self, components: Components) -> None:
+        self._components = components
+
+    def components(self, point: Point) -> list[Jet]:
+        """xx, yy, zz, xy, yz, xz."""
+        return [point.jet(scalar) for scalar in self._components]
+
+
+class _Heim:
+    """Stress by Heim's rule."""
+
+    def __init__(self, model: HeimStress, mesh: Mesh, positions: Floats) -> None:
+        self._model = model
+        self._dim = positions.shape[1]
+        self._n = len(positions)
+        surface = model.surface
+        self._depths = None if surface is None else Depths(mesh, surface, positions)
+        self.n_outside = 0 if self._depths is None else self._depths.n_outside
+
+    def components(self, point: Point) -> list[Jet]:
+        """xx, yy, zz, xy, yz, xz."""
+        model = self._model
+        vertical = -self._overburden(point)
+        along = vertical * point.jet(model.K0)
+        across = vertical * point.jet(model.K0 if model.K0_across is None else model.K0_across)
+        none = point.given(np.zeros(self._n))
+        if self._dim == 2:
+            found = [along, vertical, across, none, none, none]
+        else:
+            xx, yy, xy = _turned(along, across, model.azimuth, point)
+            found = [xx, yy, vertical, xy, none, none]
+        if model.tectonic is None:
+            return found
+        return [jet + point.jet(more) for jet, more in zip(found, model.tectonic, strict=True)]
+
+    def _overburden(self, point: Point) -> Jet:
+        """Vertical pressure (m,), compression positive."""
+        model = self._model
+        if model.vertical is not None:
+            return point.given(np.ones(self._n)) * point.jet(model.vertical)
+        if model.unit_weight is None or self._depths is None:
+            msg = "Heim's stress needs a vertical stress, or a unit weight and the surface"
+            raise ValueError(msg)
+        return self._depths.at(point).positive_part() * point.jet(model.unit_weight)
+
+
+class _Profile:
+    """Stress that changes linearly with depth."""
+
+    def __init__(self, model: ProfileStress, mesh: Mesh, positions: Floats) -> None:
+        self._model = model
+        self._depths = Depths(mesh, model.surface, positions)
+        self.n_outside = self._depths.n_outside
+
+    def components(self, point: Point) -> list[Jet]:
+        """xx, yy, zz, xy, yz, xz."""
+        depth = self._depths.at(point)
+        return [
+            depth * point.jet(slope) + point.jet(start)
+            for start, slope in zip(self._model.at_surface, self._model.gradient, strict=True)
+        ]
+
+
+def _stress_of(model: InSitu, mesh: Mesh, positions: Floats) -> _Uniform | _Heim | _Profile:
+    if isinstance(model, ConstantStress):
+        return _Uniform(model.components)
+    if isinstance(model, HeimStress):
+        return _Heim(model, mesh, positions)
+    return _Profile(model, mesh, positions)
+
+
+def _turned(along: Jet, across: Jet, azimuth: Scalar | None, point: Point) -> tuple[Jet, Jet, Jet]:
+    """xx, yy, xy of principal stresses: ``along`` acts in the azimuth, clockwise from y."""
+    if azimuth is None:
+        return along, across, point.given(np.zeros(along.value.shape))
+    angle = point.jet(azimuth)
+    east = angle.through(np.sin, np.cos)
+    north = angle.through(np.cos, lambda a: -np.sin(a))
+    xx = along * (east * east) + across * (north * north)
+    yy = along * (north * north) + across * (east * east)
+    return xx, yy, (along - across) * (east * north)

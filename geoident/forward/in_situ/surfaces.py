@@ -1,0 +1,101 @@
+"""Levels of a surface with topography: where a vertical line meets a group of faces of the mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Jet, Point
+from geoident.model.in_situ import Surface
+from geoident.model.mesh import Mesh
+
+_INSIDE = 1e-9
+"""How far outside a face, in parts of its size, a vertical line may pass and still meet it."""
+
+# Facets with nodes on their edges are cut into flat pieces: parts of a line, triangles.
+_PIECES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "line2": ((0, 1),),
+    "line3": ((0, 2), (2, 1)),
+    "tri3": ((0, 1, 2),),
+    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad4": ((0, 1, 2), (0, 2, 3)),
+    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+}
+
+
+class Topography:
+    """A surface above (or below) which every vertical line passes through a level.
+
+    Where several faces lie above each other the highest counts. Beyond the footprint of the faces
+    the level is that of their horizontally nearest node.
+    """
+
+    def __init__(self, mesh: Mesh, group: str) -> None:
+        self._nodes = mesh.points[_pieces(mesh, group)]
+        corners = np.unique(self._nodes.reshape(-1, mesh.dim), axis=0)
+        self._corners = corners[np.argsort(corners[:, -1])[::-1]]  # of equal places the highest
+
+    def levels(self, positions: Floats) -> tuple[Floats, Bools]:
+        """Levels at positions (m, dim), and which of them lie outside the footprint; m."""
+        plan = positions[:, :-1]
+        found = np.full(len(positions), -np.inf)
+        order = np.argsort(plan[:, 0])
+        along = plan[order, 0]
+        for piece in self._nodes:
+            low, high = piece[:, 0].min(), piece[:, 0].max()
+            margin = _INSIDE * (high - low)
+            first, last = np.searchsorted(along, [low - margin, high + margin])
+            near = order[first:last]
+            met, level = _meet(piece, plan[near])
+            found[near[met]] = np.maximum(found[near[met]], level)
+        outside = ~np.isfinite(found)
+        if outside.any():
+            nearest = cKDTree(self._corners[:, :-1]).query(plan[outside])[1]
+            found[outside] = self._corners[nearest, -1]
+        return found, outside
+
+
+class Depths:
+    """Levels of a surface over fixed positions: prepared once, asked for many parameters."""
+
+    def __init__(self, mesh: Mesh, surface: Surface, positions: Floats) -> None:
+        self._surface = surface
+        self._height = positions[:, -1]
+        self.n_outside = 0
+        if isinstance(surface, str):
+            self._levels, outside = Topography(mesh, surface).levels(positions)
+            self.n_outside = int(outside.sum())
+
+    def at(self, point: Point) -> Jet:
+        """Depth (m,) below the surface, negative above it, m."""
+        if isinstance(self._surface, str):
+            return point.given(self._levels - self._height)
+        return Jet(point.jet(self._surface).columns[None]).plus(-self._height)
+
+
+def _pieces(mesh: Mesh, group: str) -> Ints:
+    """(n, dim) nodes of the flat pieces of a group of facets."""
+    wanted, first, found = mesh.facet_groups[group], 0, []
+    for block in mesh.facets:
+        mine = wanted[(wanted >= first) & (wanted < first + len(block))] - first
+        found += [block.nodes[mine][:, list(piece)] for piece in _PIECES[block.kind]]
+        first += len(block)
+    return np.vstack(found)
+
+
+def _meet(piece: Floats, plan: Floats) -> tuple[Bools, Floats]:
+    """Which vertical lines (k, dim - 1) meet a piece (dim, dim), and at which levels."""
+    base, edges = piece[0], piece[1:] - piece[0]
+    matrix = edges[:, :-1].T
+    size = np.abs(matrix).max(initial=0.0) ** len(matrix)
+    if abs(np.linalg.det(matrix)) <= _INSIDE * size:
+        return np.zeros(len(plan), dtype=bool), np.empty(0)  # a vertical piece has no level
+    local = np.linalg.solve(matrix, (plan - base[:-1]).T).T
+    met = (local.min(axis=1) >= -_INSIDE) & (local.sum(axis=1) <= 1 + _INSIDE)
+    return met, base[-1] + local[met] @ edges[:, -1]
+
+
+def is_known(mesh: Mesh, surface: Surface) -> bool:
+    """Whether a surface is a level, or a group of faces that the mesh has."""
+    return not isinstance(surface, str) or surface in mesh.facet_groups

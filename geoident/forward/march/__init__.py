@@ -1,0 +1,1 @@
+"""The march through the stages: equations, equilibrium and derivatives."""

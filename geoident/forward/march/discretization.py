@@ -1,0 +1,201 @@
+"""The equations of every stage, prepared: patterns, analyses, which points and nodes are there."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.ordering import nested_dissection
+from geoident.fem.solvers.counts import SolverCounts
+from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
+from geoident.fem.stiffness import (
+    GroupBlocks,
+    StiffnessPattern,
+    group_blocks,
+    node_graph,
+    stiffness_pattern,
+)
+from geoident.fem.tangent import PointBlocks, TangentPattern
+from geoident.forward.gauges.observation import format_point
+from geoident.forward.stages import State, Timeline
+from geoident.forward.structures.members import Structures
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+
+Index = Ints | slice
+
+
+@dataclass(frozen=True)
+class StageSystem:
+    """The equations of one state.
+
+    Args:
+        present: (n_points,) strain points that are there.
+        touched: (n_dofs,) degrees of freedom of nodes that are there.
+        volume: (n_points,) V, zero where absent.
+        points_of: material name to its strain points.
+        groups: indices of the present groups and keys of the structures that stand.
+        pattern: the stiffness pattern.
+    """
+
+    present: Bools
+    touched: Bools
+    volume: Floats
+    points_of: Mapping[str, Index]
+    groups: frozenset[int]
+    pattern: StiffnessPattern
+
+
+class StageSystems:
+    """The equations of all states of a timeline, each prepared when it is first needed.
+
+    Equal patterns are analysed once, and only if something is solved on them.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        mesh: Mesh,
+        timeline: Timeline,
+        fixed: Bools,
+        solver: Solver,
+        structures: Structures,
+    ) -> None:
+        self.kinematics = kinematics_of(case.analysis)
+        geometries = tuple(block_geometry(mesh.points, b, self.kinematics) for b in mesh.blocks)
+        self.geometries = geometries
+        self.points: StrainPoints = strain_points(mesh, geometries, self.kinematics)
+        self._mesh = mesh
+        self._solver = solver
+        order = nested_dissection(mesh.points, *node_graph(mesh))
+        self._node_of_rank = _moved_to_end(order, structures.late_nodes())
+        rank = np.empty_like(self._node_of_rank)
+        rank[self._node_of_rank] = np.arange(len(rank))
+        ever = sorted({g for state in timeline.states for g in state.materials})
+        self._blocks: dict[int, GroupBlocks] = {
+            g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
+        } | structures.blocks(rank)
+        self.structures = structures
+        group_of_point = timeline.group_of[self.points.element]
+        self.points_of: dict[int, Index] = {g: _as_index(group_of_point == g) for g in ever}
+        self._timeline = timeline
+        self._fixed = fixed
+        self._systems: dict[int, StageSystem] = {}
+        self._patterns: dict[frozenset[int], StiffnessPattern] = {}
+        self._point_blocks = PointBlocks(mesh, geometries, self.kinematics)
+        self._tangents: dict[frozenset[int], TangentPattern] = {}
+        self._analyses: dict[frozenset[int], Analysis | None] = {}
+        self._analysed: dict[bytes, Analysis] = {}
+
+    def __getitem__(self, state: int) -> StageSystem:
+        if state not in self._systems:
+            self._systems[state] = self._prepare(state)
+        return self._systems[state]
+
+    def analysis(self, system: StageSystem) -> Analysis | None:
+        """The analysed pattern of a state; None if nothing is free to move."""
+        if system.groups not in self._analyses:
+            self._analyses[system.groups] = self._analyse(system.pattern.lower)
+        return self._analyses[system.groups]
+
+    def tangents(self, system: StageSystem) -> TangentPattern:
+        """Where changes of moduli at strain points go in K of a state."""
+        if system.groups not in self._tangents:
+            self._tangents[system.groups] = TangentPattern(self._point_blocks, system.pattern)
+        return self._tangents[system.groups]
+
+    @property
+    def solver_counts(self) -> SolverCounts:
+        """What the solver has done so far."""
+        return self._solver.counts
+
+    def values(
+        self,
+        system: StageSystem,
+        state: State,
+        laws: Mapping[str, Floats],
+        values: Mapping[str, float],
+    ) -> Floats:
+        """Values of K for the moduli (n_strain, n_strain) of every material.
+
+        Structures take theirs from the parameter values.
+        """
+        maps = {name: self.kinematics.stiffness_map(law) for name, law in laws.items()}
+        ground = {group: maps[material] for group, material in state.materials.items()}
+        return system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
+
+    def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
+        """Where an unknown stands, for a message."""
+        if unknown is None:
+            return ""
+        node = system.pattern.dofs[unknown] // self._mesh.dim
+        return f" near {format_point(self._mesh.points[node])}"
+
+    def describe_motion(self, u: Floats) -> str:
+        """Where displacements (n_dofs,) are largest, for a message."""
+        node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
+        return f" near {format_point(self._mesh.points[node])}"
+
+    def describe_point(self, point: int) -> str:
+        """Where a strain point stands, for a message."""
+        return format_point(self.points.position[point])
+
+    def _prepare(self, number: int) -> StageSystem:
+        timeline, state = self._timeline, self._timeline.states[number]
+        here = timeline.present(number)
+        present = here[self.points.element]
+        points_of: dict[str, Index] = {}
+        names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
+        name_of_point = names[timeline.group_of[self.points.element]]
+        for material in set(state.materials.values()):
+            points_of[material] = _as_index(name_of_point == material)
+        groups = frozenset(state.materials) | self.structures.keys(state)
+        if groups not in self._patterns:
+            self._patterns[groups] = stiffness_pattern(
+                {g: self._blocks[g] for g in groups},
+                node_of_rank=self._node_of_rank,
+                fixed=self._fixed,
+                dim=self._mesh.dim,
+            )
+        pattern = self._patterns[groups]
+        volume = np.where(present, self.points.volume, 0.0)
+        touched = _touched(self._mesh, here)
+        return StageSystem(present, touched, volume, points_of, groups, pattern)
+
+    def _analyse(self, lower: LowerPattern) -> Analysis | None:
+        if lower.n == 0:
+            return None
+        key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        if key not in self._analysed:
+            self._analysed[key] = self._solver.analyse(lower)
+        return self._analysed[key]
+
+
+def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
+    """An elimination order with some nodes last, otherwise as it was."""
+    late = np.isin(order, nodes)
+    return np.concatenate([order[~late], order[late]])
+
+
+def _as_index(mask: Bools) -> Index:
+    """A slice where the marked places are one run (no copies), else their indices."""
+    where = np.flatnonzero(mask)
+    if len(where) and where[-1] - where[0] + 1 == len(where):
+        return slice(int(where[0]), int(where[-1]) + 1)
+    return where
+
+
+def _touched(mesh: Mesh, present: Bools) -> Bools:
+    """(n_dofs,) degrees of freedom of the nodes of present elements."""
+    nodes = np.zeros(mesh.n_nodes, dtype=bool)
+    first = 0
+    for block in mesh.blocks:
+        nodes[block.nodes[present[first : first + len(block)]]] = True
+        first += len(block)
+    return np.repeat(nodes, mesh.dim)

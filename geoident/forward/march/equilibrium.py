@@ -1,0 +1,224 @@
+"""Equilibrium of one stage with yielding points: a semismooth Newton method (theory 5).
+
+The displacements du of a stage minimise
+
+    Pi(du) = sum_i V_i w(sigma_old + E C du)_i  -  f^T du ,
+
+where w is half the square of the elastic trial stress less that of its distance to the yield
+surface, in the norm of E^-1. Pi is convex and once differentiable; with the projection P
+
+    r = -grad Pi = f - C^T V P(sigma_old + E C du) = 0 .
+
+Newton's method takes the consistent tangent K_T = C^T V T E C as derivative of P. Polyhedra make P
+piecewise linear, so it ends, exactly, once the pieces are found; along each step the slope of Pi
+is followed to near its zero, which makes it converge from everywhere. Where K_T is singular, a
+little of the elastic stiffness is left in it.
+
+Flow that is not associated has no potential; there the norm of r is lowered instead.
+
+A load beyond collapse has no minimum: Pi falls without end along a mechanism d. That is found
+by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
+still falling there, d dissipates less than the loads give, and no equilibrium exists.
+
+Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.solvers.protocol import Factor
+from geoident.forward.march.stage_equations import LEFT, NoEquilibrium, StageEquations, Trial
+from geoident.model.arrays import Floats
+
+BALANCED = 1e-11
+"""Out-of-balance force, relative to the forces at work, that counts as equilibrium."""
+
+ROUNDING = 1e-8
+"""The same where no step lowers it any more."""
+
+MOST_STEPS = 60
+"""Newton steps at most; a stage rarely takes more than fifteen."""
+
+PATIENCE = 12
+"""Steps after which flow without potential is given up if the error has not come down by half."""
+
+_SUSPICIOUS = 4
+"""Steps after which a mechanism is looked for; fewer end most stages."""
+
+_LEFT_OVER = 0.01
+"""Part of the change of load that may stay unbalanced where flow is not associated."""
+
+_SHORTEST = {True: 1e-3, False: 0.05}
+"""Share of a step below which it is given up, by whether the way is the bold one."""
+
+FAR_OUT = 1e6
+"""Where along a step its mechanism alone decides, in steps."""
+
+_STIFFER = 6
+"""Level from which a tangent whose step was too long is made stiffer."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Equilibrium at the end of a stage.
+
+    Args:
+        trial: displacements, stresses, projections.
+        steps: Newton steps taken.
+        factor: of the tangent before the last step, or None if none was made.
+        made_at: where it was made.
+        left: part of the change of load that is not balanced, where no more could be done.
+    """
+
+    trial: Trial
+    steps: int
+    factor: Factor | None
+    made_at: Trial | None
+    left: float = 0.0
+
+
+def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
+    """The equilibrium of a stage.
+
+    Args:
+        equations: of the stage.
+        guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
+
+    Raises:
+        NoEquilibrium: see there.
+        NotPositiveDefinite: the elastic stiffness itself is singular.
+    """
+    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
+    return (_by_potential if equations.associated else _by_residual)(equations, start)
+
+
+def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
+    """Newton's method along the slope of Pi."""
+    factor: Factor | None = None
+    made_at: Trial | None = None
+    least = 0
+    for step in range(MOST_STEPS):
+        if trial.error <= BALANCED:
+            return Balance(trial, step, factor, made_at)
+        factor, level = equations.factor(trial, least=least)
+        made_at = trial if level == 0 else None
+        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
+        following, share = follow_slope(equations, trial, d)
+        if following.error >= trial.error and trial.error <= ROUNDING:
+            return Balance(trial, step + 1, factor, made_at)
+        if step >= _SUSPICIOUS and share == 1.0:
+            _refuse_mechanism(equations, following, d)
+        least = _next_level(least, share)
+        trial = following
+    raise NoEquilibrium(trial.du)
+
+
+def _by_residual(equations: StageEquations, start: Trial) -> Balance:
+    """Newton's method that lowers the residual.
+
+    Where a step cannot, two ways are tried: to take the least harm and go on, or a stiffer tangent.
+    With a dilation far below the friction, ground without hardening prefers to shear in bands: near
+    the even flow tangents have negative directions, and neither way comes nearer. What is then left
+    of the load is small, and is said.
+    """
+    bold = _lower(equations, start, bold=True)
+    if bold.trial.error <= BALANCED or bold.left == 0.0:
+        return bold
+    cautious = _lower(equations, start, bold=False)
+    for found in (cautious, bold):  # the cautious way stays nearer to the even flow
+        if found.left <= _LEFT_OVER:
+            return found
+    raise NoEquilibrium(cautious.trial.du)
+
+
+def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
+    """One of the two ways; how much of the load is left at its best point."""
+    factor: Factor | None = None
+    made_at: Trial | None = None
+    least, reached, start, best = 0, (0, np.inf), trial.error, trial
+    for step in range(MOST_STEPS):
+        best = min(best, trial, key=lambda t: t.error)
+        if trial.error <= BALANCED:
+            return Balance(trial, step, factor, made_at)
+        if trial.error < 0.5 * reached[1]:
+            reached = step, trial.error
+        if step - reached[0] > (PATIENCE if bold else 2 * PATIENCE) or least == len(LEFT):
+            break
+        factor, level = equations.factor(trial, least=least)
+        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
+        following, share, lower = _shortened(equations, trial, d, _SHORTEST[bold])
+        made_at = trial if level == 0 else None
+        if lower or bold:
+            if following.error >= trial.error and trial.error <= ROUNDING:
+                return Balance(trial, step + 1, factor, made_at)
+            trial, least = following, _next_level(least, share)
+        elif trial.error <= ROUNDING:
+            return Balance(trial, step + 1, factor, made_at)
+        else:
+            least = max(least + 1, _STIFFER)
+    return Balance(best, MOST_STEPS, None, None, best.error / start)
+
+
+def _next_level(level: int, share: float) -> int:
+    """How much of the elastic stiffness the next tangent keeps, after a share of a step."""
+    if share < 0.3:
+        return min(max(level + 1, _STIFFER), len(LEFT) - 2)
+    if share < 0.9:
+        return level
+    return level - 1 if level > _STIFFER else 0
+
+
+def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
+    """Follows a step to near the zero of the slope of Pi, which is monotone.
+
+    A full step on which Pi still falls at its end, or has hardly risen, is taken as it is.
+    """
+    free = d[equations.dofs]
+    slope = float(trial.residual @ free)
+    following = equations.at(trial.du + d)
+    found = float(following.residual @ free)
+    if found >= -0.3 * slope:
+        return following, 1.0
+    low, s_low, high, s_high = 0.0, slope, 1.0, found
+    share = 1.0
+    for _ in range(40):
+        share = (low * s_high - high * s_low) / (s_high - s_low)
+        share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
+        following = equations.at(trial.du + share * d)
+        found = float(following.residual @ free)
+        if abs(found) <= 0.3 * slope:
+            break
+        if found > 0.0:
+            low, s_low, s_high = share, found, 0.5 * s_high
+        else:
+            high, s_high, s_low = share, found, 0.5 * s_low
+    return following, share
+
+
+def _shortened(
+    equations: StageEquations, trial: Trial, d: Floats, shortest: float
+) -> tuple[Trial, float, bool]:
+    """A step halved until the residual is smaller: trial, share, and whether it is smaller."""
+    before = float(np.linalg.norm(trial.residual))
+    share = 1.0
+    tried: list[tuple[Trial, float]] = []
+    while share > shortest:
+        following = equations.at(trial.du + share * d)
+        if np.linalg.norm(following.residual) < (1.0 - 1e-4 * share) * before:
+            return following, share, True
+        tried.append((following, share))
+        share *= 0.5
+    return *min(tried, key=lambda found: found[0].error), False
+
+
+def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:
+    """Raise where Pi falls without end along a step."""
+    far = equations.at(trial.du + FAR_OUT * d)
+    free = d[equations.dofs]
+    power = float(np.abs(equations.forces[equations.dofs] * free).sum())
+    if float(far.residual @ free) > 1e-6 * power:
+        raise NoEquilibrium(d)

@@ -1,0 +1,66 @@
+"""Collects the state of the whole mesh during a march."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.forward.march.discretization import StageSystems
+from geoident.forward.march.state import Standing
+from geoident.forward.stages import Timeline
+from geoident.model.arrays import Bools, Floats
+from geoident.model.mesh import Mesh
+from geoident.model.result import FieldSeries
+
+
+class FieldRecorder:
+    """Copies displacements and mean element stresses, state by state."""
+
+    def __init__(self, mesh: Mesh, timeline: Timeline, systems: StageSystems) -> None:
+        self._mesh = mesh
+        self._timeline = timeline
+        self._points = systems.points
+        self._displacement: list[Floats] = []
+        self._stress: list[Floats] = []
+        self._yielded: list[Bools] = []
+
+    def add(self, standing: Standing) -> None:
+        """Record a state (column 0 of its arrays)."""
+        u = standing.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
+        self._displacement.append(u.copy())
+        mean = self._element_means(standing.stress[..., 0])
+        mean[~self._timeline.present(standing.state)] = np.nan
+        self._stress.append(mean)
+        self._yielded.append(self._yielded_so_far(standing))
+
+    def series(self) -> FieldSeries:
+        """All that was recorded."""
+        n = len(self._displacement)
+        present = np.stack([self._timeline.present(state) for state in range(n)])
+        return FieldSeries(
+            self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
+            np.stack(self._yielded),
+        )  # fmt: skip
+
+    def _yielded_so_far(self, standing: Standing) -> Bools:
+        """(n_elements,) elements that yield in this state, or did in those it builds on.
+
+        What is placed anew has not yielded yet.
+        """
+        state = self._timeline.states[standing.state]
+        here = np.zeros(self._mesh.n_elements, dtype=bool)
+        here[self._points.element[standing.yielded]] = True
+        if standing.state:
+            placed = np.isin(self._timeline.group_of, list(state.placed))
+            here |= self._yielded[state.base] & ~placed
+        return here & self._timeline.present(standing.state)
+
+    def _element_means(self, stress: Floats) -> Floats:
+        """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""
+        n = self._mesh.n_elements
+        element, volume = self._points.element, self._points.volume
+        total = np.bincount(element, weights=volume, minlength=n)
+        mean = np.zeros((n, 6))
+        for component, values in enumerate(stress):
+            weighted = np.bincount(element, weights=volume * values, minlength=n)
+            mean[:, component] = weighted / total
+        return mean

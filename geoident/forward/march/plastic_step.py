@@ -1,0 +1,349 @@
+"""A step of the march where materials yield (theory 2 and 5).
+
+The state follows from `equilibrium`, its derivatives by the parameters from `plastic_slopes`: with
+the same factorization of the tangent where the last Newton step did not leave its pieces.
+
+Newton's method starts from what the nearest known parameter vector needed, continued by its
+derivatives: a small change of the parameters costs one or two factorizations a stage.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import CollapseError, ModelError
+from geoident.fem.solvers.protocol import NotPositiveDefinite
+from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.yielding.law import YieldLaw
+from geoident.forward.march.collapse import limit_of
+from geoident.forward.march.discretization import StageSystems
+from geoident.forward.march.elastic_step import not_positive_definite
+from geoident.forward.march.equilibrium import Balance, solve
+from geoident.forward.march.hardening import Hardening
+from geoident.forward.march.plastic_derivatives import PlasticSlopes
+from geoident.forward.march.stage_equations import (
+    Ground,
+    NoEquilibrium,
+    StageEquations,
+    Trial,
+    flowing,
+    numbers,
+)
+from geoident.forward.march.stage_tangents import StageTangents
+from geoident.forward.march.step import StepTask
+from geoident.forward.stages import State
+from geoident.forward.yielding.activity import ActivityRecord
+from geoident.forward.yielding.laws import yield_law
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case, format_path
+from geoident.model.certificate import Activity
+
+_OUTSIDE = 1e-6
+"""Excess over the yield surface, relative to the largest stress, that is not rounding."""
+
+_WITHOUT_MEANING = 1.0
+"""Strain of yielding points beyond which an equilibrium needs the confirmation of the arc.
+
+Meshes that lock under flow without change of volume let pressures grow without end: where all else
+flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
+"""
+
+_REMEMBERED = 4
+"""Parameter vectors whose displacements are kept, to start from the nearest one."""
+
+_LOAD_STEPS = (1, 4, 16)
+"""Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
+
+
+@dataclass(frozen=True)
+class PlasticOptions:
+    """How a march treats yielding.
+
+    Args:
+        explain: find the part of the load that can be carried, where there is a collapse.
+        partial: go on after a collapse with the states that do not build on it.
+    """
+
+    explain: bool = True
+    partial: bool = False
+
+
+PERFECT = PlasticOptions()
+"""The model as the case states it."""
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
+
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    du: Floats
+    slopes: Floats
+
+
+class PlasticSteps:
+    """Solves stages in which materials yield.
+
+    Args:
+        case: the case.
+        systems: the equations of the stages.
+    """
+
+    def __init__(self, case: Case, systems: StageSystems) -> None:
+        self._case = case
+        self._systems = systems
+        self._structures = systems.structures
+        self._slopes = PlasticSlopes(case, systems)
+        self._record = ActivityRecord(case, systems.points.n_strain)
+        self._memory: dict[int, deque[_Memory]] = {}
+        self._laws: dict[str, YieldLaw | None] = {}
+        self.left: dict[str, float] = {}  # stage to the part of its load that is not balanced
+        self._explain = True
+
+    def begin(self, values: Mapping[str, float], options: PlasticOptions) -> None:
+        """A march begins at these parameter values."""
+        self._explain = options.explain
+        self._laws = {}
+        self.left = {}
+        self._record.begin(values)
+
+    def activity(self, names: Sequence[str]) -> Activity:
+        """Which planes were reached in the last march, with slopes by some parameters."""
+        return self._record.activity(names)
+
+    def yields(self, state: State) -> bool:
+        """Whether any material of a state yields."""
+        return any(self._case.materials[m].yields for m in state.materials.values())
+
+    def step(self, task: StepTask) -> tuple[Floats, Bools]:
+        """Solve a stage; updates what is borne.
+
+        Returns:
+            Displacement steps (n_dofs, 1 + n + k), and which strain points (n_points,) yield.
+
+        Raises:
+            CollapseError: the loads cannot be carried.
+        """
+        laws = self._yield_laws(task)
+        if all(law.associated for law in laws.values()):
+            return self._part(task, laws, warm=True)
+        return self._in_load_steps(task, laws)
+
+    def _yield_laws(self, task: StepTask) -> dict[str, YieldLaw]:
+        """Laws of the materials that are there; one for the whole march, since it keeps faces."""
+        for name in task.system.points_of:
+            if name not in self._laws:
+                material, elasticity = self._case.materials[name], task.laws[name]
+                law = yield_law(material, task.values, elasticity)
+                self._laws[name] = law
+        found = ((name, self._laws[name]) for name in task.system.points_of)
+        return {name: law for name, law in found if law is not None}
+
+    def refuse_virgin(self, task: StepTask) -> None:
+        """Raise if the virgin stress is outside a yield surface, with place and factor."""
+        if not self.yields(task.state):
+            return
+        for material, law in self._yield_laws(task).items():
+            mine = task.system.points_of[material]
+            stress = np.ascontiguousarray(task.borne.stress[:, mine, 0])
+            excess = law.excess(stress)
+            self._record.reach(material, excess)
+            worst = np.unravel_index(np.argmax(excess), excess.shape)
+            if excess[worst] > _OUTSIDE * np.abs(stress).max():
+                point = numbers(mine, self._systems.points.n_points)[worst[1]]
+                raise self._outside(task, material, int(worst[0]), int(point), excess[worst])
+
+    def _outside(
+        self, task: StepTask, material: str, plane: int, point: int, excess: float
+    ) -> ModelError:
+        distance = self._record.distance(material, plane)
+        msg = f"the in-situ stress is outside the yield surface of {material} near "
+        msg += f"{self._systems.describe_point(point)}, at its {self._record.name(material, plane)}"
+        if distance > 0.0:
+            msg += f": by a factor of {1.0 + excess / distance:.3g}"
+        else:
+            msg += f": by {excess:.3g} Pa"
+        hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
+        source = self._case.source
+        path = ("materials", material, "yield")
+        return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
+
+    def _in_load_steps(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+        """The same in parts of the load; more of them where Newton's method fails."""
+        start, before, done = task.borne.copy(), self._internal(task), 0.0
+        for count in _LOAD_STEPS:
+            self.left.pop(task.state.name, None)
+            self._record.forget(task.number)
+            total = np.zeros_like(task.forces)
+            yielded = np.zeros(self._systems.points.n_points, dtype=bool)
+            for part in range(1, count + 1):
+                forces = before + part / count * (task.forces - before)
+                thermal = task.thermal if part == 1 else None
+                piece = replace(task, forces=forces, thermal=thermal)
+                try:
+                    du, now = self._part(piece, laws, warm=False)
+                except CollapseError:
+                    task.borne.restore(start)
+                    break
+                total, yielded, done = total + du, yielded | now, max(done, part / count)
+            else:
+                return total, yielded
+        raise self._collapse(task, done, None, proven=False)
+
+    def _internal(self, task: StepTask) -> Floats:
+        """Forces (n_dofs, 1 + n + k) that hold what is borne."""
+        points = self._systems.points
+        internal = points.forces(task.borne.stress, task.system.volume)
+        if self._structures.n_rows:
+            internal += self._structures.nodal_forces(task.borne.members)
+        return internal
+
+    def _part(
+        self, task: StepTask, laws: Mapping[str, YieldLaw], *, warm: bool
+    ) -> tuple[Floats, Bools]:
+        equations = self._equations(task, laws)
+        balance = self._balance(task, equations, self._guesses(task) if warm else [])
+        du = np.zeros_like(task.forces)
+        du[:, 0] = balance.trial.du
+        if du.shape[1] > 1:
+            du[:, 1:] = self._slopes.of(task, equations, balance)
+        self._accept(task, equations, balance.trial)
+        if balance.left > 0.0:
+            self.left[task.state.name] = max(balance.left, self.left.get(task.state.name, 0.0))
+        if warm:
+            self._remember(task, du)
+        return du, yielded_points(equations, balance.trial)
+
+    def _equations(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
+        grounds = [
+            Ground(m, mine, task.laws[m], laws.get(m), self._hardened(task, m, laws.get(m)))
+            for m, mine in task.system.points_of.items()
+        ]
+        members: Callable[[Floats], Floats] | None = None
+        if self._structures.n_rows:
+
+            def members(du: Floats) -> Floats:
+                more = task.moduli[:, 0] * self._structures.strain(du)
+                return self._structures.nodal_forces((task.borne.members[:, 0] + more)[:, None])[
+                    :, 0
+                ]
+
+        return StageEquations(
+            self._systems.points,
+            volume=task.system.volume,
+            dofs=task.system.pattern.dofs,
+            grounds=grounds,
+            stress=np.ascontiguousarray(task.borne.stress[..., 0]),
+            forces=task.forces[:, 0],
+            tangents=StageTangents(self._systems, task),
+            members=members,
+        )
+
+    def _hardened(self, task: StepTask, material: str, law: YieldLaw | None) -> Floats | None:
+        if law is None or not law.hardens or material not in task.borne.hardened:
+            return None
+        return task.borne.hardened[material][:, task.system.points_of[material], 0]
+
+    def _guesses(self, task: StepTask) -> list[Floats]:
+        """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
+        kept = self._memory.get(task.number)
+        if not kept:
+            return []
+        memory = min(kept, key=lambda known: _far(known.values, task.values))
+        change = [task.values[name] - memory.values[name] for name in memory.names]
+        return [memory.du, memory.du + memory.slopes @ np.array(change)]
+
+    def _remember(self, task: StepTask, du: Floats) -> None:
+        names = tuple(task.names)
+        slopes = du[:, 1 : 1 + len(names)].copy()
+        kept = self._memory.setdefault(task.number, deque(maxlen=_REMEMBERED))
+        kept.append(_Memory(dict(task.values), names, du[:, 0].copy(), slopes))
+
+    def _balance(
+        self, task: StepTask, equations: StageEquations, guesses: Sequence[Floats]
+    ) -> Balance:
+        """Equilibrium, or the reason why there is none."""
+        try:
+            found = solve(equations, [np.zeros_like(equations.forces), *guesses])
+            if self._means_nothing(equations, found):
+                raise NoEquilibrium(found.trial.du)
+            return found
+        except NotPositiveDefinite as error:
+            place = self._systems.describe_unknown(task.system, error.unknown)
+            raise not_positive_definite(task.state.name, place) from error
+        except EmptyDomain as error:
+            msg = f"the yield planes of a material contradict each other: {error}"
+            raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
+        except NoEquilibrium as error:
+            # Whoever searches needs only to know that there is none; load steps say it themselves.
+            if not (equations.associated and self._explain):
+                raise self._collapse(task, np.nan, error.mechanism) from error
+            return self._after_limit(task, equations, error)
+
+    def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
+        """Whether yielding points are strained beyond what small strains can describe."""
+        flows = [mine for _, _, mine in flowing(equations, found.trial)]
+        strain = self._systems.points.strain(found.trial.du)
+        return any(np.abs(strain[:, mine]).max() > _WITHOUT_MEANING for mine in flows)
+
+    def _after_limit(
+        self, task: StepTask, equations: StageEquations, error: NoEquilibrium
+    ) -> Balance:
+        """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
+        limit = limit_of(equations)
+        if limit.fraction < 1.0:
+            raise self._collapse(task, limit.fraction, error.mechanism) from error
+        try:
+            return solve(equations, [limit.du])
+        except NoEquilibrium as again:
+            raise self._collapse(task, np.nan, again.mechanism) from again
+
+    def _collapse(
+        self, task: StepTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
+    ) -> CollapseError:
+        msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
+        hint = "Raise the strengths (their start values or bounds), or see whether the stage "
+        hint += "lacks support or loads more than is meant."
+        if not proven:
+            msg = f"at stage '{task.state.name}' no equilibrium was found: plastic collapse, or "
+            msg += "flow that shears in bands, as it may with a dilation far below the friction"
+            hint += " A larger dilation, or none given (associated), decides which it is."
+        if np.isfinite(fraction):
+            msg += f"; {100 * fraction:.3g} % of the change of load of this stage is carried"
+        if mechanism is not None:
+            msg += self._systems.describe_motion(mechanism)
+        return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
+
+    def _accept(self, task: StepTask, equations: StageEquations, trial: Trial) -> None:
+        """The state of what is borne after the step."""
+        task.borne.stress[..., 0] = trial.stress
+        if self._structures.n_rows:
+            task.borne.members[:, 0] += task.moduli[:, 0] * self._structures.strain(trial.du)
+        hardening = Hardening(task, 1, state=True)
+        for ground, projection, mine in flowing(equations, trial):
+            hardening.add(ground, mine, projection.multipliers.T[..., None])
+            self._record.flow(task.number, ground.name, projection)
+        for ground in equations.grounds:
+            if ground.law is not None:
+                excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
+                self._record.reach(ground.name, excess)
+
+
+def _far(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    """How far two parameter vectors are from each other, each parameter by its size."""
+    return sum(
+        ((one[name] - x) / (abs(one[name]) + abs(x) + 1e-300)) ** 2 for name, x in other.items()
+    )
+
+
+def yielded_points(equations: StageEquations, trial: Trial) -> Bools:
+    """(n_points,) strain points with a positive multiplier."""
+    result = np.zeros(equations.operators.n_points, dtype=bool)
+    for _, projection, mine in flowing(equations, trial):
+        result[mine] = (projection.multipliers > 0.0).any(axis=1)
+    return result

@@ -1,0 +1,258 @@
+"""The nonlinear equations of one stage with yielding points, on arrays (theory 5).
+
+They need strain points, weights, laws and a way to factorize; a mesh or a frame gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.yielding.law import Projection, YieldLaw
+from geoident.model.arrays import Floats, Ints
+
+LEFT = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+"""Parts of the elastic stiffness left in a tangent, by level."""
+
+Index = Ints | slice
+
+
+class Operators(Protocol):
+    """C and C^T V: `geoident.fem.compatibility.StrainPoints`, or a frame's."""
+
+    @property
+    def n_points(self) -> int:
+        """Number m of strain points."""
+
+    def strain(self, u: Floats) -> Floats:
+        """Strains (s, m, ...) of displacements (n_dofs, ...)."""
+
+    def forces(self, stress: Floats, volume: Floats) -> Floats:
+        """Nodal forces (n_dofs, ...) of stresses (s, m, ...) with weights (m,)."""
+
+
+class Tangents(Protocol):
+    """Makes factors of stiffness matrices."""
+
+    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+        """Factor of the elastic K plus changes (q, s, s) of V E at some points (q,)."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The strain points of one material.
+
+    Args:
+        name: of the material.
+        points: which they are.
+        elasticity: E, (s, s).
+        law: its yield law, or None.
+        hardened: (y, m) multipliers of earlier stages at these points, or None.
+    """
+
+    name: str
+    points: Index
+    elasticity: Floats
+    law: YieldLaw | None = None
+    hardened: Floats | None = None
+
+
+class NoEquilibrium(ArithmeticError):
+    """The loads of a stage cannot be carried, or no equilibrium was found.
+
+    Args:
+        mechanism: (n_dofs,) how the ground moves, or None.
+    """
+
+    def __init__(self, mechanism: Floats | None) -> None:
+        self.mechanism = mechanism
+        super().__init__("no equilibrium")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Displacements and what they make.
+
+    Args:
+        du: (n_dofs,) displacement step.
+        stress: (s, m) projected stress.
+        projections: of every ground, None where it does not yield.
+        residual: (n,) r at the unknowns.
+        scale: largest force at work, N.
+    """
+
+    du: Floats
+    stress: Floats
+    projections: tuple[Projection | None, ...]
+    residual: Floats
+    scale: float
+
+    @cached_property
+    def error(self) -> float:
+        """Largest out-of-balance force relative to the forces at work."""
+        worst = float(np.abs(self.residual).max(initial=0.0))
+        return worst / self.scale if self.scale > 0 else worst
+
+
+class StageEquations:
+    """The nonlinear equations of one stage.
+
+    Args:
+        operators: C and C^T V.
+        volume: (m,) V, zero at absent points.
+        dofs: (n,) degrees of freedom that are unknown.
+        grounds: materials with their points.
+        stress: (s, m) stress before, of all points.
+        forces: (n_dofs,) f.
+        tangents: makes factors.
+        members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
+    """
+
+    def __init__(
+        self,
+        operators: Operators,
+        *,
+        volume: Floats,
+        dofs: Ints,
+        grounds: Sequence[Ground],
+        stress: Floats,
+        forces: Floats,
+        tangents: Tangents,
+        members: Callable[[Floats], Floats] | None = None,
+    ) -> None:
+        self.operators = operators
+        self.volume = volume
+        self.dofs = dofs
+        self.grounds = tuple(grounds)
+        self.stress = stress
+        self.forces = forces
+        self._tangents = tangents
+        self._members = members
+        laws = [ground.law for ground in grounds if ground.law is not None]
+        self.associated = all(law.associated for law in laws)
+
+    def under(self, forces: Floats) -> StageEquations:
+        """The same ground under other forces (n_dofs,)."""
+        return StageEquations(
+            self.operators, volume=self.volume, dofs=self.dofs, grounds=self.grounds,
+            stress=self.stress, forces=forces, tangents=self._tangents, members=self._members,
+        )  # fmt: skip
+
+    def before(self) -> Floats:
+        """(n_dofs,) forces that hold what is borne before the stage."""
+        internal = self.operators.forces(self.stress, self.volume)
+        return internal if self._members is None else internal + self._members(0.0 * internal)
+
+    @cached_property
+    def _at_work(self) -> float:
+        """Largest force that is given or borne before, N.
+
+        Signs at random keep the forces of an element from cancelling those of the next, so that
+        stress in equilibrium with itself counts.
+        """
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], self.stress.shape)
+        alone = self.operators.forces(self.stress * signs, self.volume)
+        return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
+
+    def at(self, du: Floats) -> Trial:
+        """Stresses and residual at a displacement step (n_dofs,)."""
+        stress = self.stress.copy()
+        strain = self.operators.strain(du)
+        projections = [self._respond(ground, stress, strain) for ground in self.grounds]
+        internal = self.operators.forces(stress, self.volume)
+        if self._members is not None:
+            internal = internal + self._members(du)
+        scale = max(np.abs(internal).max(initial=0.0), self._at_work)
+        rest = (self.forces - internal)[self.dofs]
+        return Trial(du, stress, tuple(projections), rest, float(scale))
+
+    def _respond(self, ground: Ground, stress: Floats, strain: Floats) -> Projection | None:
+        """Stress of one material, in place."""
+        mine = ground.points
+        trial = stress[:, mine] + ground.elasticity @ strain[:, mine]
+        if ground.law is None:
+            stress[:, mine] = trial
+            return None
+        try:
+            projection = ground.law.project(trial, ground.hardened)
+        except ArithmeticError as error:  # flow that is not associated may lead nowhere
+            raise NoEquilibrium(None) from error
+        stress[:, mine] = projection.stress
+        return projection
+
+    def distance(self, trial: Trial) -> float:
+        """How far displacements are from equilibrium, to compare them: Pi, or else the residual.
+
+        Pi counts all stresses, the residual the worst node: of two guesses the one of lower Pi
+        takes fewer steps, by a third near the solution.
+        """
+        if not self.associated:
+            return trial.error
+        strain = self.operators.strain(trial.du)
+        energy = -float(self.forces @ trial.du)
+        if self._members is not None:
+            ends = self._members(0.0 * trial.du) + self._members(trial.du)
+            energy += 0.5 * float(ends @ trial.du)
+        for ground, projection in zip(self.grounds, trial.projections, strict=True):
+            mine = ground.points
+            stress = self.stress[:, mine] + 0.5 * ground.elasticity @ strain[:, mine]
+            energy += float(self.volume[mine] @ (stress * strain[:, mine]).sum(axis=0))
+            if projection is not None:
+                flowing = numbers(mine, self.operators.n_points)[projection.yielded]
+                energy -= float(self.volume[flowing] @ projection.reserve)
+        return energy
+
+    def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
+        """Factor of the consistent tangent, and which of `LEFT` it needed, from a first."""
+        points, change = self.changes(trial)
+        for level in range(least, len(LEFT)):
+            part = (1.0 - LEFT[level]) * change
+            try:
+                return self._tangents(points, part, symmetric=self.associated), level
+            except NotPositiveDefinite:
+                if level == len(LEFT) - 1 or not len(points):
+                    raise
+        raise AssertionError
+
+    def changes(self, trial: Trial) -> tuple[Ints, Floats]:
+        """Points (q,) that yield, ascending, and (T E - E) V (q, s, s) there."""
+        points, changes = [np.empty(0, dtype=np.int64)], []
+        s = self.stress.shape[0]
+        for ground, projection in zip(self.grounds, trial.projections, strict=True):
+            if projection is None or not len(projection.yielded):
+                continue
+            mine = numbers(ground.points, self.operators.n_points)[projection.yielded]
+            points.append(mine)
+            tangent = (projection.reduction - np.eye(s)) @ ground.elasticity
+            changes.append(tangent * self.volume[mine][:, None, None])
+        joined = np.concatenate(points)
+        if not changes:
+            return joined, np.empty((0, s, s))
+        order = np.argsort(joined, kind="stable")
+        return joined[order], np.concatenate(changes)[order]
+
+    def spread(self, free: Floats) -> Floats:
+        """(n_dofs,) displacements of values (n,) at the unknowns."""
+        full = np.zeros(self.forces.shape[0])
+        full[self.dofs] = free
+        return full
+
+
+def numbers(index: Index, n: int) -> Ints:
+    """A slice or an array of numbers as numbers."""
+    return np.arange(n)[index] if isinstance(index, slice) else index
+
+
+def flowing(equations: StageEquations, trial: Trial) -> list[tuple[Ground, Projection, Ints]]:
+    """Materials that yield somewhere, with the numbers of the strain points that do."""
+    n = equations.operators.n_points
+    return [
+        (ground, projection, numbers(ground.points, n)[projection.yielded])
+        for ground, projection in zip(equations.grounds, trial.projections, strict=True)
+        if projection is not None and len(projection.yielded)
+    ]

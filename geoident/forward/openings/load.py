@@ -1,0 +1,126 @@
+"""The ground around an opening at one parameter vector, and its state at every stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.errors import CollapseError, ModelError
+from geoident.forward.openings.closed_forms import (
+    NO_EQUILIBRIUM,
+    BeyondClosedForm,
+    Opening,
+    Rock,
+    State,
+    Strength,
+    mohr_coulomb,
+)
+from geoident.forward.openings.site import Site
+from geoident.forward.stages import Timeline
+from geoident.model.actions import Pressure
+from geoident.model.case import Material
+from geoident.model.dual import Jet, Point
+from geoident.model.ground import Isotropic
+from geoident.model.parameter import Scalar
+from geoident.model.yielding import MohrCoulomb
+
+_WHOLE = Scalar(1.0)
+
+
+class OpeningLoad:
+    """Numbers of a case as jets, pressures positive in compression.
+
+    Args:
+        timeline: the states of the case.
+        site: where the opening is.
+        material: of the ground around it.
+        stress: (4, k) in-situ stress xx, yy, zz, xy, the first at the centre; tension positive, Pa.
+        point: the parameters.
+
+    Attributes:
+        stress: see above.
+        rock: the ground.
+        opening: in it.
+        deviation: (xx - yy) / 2 at the centre, positive where x is pressed more, Pa.
+        shear: xy at the centre, of the same sign.
+    """
+
+    def __init__(
+        self, timeline: Timeline, site: Site, material: Material, stress: Jet, point: Point
+    ) -> None:
+        self._timeline, self._site, self._point = timeline, site, point
+        surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb)]
+        self._limits = [s.tension for s in surfaces if s.tension is not None]
+        self.stress = stress
+        xx, yy, zz, xy = (-stress[row][0] for row in range(4))
+        E, nu = young_and_poisson(material, point)
+        self.rock = Rock(E, nu, 0.5 * (xx + yy), zz)
+        self.deviation, self.shear = 0.5 * (xx - yy), xy
+        self.opening = Opening(site.radius, self.rock, _strength(material, point))
+
+    def at(self, n: int) -> tuple[State, Jet]:
+        """The ground at a state in which the opening is there, and the released part of stress.
+
+        Raises:
+            ModelError: it has no equilibrium, or none in closed form.
+        """
+        way = [int(k) for k in self._timeline.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
+        reached: list[State] = []
+        try:
+            for state in self.opening.history([self._pressure(k) for k in way]):
+                reached.append(state)
+        except BeyondClosedForm as beyond:
+            failed = self._timeline.states[way[len(reached)]].name
+            raise _failure(failed, beyond.reason) from beyond
+        state = reached[-1]
+        self._refuse_tension(state, self._timeline.states[n].name)
+        return state, self._released(n)
+
+    def _refuse_tension(self, state: State, name: str) -> None:
+        """The cut-off of tension is no part of the closed form: the wall must not meet it."""
+        least = min(float(jet.value[0]) for jet in state.stresses(np.array([self._site.radius])))
+        if any(least < -float(self._point.jet(limit).value) for limit in self._limits):
+            text = f"at stage '{name}' the wall of the opening is torn by tension, for which there "
+            raise ModelError(text + "is no closed form")
+
+    def _is_open(self, n: int) -> bool:
+        return not self._site.groups & self._timeline.states[n].materials.keys()
+
+    def _released(self, n: int) -> Jet:
+        (part,) = {self._timeline.states[n].release.get(g, _WHOLE) for g in self._site.groups}
+        return self._point.jet(part)
+
+    def _pressure(self, n: int) -> Jet:
+        """What presses on the wall from inside, Pa."""
+        total = (1.0 - self._released(n)) * self.rock.pressure
+        for load in self._timeline.states[n].loads.values():
+            assert isinstance(load, Pressure)
+            total = total + self._point.jet(load.value)
+        return total
+
+
+def _failure(stage: str, reason: str) -> ModelError:
+    text = f"at stage '{stage}' the ground around the opening fails: {reason}"
+    if reason == NO_EQUILIBRIUM:
+        return CollapseError(text, stage=stage, fraction=float("nan"))
+    return ModelError(text)
+
+
+def young_and_poisson(material: Material, point: Point) -> tuple[Jet, Jet]:
+    """E (Pa) and nu of an isotropic material."""
+    elastic = material.elastic
+    assert isinstance(elastic, Isotropic)
+    if elastic.E is not None and elastic.nu is not None:
+        return point.jet(elastic.E), point.jet(elastic.nu)
+    assert elastic.K is not None
+    assert elastic.G is not None
+    K, G = point.jet(elastic.K), point.jet(elastic.G)
+    return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (6.0 * K + 2.0 * G)
+
+
+def _strength(material: Material, point: Point) -> Strength | None:
+    for surface in material.yields:
+        assert isinstance(surface, MohrCoulomb)
+        cohesion, friction = point.jet(surface.cohesion), point.jet(surface.friction)
+        dilation = friction if surface.dilation is None else point.jet(surface.dilation)
+        return mohr_coulomb(cohesion, friction, dilation)
+    return None

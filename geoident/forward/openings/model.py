@@ -1,0 +1,234 @@
+"""A circular opening as a model: of a case without mesh, or a first estimate beside the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+
+from geoident.errors import InputError, ModelError
+from geoident.forward.gauges.instrument_errors import Instruments
+from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
+from geoident.forward.openings.site import Circle, Site, site_in_mesh, site_without_mesh
+from geoident.forward.protocols import Survey
+from geoident.forward.stages import Timeline, states_of, used_groups
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Analysis, Case
+from geoident.model.mesh import Mesh
+from geoident.model.result import Counts
+
+_NO_MESH = Mesh(np.empty((0, 2)), ())
+
+
+class OpeningModel:
+    """The closed form of a case: fulfils `CaseModel`, as the staged model does.
+
+    Args:
+        case: the case.
+        timeline: its states.
+        site: where the opening is.
+        mesh: for surfaces with topography, or None.
+    """
+
+    def __init__(self, case: Case, timeline: Timeline, site: Site, mesh: Mesh | None) -> None:
+        self.case = case
+        self.names = tuple(parameter.name for parameter in case.parameters)
+        self.timeline = timeline
+        self.field = OpeningField(case, timeline, site, _NO_MESH if mesh is None else mesh)
+        self.zero = np.array([case.stage_names.index(c.zero) for c in case.channels], np.int64)
+        self.instruments = Instruments(case, self.zero, timeline.built_on)
+        self.on_state: Callable[[int], None] | None = None
+        self._evaluations = 0
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far: evaluations; nothing is factorized."""
+        return Counts(self._evaluations, 0, 0, 0)
+
+    @property
+    def n_dofs(self) -> tuple[int, ...]:
+        """Unknowns of every state: none."""
+        return (0,) * len(self.timeline.states)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how the case was understood."""
+        return self.field.notes({p.name: p.start for p in self.case.parameters})
+
+    def values(self, p: Floats) -> dict[str, float]:
+        """Parameter values by name."""
+        return dict(zip(self.names, map(float, p), strict=True))
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        if not np.all(np.isfinite(p)):
+            return "a parameter is not finite"
+        return self.field.admissible(self.values(p))
+
+    def unreadable(self, channel: str, stage: str) -> str | None:
+        """Why a channel can't be read at a stage, or None if it can."""
+        names = [c.name for c in self.case.channels]
+        row, state = names.index(channel), self.case.stage_names.index(stage)
+        zero = int(self.zero[row])
+        if state < zero:
+            return "it is zeroed only at a later stage"
+        reasons = (self.field.why_uncovered(n, row) for n in (zero, state))
+        return next((reason for reason in reasons if reason is not None), None)
+
+    def response(
+        self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
+    ) -> OpeningResponse:
+        """The response in the readings of some (channel, stage) pairs."""
+        return OpeningResponse(self, pairs, times)
+
+    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+        """All channels at all stages and their derivatives; there are no fields.
+
+        Args:
+            p: (n,) parameters.
+            fields: of no effect.
+            partial: where a stage has no equilibrium, give what can be known without it.
+
+        Raises:
+            ModelError: a stage has no equilibrium; with ``partial``, only if nothing is left.
+        """
+        values, failures = self.values(p), list[ModelError]()
+        table = self.relative(values, self.names, failures=failures if partial else None)
+        states, rows = np.indices(table.shape[:2]).reshape(2, -1)
+        added = self.instruments.added(values, self.names, rows, states)
+        table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
+        if failures and not np.isfinite(table).any():
+            raise failures[0]
+        said = tuple(dict.fromkeys(error.message for error in failures))
+        return Survey(table[..., 0], table[..., 1:], None, collapses=said)
+
+    def relative(
+        self,
+        values: dict[str, float],
+        names: Sequence[str],
+        *,
+        wanted: Collection[int] | None = None,
+        failures: list[ModelError] | None = None,
+    ) -> Floats:
+        """Motions since the zeros, (n_states, n_channels, 1 + n), m; NaN where not to be read.
+
+        See `OpeningField.observed` for the arguments.
+        """
+        self._evaluations += 1
+        observed = self.field.observed(values, names, wanted=wanted, failures=failures)
+        result = observed - observed[self.zero, np.arange(len(self.zero))]
+        result[~self.readable] = np.nan
+        return np.asarray(result)
+
+    @property
+    def readable(self) -> Bools:
+        """(n_states, n_channels) where a channel has a closed form since its zero."""
+        columns = np.arange(len(self.zero))
+        later = np.arange(len(self.field.covered))[:, None] >= self.zero
+        return np.asarray(self.field.covered & self.field.covered[self.zero, columns] & later)
+
+
+class OpeningResponse:
+    """Readings of some (channel, stage) pairs in closed form; only those that have one.
+
+    Attributes:
+        covered: (g,) which of the pairs have a closed form; the response consists of these.
+    """
+
+    def __init__(
+        self,
+        model: OpeningModel,
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None] = (),
+    ) -> None:
+        channels = [channel.name for channel in model.case.channels]
+        stages = model.case.stage_names
+        rows = np.array([channels.index(c) for c, _ in pairs], dtype=np.int64)
+        states = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
+        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        self._model = model
+        self.covered: Bools = model.readable[states, rows]
+        self._rows, self._states = rows[self.covered], states[self.covered]
+        self._times = np.array(given, dtype=np.float64)[self.covered]
+        self._wanted = set(map(int, (*self._states, *model.zero[self._rows])))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self._model.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        return self._model.counts
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        return self._model.admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,), m."""
+        return self._run(p, ())[:, 0]
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        table = self._run(p, self.names)
+        return table[:, 0], table[:, 1:]
+
+    def remarks(self, p: Floats) -> tuple[str, ...]:
+        """What is to be known of the closed form at p (n,)."""
+        return self._model.field.remarks(self._model.values(p))
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningResponse | str:
+        """Itself: the model is the closed form, of the opening that the case gives."""
+        return self
+
+    def _run(self, p: Floats, names: Sequence[str]) -> Floats:
+        values = self._model.values(p)
+        motions = self._model.relative(values, names, wanted=self._wanted)
+        table = motions[self._states, self._rows]
+        return np.asarray(
+            table
+            + self._model.instruments.added(values, names, self._rows, self._states, self._times)
+        )
+
+
+def opening_model(case: Case) -> OpeningModel:
+    """The closed form of a case that has no mesh.
+
+    Raises:
+        InputError: it has none.
+    """
+    groups = tuple(used_groups(case))
+    timeline = Timeline(groups, np.empty(0, np.int64), states_of(case, groups))
+    found = site_without_mesh(timeline, _circle(case))
+    model = found if isinstance(found, str) else _model_or_reason(case, timeline, found, None)
+    if isinstance(model, str):
+        message = f"there is no closed form of this case: {model}"
+        place = ("fit", "closed-form")
+        raise InputError([case.source.fault(place, code="no-closed-form", message=message)])
+    return model
+
+
+def opening_in_mesh(
+    case: Case, mesh: Mesh, timeline: Timeline, circle: Circle
+) -> OpeningModel | str:
+    """The closed form of a case that has a mesh, or why there is none, a clause."""
+    if case.analysis is not Analysis.PLANE_STRAIN:
+        return NO_SECTION
+    found = site_in_mesh(case, mesh, timeline, circle)
+    return found if isinstance(found, str) else _model_or_reason(case, timeline, found, mesh)
+
+
+def _model_or_reason(
+    case: Case, timeline: Timeline, site: Site, mesh: Mesh | None
+) -> OpeningModel | str:
+    material = timeline.states[0].materials[site.ground]
+    why = unsuitable(case, material, has_mesh=mesh is not None)
+    return OpeningModel(case, timeline, site, mesh) if why is None else why
+
+
+def _circle(case: Case) -> Circle:
+    return Circle(case.fit.closed_form.centre, case.fit.closed_form.radius)

@@ -1,0 +1,106 @@
+"""What every model of a case can say, whether it stands on a mesh or on a closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from geoident.forward.gauges.instrument_errors import Instruments
+from geoident.forward.stages import Timeline
+from geoident.model.arrays import Floats
+from geoident.model.certificate import Activity
+from geoident.model.result import Counts, FieldSeries, MemberForces
+
+
+@dataclass(frozen=True)
+class Survey:
+    """All that the model says at one parameter vector.
+
+    Args:
+        computed: (n_channels, n_stages) readings, m; NaN where a channel can't be read.
+        sensitivity: (n_channels, n_stages, n) their derivatives.
+        fields: displacements and stresses of all states, or None.
+        members: forces in linings and bolts, or None if there are none.
+        collapses: a sentence for every stage at which the ground cannot carry the loads; what
+            builds on it is NaN.
+        activity: what the yield planes do in all stages, or None if nothing can yield.
+    """
+
+    computed: Floats
+    sensitivity: Floats
+    fields: FieldSeries | None
+    members: MemberForces | None = None
+    collapses: tuple[str, ...] = ()
+    activity: Activity | None = None
+
+
+class PairResponse(Protocol):
+    """Readings of some (channel, stage) pairs; see the protocols of `geoident.identify`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain of the model, or None if it is inside."""
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,), m."""
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its exact Jacobian, (g, n)."""
+
+
+class CaseModel(Protocol):
+    """A case that is ready to answer: `StagedModel` on a mesh, `OpeningModel` without one."""
+
+    on_state: Callable[[int], None] | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+
+    @property
+    def timeline(self) -> Timeline:
+        """The states of construction."""
+
+    @property
+    def n_dofs(self) -> tuple[int, ...]:
+        """Unknowns of every state, the virgin state first."""
+
+    @property
+    def instruments(self) -> Instruments:
+        """What the gauges add by themselves."""
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how the case was understood."""
+
+    def values(self, p: Floats) -> dict[str, float]:
+        """Parameter values by name."""
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+
+    def unreadable(self, channel: str, stage: str) -> str | None:
+        """Why a channel can't be read at a stage, or None if it can."""
+
+    def response(
+        self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
+    ) -> PairResponse:
+        """The response in the readings of some (channel, stage) pairs."""
+
+    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+        """All channels at all stages, their derivatives, and the fields if wanted.
+
+        With ``partial`` what stages that collapse leave unknown is NaN.
+        """

@@ -1,0 +1,127 @@
+"""Whether structures find the mesh and the ground that they need, and what to know of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.fem.location import Locator
+from geoident.forward.actions.supports import group_nodes
+from geoident.forward.gauges.observation import format_point
+from geoident.forward.stages import Timeline, listed
+from geoident.forward.structures.members import (
+    clamped_nodes,
+    holding_site,
+    present_throughout,
+    straight_pieces,
+)
+from geoident.model.arrays import Bools
+from geoident.model.case import Case, KeyPath
+from geoident.model.mesh import Mesh
+from geoident.model.structures import Beam, Bolts, Structure
+
+
+def structure_notes(case: Case, mesh: Mesh, timeline: Timeline, fixed: Bools) -> list[str]:
+    """Structures that no stage builds; linings that end at supports and turn freely there.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        timeline: of the case.
+        fixed: (n_dofs,) degrees of freedom held by supports.
+    """
+    built = {name for state in timeline.states for name in state.structures}
+    held = np.logical_or.reduce(fixed.reshape(-1, mesh.dim), axis=1)
+    notes = []
+    for name, structure in case.structures.items():
+        if name not in built:
+            notes.append(f"no stage builds the structure '{name}'")
+        elif isinstance(structure, Beam):
+            nodes, count = np.unique(straight_pieces(mesh, structure.group), return_counts=True)
+            free = held & ~clamped_nodes(mesh, structure)
+            ends = nodes[(count == 1) & free[nodes]]
+            if len(ends):
+                notes.append(
+                    f"the lining '{name}' ends at {len(ends)} nodes that supports hold, and turns "
+                    "freely there; on a plane of symmetry name the group under 'clamped_on'"
+                )
+    return notes
+
+
+def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
+    """Structures on groups that the mesh does not have."""
+    faults = []
+    known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
+    for name, beam in case.structures.items():
+        if not isinstance(beam, Beam):
+            continue
+        uses: list[tuple[KeyPath, str, Mapping[str, object]]] = [
+            (("on",), beam.group, mesh.facet_groups)
+        ]
+        uses += [(("clamped_on", n), g, known) for n, g in enumerate(beam.clamped_on)]
+        faults += [
+            case.source.fault(
+                ("structures", name, *path),
+                code="missing-group",
+                message=f"the mesh {mesh.file} has no group '{group}'"
+                + (" of lines" if path == ("on",) else ""),
+                hint=f"its groups: {listed(groups)}",
+            )
+            for path, group, groups in uses
+            if group not in groups
+        ]
+    return faults
+
+
+def standing_faults(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> list[Fault]:
+    """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
+    faults = []
+    for name, structure in case.structures.items():
+        for n, state in enumerate(timeline.states):
+            if name not in state.structures:
+                continue
+            found = _missing(mesh, structure, timeline.present(n), locator)
+            if found is not None:
+                faults.append(_no_ground(case, name, *found, state.name))
+                break
+        else:
+            present = present_throughout(timeline, name)
+            if present is not None and isinstance(structure, Bolts):
+                found = _missing(mesh, structure, present, locator)
+                if found is not None:
+                    faults.append(_no_ground(case, name, *found, "all at which it stands"))
+    return faults
+
+
+def _missing(
+    mesh: Mesh, structure: Structure, present: Bools, locator: Locator
+) -> tuple[KeyPath, str] | None:
+    """Where a structure lacks ground: the key, and what lies where."""
+    if isinstance(structure, Bolts):
+        for n, pair in enumerate(structure.ends):
+            for k, point in enumerate(pair):
+                if holding_site(locator, point, present) is None:
+                    return ("ends", n, k), f"the end {format_point(point)} lies"
+        return None
+    here = np.zeros(mesh.n_nodes, dtype=bool)
+    first = 0
+    for block in mesh.blocks:
+        here[block.nodes[present[first : first + len(block)]]] = True
+        first += len(block)
+    nodes = group_nodes(mesh, structure.group)
+    lost = nodes[~here[nodes]]
+    if len(lost) == 0:
+        return None
+    return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"
+
+
+def _no_ground(case: Case, name: str, path: KeyPath, where: str, stage: str) -> Fault:
+    return case.source.fault(
+        ("structures", name, *path),
+        code="no-ground-there",
+        message=f"at stage '{stage}' the structure '{name}' stands, but {where} in no ground "
+        "that is present",
+        hint="correct the place, or 'dismantle' the structure before its ground is gone",
+    )

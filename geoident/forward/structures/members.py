@@ -1,0 +1,260 @@
+"""Linings and bolts in the sequence of stages: which stand when, what they bear, derivatives.
+
+A structure works like a group of elements. It is built free of stress, its forces q (see
+`fem.structures`) grow with the motion since then, and they end when it is dismantled. In the march
+
+    q <- q + D(p) B du ,      r = f - C^T V sigma - B^T w q
+
+so one more generalized stress is carried from stage to stage, with its derivatives. D holds EA(p)
+and EI(p), N/m and N m; bars are smeared over their spacing out of plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.location import Locator, Site
+from geoident.fem.stiffness import GroupBlocks
+from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
+from geoident.forward.actions.supports import group_nodes
+from geoident.forward.ground.elasticity import Values
+from geoident.forward.stages import State, Timeline
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.dual import Jet, Point
+from geoident.model.mesh import Mesh
+from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One structure on the mesh.
+
+    Args:
+        name: of the structure.
+        structure: what the case says of it.
+        members: its members.
+        rows: where its rows lie among those of all structures.
+    """
+
+    name: str
+    structure: Structure
+    members: Members
+    rows: slice
+
+
+class Structures:
+    """All structures of a case that ever stand.
+
+    `structure_checks` has made sure that each finds its nodes and elements.
+    """
+
+    def __init__(self, case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> None:
+        self._timeline = timeline
+        self._dim = mesh.dim
+        self.parts = tuple(_parts(case, mesh, timeline, locator))
+        members = [part.members for part in self.parts]
+        operators = [m.operator for m in members] or [sp.csr_array((0, mesh.points.size))]
+        self._operator = sp.csr_array(sp.vstack(operators))
+        self._transpose = self._operator.T.tocsr()
+        self._weight = np.concatenate([m.weight for m in members] or [np.empty(0)])
+
+    @property
+    def n_rows(self) -> int:
+        """Number of member forces q; 0 if there are no structures."""
+        return len(self._weight)
+
+    def key(self, number: int) -> int:
+        """Key of a structure in the stiffness pattern, where groups have their indices."""
+        return len(self._timeline.groups) + number
+
+    def keys(self, state: State) -> frozenset[int]:
+        """Keys of the structures that stand at a state."""
+        return frozenset(self.key(n) for n, _ in self._standing(state))
+
+    def late_nodes(self) -> Ints:
+        """Nodes of beams, which all couple: to be eliminated last, so that they do not fill in."""
+        along = [p.members.operator.indices for p in self.parts if isinstance(p.structure, Beam)]
+        dofs = np.concatenate([np.empty(0, dtype=np.int64), *along])
+        return np.unique(dofs // self._dim)
+
+    def blocks(self, rank: Ints) -> dict[int, GroupBlocks]:
+        """Node-pair blocks by key; rank is the place (n_nodes,) of a node in the elimination."""
+        return {
+            self.key(n): member_blocks(part.members, rank, self._dim)
+            for n, part in enumerate(self.parts)
+        }
+
+    def maps(self, state: State, values: Values) -> dict[int, Floats]:
+        """Stiffness maps of the structures that stand, by key."""
+        return {
+            self.key(n): stiffness_map(*_stiffness(part.structure, values), dim=self._dim)
+            for n, part in self._standing(state)
+        }
+
+    def moduli(self, state: State, values: Values, names: Sequence[str]) -> Floats:
+        """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
+        point = Point(values, names)
+        result = np.zeros((self.n_rows, point.n_columns))
+        for _, part in self._standing(state):
+            axial, bending = rigidities(part.structure, point)
+            chosen = part.members.bending[:, None]
+            result[part.rows] = np.where(chosen, bending.columns, axial.columns)
+        return result
+
+    def strain(self, u: Floats) -> Floats:
+        """Member strains (n_rows, ...) of displacements (n_dofs, ...)."""
+        return np.asarray(self._operator @ u)
+
+    def nodal_forces(self, forces: Floats) -> Floats:
+        """B^T w q, (n_dofs, k), of member forces (n_rows, k)."""
+        return np.asarray(self._transpose @ (self._weight[:, None] * forces))
+
+    def clear(self, state: State, forces: Floats) -> None:
+        """What does not stand, or is built only now, bears nothing."""
+        for part in self.parts:
+            if part.name not in state.structures or part.name in state.built:
+                forces[part.rows] = 0.0
+
+    def _standing(self, state: State) -> Iterator[tuple[int, _Part]]:
+        return ((n, p) for n, p in enumerate(self.parts) if p.name in state.structures)
+
+
+def rigidities(structure: Structure, point: Point) -> tuple[Jet, Jet]:
+    """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives."""
+    if isinstance(structure, Beam):
+        return _of_wall(structure, point)
+    none = point.given(0.0)
+    if structure.EA is not None:
+        axial = point.jet(structure.EA)
+    elif structure.E is not None and structure.diameter is not None:
+        diameter = point.jet(structure.diameter)
+        axial = (point.jet(structure.E) * diameter * diameter).times(np.pi / 4)
+    else:
+        axial = none
+    if structure.spacing is None:
+        return axial, none
+    return axial * _inverse(point.jet(structure.spacing)), none
+
+
+def _stiffness(structure: Structure, values: Values) -> tuple[float, float]:
+    """EA and EI."""
+    axial, bending = rigidities(structure, Point(values, ()))
+    return float(axial.value), float(bending.value)
+
+
+def _of_wall(beam: Beam, point: Point) -> tuple[Jet, Jet]:
+    if beam.EA is not None and beam.EI is not None:
+        return point.jet(beam.EA), point.jet(beam.EI)
+    if beam.E is None or beam.thickness is None:
+        return point.given(0.0), point.given(0.0)
+    modulus, t = point.jet(beam.E), point.jet(beam.thickness)
+    if beam.nu is not None:
+        nu = point.jet(beam.nu)
+        modulus = modulus * _inverse((-(nu * nu)).plus(1.0))
+    return modulus * t, (modulus * t * t * t).times(1 / 12)
+
+
+def _inverse(jet: Jet) -> Jet:
+    return jet.through(lambda x: 1 / x, lambda x: -1 / x**2)
+
+
+def inadmissible(case: Case, values: Values) -> str | None:
+    """Which number of a structure is impossible at parameter values, or None."""
+    for name, structure in case.structures.items():
+        found = structure_breach(structure, values)
+        if found:
+            return f"of the structure '{name}' {found}"
+    return None
+
+
+def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
+    """Why the structures' stiffness is not affine in the free parameters, or None if it is."""
+    for name, structure in case.structures.items():
+        for key, scalar in structure_numbers(structure).items():
+            if scalar.parameter in free and key not in ("E", "EA", "EI"):
+                return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
+    return None
+
+
+def _parts(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> Iterator[_Part]:
+    first = 0
+    for name, structure in case.structures.items():
+        present = present_throughout(timeline, name)
+        if present is None:
+            continue
+        if isinstance(structure, Beam):
+            edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
+            members = beams(mesh, edges, clamped_nodes(mesh, structure))
+        else:
+            sites = [
+                tuple(holding_site(locator, x, present) for x in pair) for pair in structure.ends
+            ]
+            found = [(a, b) for a, b in sites if a is not None and b is not None]
+            members = bars(mesh, np.array(structure.ends, dtype=np.float64), found)
+        rows = slice(first, first + len(members.weight))
+        first = rows.stop
+        yield _Part(name, structure, members, rows)
+
+
+def present_throughout(timeline: Timeline, name: str) -> Bools | None:
+    """(n_elements,) what is there as long as a structure stands; None if it never does."""
+    standing = [n for n, state in enumerate(timeline.states) if name in state.structures]
+    return np.logical_and.reduce([timeline.present(n) for n in standing]) if standing else None
+
+
+def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
+    """The best present element that holds a point (dim,), m; None if there is none."""
+    return next((s for s in locator.sites(point) if present[s.element]), None)
+
+
+def straight_pieces(mesh: Mesh, group: str) -> Ints:
+    """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
+    edges, first = [], 0
+    for block in mesh.facets:
+        mine = mesh.facet_groups[group]
+        nodes = block.nodes[mine[(mine >= first) & (mine < first + len(block))] - first]
+        first += len(block)
+        edges += [nodes] if block.kind == "line2" else [nodes[:, [0, 2]], nodes[:, [2, 1]]]
+    joined = np.concatenate(edges)
+    _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
+    return joined[np.sort(once)]
+
+
+def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
+    """Edges turned so that present ground is on their left, where it is on one side only.
+
+    Bending moments then are positive with tension on the open side.
+    """
+    balance = np.zeros(len(edges))
+    along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
+    first = 0
+    for block in mesh.blocks:
+        here = np.flatnonzero(present[first : first + len(block)])
+        first += len(block)
+        centre = mesh.points[block.nodes[here]].mean(axis=1)
+        holds = _incidence(mesh, block.nodes[here])
+        both = (holds[edges[:, 0]] * holds[edges[:, 1]]).tocoo()
+        to_centre = centre[both.col] - mesh.points[edges[both.row, 0]]
+        a = along[both.row]
+        np.add.at(balance, both.row, np.sign(a[:, 0] * to_centre[:, 1] - a[:, 1] * to_centre[:, 0]))
+    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+
+
+def _incidence(mesh: Mesh, nodes: Ints) -> sp.csr_array:
+    """(n_nodes, n_elements) which element has which node."""
+    columns = np.repeat(np.arange(len(nodes)), nodes.shape[1])
+    shape = (mesh.n_nodes, len(nodes))
+    return sp.csr_array((np.ones(nodes.size), (nodes.ravel(), columns)), shape=shape)
+
+
+def clamped_nodes(mesh: Mesh, beam: Beam) -> Bools:
+    """(n_nodes,) nodes at which a beam does not turn."""
+    clamped = np.zeros(mesh.n_nodes, dtype=bool)
+    for group in beam.clamped_on:
+        clamped[group_nodes(mesh, group)] = True
+    return clamped

@@ -1,0 +1,1 @@
+"""Yield surfaces of the ground as planes with derivatives."""

@@ -1,0 +1,206 @@
+"""What is wrong or to be known of the yield limits of a case, before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.fem.yielding.domain import empty_domain
+from geoident.fem.yielding.law import Planes
+from geoident.forward.ground.checks import trials
+from geoident.forward.yielding.cones import frame_jet
+from geoident.forward.yielding.laws import facets_of, is_smooth
+from geoident.model.arrays import Floats
+from geoident.model.case import Analysis, Case, KeyPath, Material
+from geoident.model.dual import Point
+from geoident.model.parameter import Parameter
+from geoident.model.yielding import (
+    DruckerPrager,
+    GivenPlanes,
+    MohrCoulomb,
+    WeakPlane,
+    YieldSurface,
+    apex,
+)
+
+_NEGLIGIBLE = 1e-9
+
+
+def n_strain_of(case: Case) -> int:
+    """Number of strain components of the analysis."""
+    return 6 if case.analysis is Analysis.SOLID else 4
+
+
+def yield_faults(case: Case) -> list[Fault]:
+    """Weak planes oblique to a section, yield planes that leave no stress, strengths below zero."""
+    faults = [fault for material in _yielding(case) for fault in _oblique(case, material)]
+    if faults:
+        return faults
+    for material in _yielding(case):
+        found = _empty(case, material) or _stressed_from_the_start(case, material)
+        if found is not None:
+            faults.append(found)
+    return faults
+
+
+def yield_notes(case: Case) -> list[str]:
+    """By what each material yields, and cut-offs of tension without effect."""
+    start = _start(case)
+    notes = []
+    for material in _yielding(case):
+        notes.append(f"'{material.name}' yields by {_described(case, material)}")
+        for surface in material.yields:
+            limit, tension = apex(surface, start), getattr(surface, "tension", None)
+            if limit is not None and tension is not None and tension.value(start) >= limit:
+                notes.append(
+                    f"the tension of '{material.name}' is not less than c / tan(phi), at the start "
+                    f"{limit / 1e6:.4g} MPa: its cut-off has no effect"
+                )
+        if _outside_at_zero(case, material):
+            notes.append(f"'{material.name}' cannot be free of stress: a distance is negative")
+    return notes
+
+
+def no_stress_left(case: Case, material: Material, values: Mapping[str, float]) -> str | None:
+    """Why the yield planes of a material leave no stress, a sentence, or None if they do.
+
+    Where no distance is negative, the stress-free state is inside.
+    """
+    if not any(isinstance(surface, GivenPlanes) for surface in material.yields):
+        return None
+    planes = facets_of(material, Point(values, ()), n_strain_of(case))
+    if planes.distances.value.min() >= 0.0:
+        return None
+    found = empty_domain(planes.planes())
+    if found is None:
+        return None
+    names = " and ".join(f"'{planes.names[k]}'" for k in found)
+    return f"no stress satisfies the yield planes {names} of {material.name} together"
+
+
+def _yielding(case: Case) -> Iterator[Material]:
+    return (material for material in case.materials.values() if material.yields)
+
+
+def _start(case: Case) -> dict[str, float]:
+    return {p.name: p.start for p in case.parameters}
+
+
+def _key(case: Case, material: Material, surface: YieldSurface) -> KeyPath:
+    """Where a surface is written: under `yield`, or as one of its list."""
+    path: KeyPath = ("materials", material.name, "yield")
+    listed = (*path, next(n for n, s in enumerate(material.yields) if s is surface))
+    inside = any(key[: len(listed)] == listed for key in case.source.positions)
+    return listed if inside else path
+
+
+def _oblique(case: Case, material: Material) -> Iterator[Fault]:
+    """Weak planes on which the ground would slide out of the section."""
+    if case.analysis is Analysis.SOLID:
+        return
+    for surface in material.yields:
+        if not isinstance(surface, WeakPlane):
+            continue
+        normals = np.array([_normal(surface, values) for values in trials(case.parameters)])
+        if np.abs(normals[:, 2]).max() > _NEGLIGIBLE:
+            message = f"the weak planes of '{material.name}' are oblique to the section, or may "
+            message += "turn so in the fit, so the ground would also slide out of the plane"
+            hint = "Use analysis: solid, or give a strike normal to the section."
+        elif (
+            case.analysis is Analysis.AXISYMMETRIC
+            and np.abs(normals[:, 0] * normals[:, 1]).max() > _NEGLIGIBLE
+        ):
+            message = f"weak planes of '{material.name}' that dip are not the same all around "
+            message += "the axis"
+            hint = "Use 'dip: 0 deg', or analysis: solid."
+        else:
+            continue
+        path = _key(case, material, surface)
+        yield case.source.fault(path, code="antiplane", message=message, hint=hint)
+
+
+def _normal(surface: WeakPlane, values: Mapping[str, float]) -> Floats:
+    return frame_jet(surface.frame, Point(values, ()), section=True).value[:, 2]
+
+
+def _empty(case: Case, material: Material) -> Fault | None:
+    message = no_stress_left(case, material, _start(case))
+    if message is None:
+        return None
+    surface = next(s for s in material.yields if isinstance(s, GivenPlanes))
+    path = (*_key(case, material, surface), "planes")
+    if _empty_in_the_box(surface, case.parameters, n_strain_of(case)):
+        message += ", wherever the parameters are within their bounds"
+        hint = "Turn a normal round, or change the bounds: planes that face each other need a "
+        hint += "positive sum of distances."
+    else:
+        message += " at the start of the parameters"
+        hint = "Enlarge a distance: planes that face each other need a positive sum of distances."
+    return case.source.fault(path, code="empty-domain", message=message, hint=hint)
+
+
+def _empty_in_the_box(
+    surface: GivenPlanes, parameters: tuple[Parameter, ...], n_strain: int
+) -> bool:
+    """Whether no parameters within their bounds leave a stress.
+
+    The distances are linear in the parameters, so these join the stresses as unknowns.
+    """
+    start = {p.name: p.start for p in parameters}
+    tied = [p for p in parameters if any(q.distance.parameter == p.name for q in surface.planes)]
+    point = Point(start, tuple(p.name for p in tied))
+    distances = np.stack([point.jet(plane.distance).columns for plane in surface.planes])
+    given, slopes = distances[:, 0], distances[:, 1:]
+    normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
+    box = np.hstack(
+        [np.zeros((2 * len(tied), n_strain)), np.vstack([c * np.eye(len(tied)) for c in (1, -1)])]
+    )
+    edges = [p.upper - p.start for p in tied] + [p.start - p.lower for p in tied]
+    rows = np.vstack([np.hstack([normals, -slopes]), box])
+    return empty_domain(Planes(rows, np.concatenate([given, edges]))) is not None
+
+
+def _outside_at_zero(case: Case, material: Material) -> bool:
+    planes = facets_of(material, Point(_start(case), ()), n_strain_of(case))
+    return bool(planes.distances.value.min() < 0.0)
+
+
+def _stressed_from_the_start(case: Case, material: Material) -> Fault | None:
+    """A material that enters free of stress, where that is outside its yield surface."""
+    if not _outside_at_zero(case, material):
+        return None
+    stage = next((s.name for s in case.stages if material.name in s.install.values()), None)
+    virgin = case.in_situ is None and not case.in_situ_of
+    if stage is None and not (virgin and material.name in case.groups.values()):
+        return None
+    when = f"is installed free of stress at stage '{stage}'" if stage else "begins free of stress"
+    message = f"'{material.name}' {when}, which is outside its yield surface"
+    hint = "Make all its distances positive at the start of the parameters."
+    path: KeyPath = ("materials", material.name, "yield")
+    return case.source.fault(path, code="outside-at-zero", message=message, hint=hint)
+
+
+def _described(case: Case, material: Material) -> str:
+    if is_smooth(material):
+        (surface,) = material.yields
+        assert isinstance(surface, MohrCoulomb)
+        flow = "with associated flow" if surface.dilation is None else "with its own dilation"
+        return f"{_kind(surface)}, smooth, {flow}"
+    count = len(facets_of(material, Point(_start(case), ()), n_strain_of(case)).names)
+    kinds = " and ".join(_kind(surface) for surface in material.yields)
+    return f"{kinds}: {count} plane{'s' * (count > 1)}, with associated flow"
+
+
+def _kind(surface: YieldSurface) -> str:
+    if isinstance(surface, GivenPlanes):
+        return "given planes"
+    if isinstance(surface, WeakPlane):
+        return "a weak plane"
+    name = "Drucker-Prager's cone" if isinstance(surface, DruckerPrager) else "Mohr-Coulomb"
+    if isinstance(surface, MohrCoulomb) and surface.friction.factor == 0.0:
+        name = "Tresca"
+    smooth = isinstance(surface, MohrCoulomb) and surface.planes is None
+    lies = "" if smooth else f" ({surface.fit} fit)"
+    return name + (" with a cut-off of tension" if surface.tension is not None else "") + lies

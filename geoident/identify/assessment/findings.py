@@ -1,0 +1,173 @@
+"""Sentences on what the readings do not determine, for the people who placed the gauges.
+
+The unseen directions of readings and priors together are gaps that remain. The unseen directions of
+the readings alone that are not among them are held by a prior only. For a gap of two parameters
+that change in proportion, their ratio (or product) is what the readings do determine, and is
+given with its interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.identify.assessment.directions import Direction, join
+from geoident.identify.assessment.spectrum import NORMAL_95, Spectrum, sparse_basis, without
+from geoident.model.arrays import Bools, Floats
+from geoident.model.parameter import Parameter
+
+LEANING = 0.5
+"""Share of a parameter's variance that comes from the prior of another from which it is said."""
+
+PAIR_HALF_WIDTH = 0.5
+"""A ratio or product is worth saying if its logarithm is known to this half width."""
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What the singular values say.
+
+    Args:
+        parameters: the n unknowns.
+        values: (n,) the estimate, SI.
+        at_bound: (n,) the value lies on a bound.
+        from_prior: (n,) hardly better known than by its prior.
+        prior_rows: (k, n) rows of the priors in z.
+        width: (n,) admissible range, SI, by the slope at the estimate.
+        whole: directions of readings and priors.
+        readings: directions of the readings alone.
+    """
+
+    parameters: tuple[Parameter, ...]
+    values: Floats
+    at_bound: Bools
+    from_prior: Bools
+    prior_rows: Floats
+    width: Floats
+    whole: Spectrum
+    readings: Spectrum
+
+    @property
+    def relative(self) -> list[bool]:
+        """Parameters (n) whose relative change makes sense."""
+        return [q.lower > 0.0 or q.upper < 0.0 for q in self.parameters]
+
+    def directions(self, vectors: Floats) -> Iterator[Direction]:
+        """The directions of a basis (n, u) in z, by relative changes."""
+        names = [q.name for q in self.parameters]
+        safe = np.where(self.relative, self.values, 1.0)
+        weight = np.where(self.relative, self.width / safe, 1.0)
+        for vector in sparse_basis(vectors).T:
+            yield Direction.of(weight * vector, names, self.relative)
+
+
+def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
+    """All findings at an estimate.
+
+    Args:
+        known: what the singular values say.
+        covariance: (n, n) SI, unseen directions with their spread.
+    """
+    gaps = known.whole.unseen_vectors
+    remaining = list(known.directions(gaps))
+    held = list(known.directions(without(known.readings.unseen_vectors, gaps)))
+    said = {d.indices[0] for d in remaining + held if d.single}
+    return (
+        *(_gap(d, _determined_pair(known, d, covariance)) for d in remaining),
+        *(_held(known, d, _determined_pair(known, d, covariance)) for d in held),
+        *_prior_only(known, said),
+        *_bounds(known),
+    )
+
+
+def _gap(direction: Direction, pair: str) -> str:
+    """A direction that nothing determines."""
+    if direction.single:
+        return f"The readings do not determine {direction.subjects}."
+    return (
+        f"The readings do not determine {direction.subjects} one by one: "
+        f"{direction.phrase()} without a change in the readings that can be seen.{pair}"
+    )
+
+
+def _held(known: Knowledge, direction: Direction, pair: str) -> str:
+    """A direction that only a prior determines."""
+    names = [q.name for q in known.parameters if q.prior and q.name in direction.names]
+    priors = "priors" if len(names) != 1 else "prior"
+    prior = f"the {priors} of {join(names)}" if names else "the priors"
+    if direction.single:
+        return f"The readings do not determine {direction.subjects}; what is known is {prior}."
+    separates = "separates" if len(names) == 1 else "separate"
+    return (
+        f"The readings do not see that {direction.phrase()}; only {prior} {separates} them.{pair}"
+    )
+
+
+def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats) -> str:
+    """The ratio or product that stays determined where two parameters change in proportion."""
+    if len(direction.indices) != 2 or not direction.equal:
+        return ""
+    i, j = direction.indices
+    sign = -1.0 if direction.weights[1] > 0.0 else 1.0
+    if sign < 0.0 and abs(known.values[i]) > abs(known.values[j]):
+        i, j = j, i
+    half = NORMAL_95 * _log_sd(known.values, covariance, (i, j), sign)
+    if not half <= PAIR_HALF_WIDTH:
+        return ""
+    names = known.parameters[i].name, known.parameters[j].name
+    text = f"{names[0]} / {names[1]}" if sign < 0.0 else f"{names[0]} * {names[1]}"
+    value = float(known.values[i] * known.values[j] ** sign)
+    low, high = sorted([float(value * np.exp(-half)), float(value * np.exp(half))])
+    return f" {text} is determined: {value:.4g} (95 %: {low:.4g} to {high:.4g}, SI units)."
+
+
+def _log_sd(values: Floats, covariance: Floats, pair: tuple[int, int], sign: float) -> float:
+    """Standard deviation of ln p_i + sign ln p_j."""
+    g = np.zeros(len(values))
+    g[list(pair)] = np.array([1.0, sign]) / values[list(pair)]
+    variance = float(g @ covariance @ g)
+    return float(np.sqrt(max(variance, 0.0)))
+
+
+def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
+    """Parameters that hardly gained from the readings."""
+    for i, parameter in enumerate(known.parameters):
+        if known.from_prior[i] and i not in said:
+            leaning = _leaning_on(known, i)
+            also = (
+                f" What is said of {join(leaning)} rests mainly on that prior." if leaning else ""
+            )
+            yield (
+                f"{parameter.name} is known only from its prior: the readings hardly add to it."
+                + also
+            )
+
+
+def _leaning_on(known: Knowledge, prior_of: int) -> list[str]:
+    """Parameters whose variance comes mainly from the prior of another one.
+
+    With the posterior covariance C, an error of one standard deviation in the prior row P_k
+    moves the estimate by C P_k^T, so (C P_k^T)_i^2 / C_ii is its share of the variance of i.
+    """
+    covariance = known.whole.seen_covariance
+    rows = known.prior_rows[known.prior_rows[:, prior_of] != 0.0]
+    part = ((covariance @ rows.T) ** 2).sum(axis=1)
+    shares = part / np.maximum(np.diag(covariance), 1e-300)
+    return [
+        q.name
+        for j, q in enumerate(known.parameters)
+        if j != prior_of and not known.from_prior[j] and shares[j] > LEANING
+    ]
+
+
+def _bounds(known: Knowledge) -> Iterator[str]:
+    """Parameters that a bound holds."""
+    for i, parameter in enumerate(known.parameters):
+        if known.at_bound[i] and parameter.lower < parameter.upper:
+            near_lower = known.values[i] - parameter.lower < parameter.upper - known.values[i]
+            yield (
+                f"{parameter.name} ends on its {'lower' if near_lower else 'upper'} bound; "
+                "what is said of the other parameters holds for that value."
+            )

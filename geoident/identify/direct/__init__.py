@@ -1,0 +1,1 @@
+"""Searches that ask for values of the discrepancy only."""

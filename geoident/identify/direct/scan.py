@@ -1,0 +1,117 @@
+"""The discrepancy on a grid, the "parametric analysis" of the paper (theory 4.5).
+
+phi is evaluated at every point of the grid, the parameters that have no axis at their start. Points
+where the model has no solution have phi = inf. The lowest point is the result, a start for other
+methods. Axes of parameters that are scaled by their logarithm have even spacing in the logarithm.
+
+Per point: one call of the model, without derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from geoident.errors import Fault, InputError
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.history import History
+from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.model.arrays import Floats
+from geoident.model.methods import ScanAxis, ScanOptions
+from geoident.model.parameter import Parameter
+from geoident.model.result import Grid
+
+MOST_POINTS = 1_000_000
+"""More are a slip of the pen: they would take days, and their history more memory than there is."""
+
+
+def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
+    """Evaluates the discrepancy on a grid, theory 4.5.
+
+    Args:
+        problem: readings, model and parameters.
+        options: the axes.
+        observe: is told of every point; its reason to stop ends the scan.
+
+    Returns:
+        The best point, and the grid: infinite where there is no solution, NaN where the scan was
+        stopped before.
+
+    Raises:
+        InputError: an axis of an unknown parameter, or one without finite ends.
+    """
+    axes = grid_axes(problem.parameters, options)
+    columns = [_index(problem.parameters, name) for name in axes]
+    phi = np.full([len(axis) for axis in axes.values()], np.nan)
+    discrepancy = Discrepancy(problem)
+    history = History("scan", problem.response, observe)
+    for place in np.ndindex(phi.shape):
+        p = _start(problem)
+        p[columns] = [axis[k] for axis, k in zip(axes.values(), place, strict=True)]
+        phi[place] = discrepancy.objective(p)
+        history.record(p, float(phi[place]), step=0.0, note="grid")
+        if history.stop is not None:
+            break
+    return _outcome(problem, Grid(tuple(axes), tuple(axes.values()), phi), history)
+
+
+def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mapping[str, Floats]:
+    """The values of every axis by the name of its parameter, SI.
+
+    Raises:
+        InputError: an axis of an unknown parameter, or one without finite ends.
+    """
+    chosen = options.grid or {
+        q.name: ScanAxis(q.lower, q.upper, options.points) for q in parameters[:2]
+    }
+    known = {q.name: q for q in parameters}
+    faults = [fault for name, axis in chosen.items() for fault in _faults(known, name, axis)]
+    points = math.prod(axis.points for axis in chosen.values())
+    if points > MOST_POINTS:
+        message = f"the scan has {points:,} points; {MOST_POINTS:,} are the most"
+        faults.append(Fault("scan-size", message, "Lower 'points' in fit.scan.", path="fit.scan"))
+    if faults:
+        raise InputError(faults)
+    return {name: _values(known[name], axis) for name, axis in chosen.items()}
+
+
+def _faults(known: Mapping[str, Parameter], name: str, axis: ScanAxis) -> list[Fault]:
+    """What is wrong with an axis."""
+    if name not in known:
+        names = ", ".join(known)
+        return [Fault("unknown-parameter", f"scan over {name}: the parameters are {names}.")]
+    ends = np.array([axis.start, axis.stop])
+    log = known[name].scale == "log"
+    if not np.all(np.isfinite(ends)) or (log and np.any(ends <= 0.0)) or axis.points < 1:
+        what = f"scan over {name}: no grid from {axis.start:g} to {axis.stop:g}"
+        return [Fault("scan-axis", f"{what} with {axis.points} points.", "Give finite ends.")]
+    return []
+
+
+def _values(parameter: Parameter, axis: ScanAxis) -> Floats:
+    space = np.geomspace if parameter.scale == "log" else np.linspace
+    return np.asarray(space(axis.start, axis.stop, axis.points), dtype=np.float64)
+
+
+def _index(parameters: tuple[Parameter, ...], name: str) -> int:
+    return next(i for i, q in enumerate(parameters) if q.name == name)
+
+
+def _start(problem: Problem) -> Floats:
+    return np.array([q.start for q in problem.parameters], dtype=np.float64)
+
+
+def _outcome(problem: Problem, grid: Grid, history: History) -> Outcome:
+    """The lowest point of the history, with the reason that fits."""
+    best = min(history.iterations, key=lambda entry: entry.objective)
+    if history.stop is not None:
+        status, reason = "out-of-budget", history.stop
+    elif np.isfinite(best.objective):
+        status, reason = "converged", f"All {grid.objective.size} points of the grid are computed."
+    else:
+        status = "not-converged"
+        reason = "The model has no solution at any point of the grid: move or refine the grid."
+    values = best.values if np.isfinite(best.objective) else _start(problem)
+    return Outcome(values, best.objective, status, reason, history.iterations, grid)

@@ -1,0 +1,1 @@
+"""Gauss-Newton in a trust region, condensation, and what they share."""

@@ -1,0 +1,1 @@
+"""The discrepancy between readings and model, and the losses."""

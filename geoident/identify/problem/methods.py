@@ -1,0 +1,246 @@
+"""The table of identifiers, and chains of them.
+
+`METHODS` maps the names that users write to the methods. A method is imported when it runs, so the
+table costs nothing at start-up. In a chain each method starts where the one before ended: a scan
+finds the valley, condensation comes near at once, Gauss-Newton gives the exact minimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from typing import cast
+
+import numpy as np
+
+from geoident.errors import Fault, InputError
+from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.protocols import (
+    AffineElastic,
+    ComplementaritySystem,
+    HasOpening,
+    Response,
+    YieldSystem,
+)
+from geoident.model.arrays import Floats
+from geoident.model.methods import (
+    METHOD_OPTIONS,
+    ClosedFormOptions,
+    ComplementarityOptions,
+    LossOptions,
+    MethodOptions,
+    SquaredOptions,
+    loss_name,
+    method_name,
+)
+
+Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
+
+SQUARED = SquaredOptions()
+
+FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
+"""What the formulations of the complementarity method need beside the model's equations."""
+
+STOPPED = "out-of-budget"
+"""Status of an outcome that the observer ended."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One identifier.
+
+    Args:
+        name: as users write it.
+        module: within `geoident.identify`, of the function that runs it; imported when it runs.
+        options: type of its options.
+        needs: the protocol that the model must offer, `Response` or `AffineElastic`.
+        help: one line for lists of methods.
+    """
+
+    name: str
+    module: str
+    options: type[MethodOptions]
+    needs: type[object]
+    help: str
+
+    def function(self) -> Identifier:
+        """The function that runs it: (problem, options, observe) -> Outcome."""
+        word = self.name.replace("-", "_")
+        return cast(Identifier, getattr(import_module(f"geoident.identify.{self.module}"), word))
+
+
+def _method(room: str, name: str, needs: type[object], text: str) -> tuple[str, Method]:
+    module = f"{room}.{name.replace('-', '_')}"
+    return name, Method(name, module, METHOD_OPTIONS[name], needs, text)
+
+
+METHODS: Mapping[str, Method] = dict(
+    [
+        _method(
+            "least_squares", "gauss-newton", Response,
+            "weighted least squares by a trust region (default)",
+        ),
+        _method(
+            "least_squares", "condensation", AffineElastic,
+            "iterated linear least squares on the equations",
+        ),
+        _method("direct", "simplex", Response, "search without derivatives, for any model"),
+        _method("direct", "scan", Response, "the discrepancy on a grid"),
+        _method(
+            "least_squares", "closed-form", HasOpening,
+            "formulas of a circular opening, also without a mesh",
+        ),
+        _method(
+            "yield_limits", "complementarity", YieldSystem,
+            "yield limits from several starts (their default)",
+        ),
+    ]
+)  # fmt: skip
+
+
+def refusals(
+    response: Response, methods: Sequence[MethodOptions], loss: LossOptions = SQUARED
+) -> list[str]:
+    """Why the methods of a chain cannot work on a model, sentences; none if they can.
+
+    A closed form in a chain is only where the rest begins: it is passed over where there is none.
+    """
+    if len(methods) > 1:
+        methods = [options for options in methods if not isinstance(options, ClosedFormOptions)]
+    found = [refusal(response, method_name(o), loss, o) for o in methods]
+    return [reason for reason in found if reason is not None]
+
+
+def refusal(
+    response: Response,
+    name: str,
+    loss: LossOptions = SQUARED,
+    options: MethodOptions | None = None,
+) -> str | None:
+    """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
+    why = _obstacle(response, METHODS[name], loss, options)
+    if why is None:
+        return None
+    able = [
+        other
+        for other, method in METHODS.items()
+        if other != name and _obstacle(response, method, loss) is None
+    ]
+    if options is not None and _obstacle(response, METHODS[name], loss) is None:
+        able.append(f"{name} in its default formulation")
+    return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
+
+
+def _obstacle(
+    response: Response, method: Method, loss: LossOptions, options: MethodOptions | None = None
+) -> str | None:
+    if method.needs is Response:
+        return None
+    if method.needs is YieldSystem:
+        return _yield_obstacle(response, options)
+    if method.needs is HasOpening:
+        given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
+        return opening_obstacle(response, given)
+    if loss_name(loss) != "squared":
+        return (
+            f"its linear least squares know no loss but squared, and the loss is {loss_name(loss)}"
+        )
+    if not isinstance(response, AffineElastic):
+        return "the equations of the model are not at hand"
+    return response.obstacle()
+
+
+def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:
+    if not isinstance(response, YieldSystem):
+        return "the equations of the model are not at hand"
+    if not response.yields():
+        return "no material of the model has yield limits"
+    if isinstance(options, ComplementarityOptions):
+        return formulation_obstacle(response, options.formulation)
+    return None
+
+
+def formulation_obstacle(response: Response, formulation: str) -> str | None:
+    """Why a formulation is not possible for a model, a clause, or None if it is."""
+    package = FORMULATION_PACKAGES.get(formulation)
+    if package is None:
+        return None
+    if not isinstance(response, ComplementaritySystem):
+        return f"the formulation {formulation} needs equations that the model does not show"
+    if find_spec(package) is None:
+        return (
+            f'the formulation {formulation} needs {package} (pip install "geoident[{formulation}]")'
+        )
+    why = response.system_obstacle()
+    return None if why is None else f"for the formulation {formulation}, {why}"
+
+
+def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | None:
+    """Why a model has no closed form, a clause, or None if it has one."""
+    if not isinstance(response, HasOpening):
+        return "the model is no opening"
+    found = response.opening(options.centre, options.radius)
+    if isinstance(found, str):
+        return found
+    if len(found.covered) and not found.covered.any():
+        return "no reading is of a stage and a point that the closed form covers"
+    return None
+
+
+def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observer) -> Outcome:
+    """Runs a chain of methods, each from where the one before ended.
+
+    Args:
+        problem: readings, model and parameters with the first start.
+        methods: options of the methods, in their order, at least one.
+        observe: is told of every iteration; its reason to stop ends the chain.
+
+    Returns:
+        The outcome of the last method with the histories of all, and the last grid of a scan.
+        Where the observer stopped the chain, the best point so far.
+
+    Raises:
+        InputError: a method of the chain needs what the model cannot offer; nothing was computed.
+        ModelError: the model has no solution at the start.
+    """
+    _refuse_impossible(problem, methods)
+    done: list[Outcome] = []
+    for options in methods:
+        outcome = METHODS[method_name(options)].function()(problem, options, observe)
+        done.append(outcome)
+        if outcome.status == STOPPED:
+            break
+        problem = _restarted(problem, outcome.values)
+    return _joined(done)
+
+
+def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:
+    reasons = refusals(problem.response, methods, problem.loss)
+    faults = [Fault("method-not-possible", reason) for reason in reasons]
+    if faults:
+        raise InputError(faults)
+
+
+def _restarted(problem: Problem, values: Floats) -> Problem:
+    """The problem with the values (n,), SI, clipped into the bounds, for its start."""
+    parameters = (
+        replace(q, start=float(np.clip(value, q.lower, q.upper)))
+        for q, value in zip(problem.parameters, values, strict=True)
+    )
+    return replace(problem, parameters=tuple(parameters))
+
+
+def _joined(done: Sequence[Outcome]) -> Outcome:
+    """The last outcome with all histories; its values the best ones if it was stopped."""
+    last = done[-1]
+    best = min(done, key=lambda outcome: outcome.objective) if last.status == STOPPED else last
+    return replace(
+        last,
+        values=best.values,
+        objective=best.objective,
+        iterations=tuple(entry for outcome in done for entry in outcome.iterations),
+        remarks=tuple(remark for outcome in done for remark in outcome.remarks),
+        grid=next((outcome.grid for outcome in reversed(done) if outcome.grid is not None), None),
+    )

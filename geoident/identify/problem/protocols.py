@@ -1,0 +1,112 @@
+"""What an identifier needs of a model. The model behind it can be anything.
+
+Parameter vectors p are in natural units (SI), in the order of ``names``. Readings v(p) are ordered
+as the measured values that the identifier was given.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from geoident.model.arrays import Bools, Floats
+from geoident.model.certificate import Activity
+from geoident.model.equations import Condensed, StagedSystem
+from geoident.model.result import Counts
+
+__all__ = [
+    "Activity",
+    "AffineElastic",
+    "ComplementaritySystem",
+    "Condensed",
+    "HasOpening",
+    "OpeningForm",
+    "Response",
+    "StagedSystem",
+    "YieldSystem",
+]
+
+
+@runtime_checkable
+class Response(Protocol):
+    """A model that answers with readings: gauss-newton, simplex and scan need only this."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain of the model, or None if it is inside."""
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,). Raises `geoident.errors.ModelError` where the model has no solution."""
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its exact Jacobian, (g, n)."""
+
+
+@runtime_checkable
+class AffineElastic(Response, Protocol):
+    """A model whose equations are affine in its parameters: condensation needs this."""
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, a sentence, or None if they are."""
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """Condensed equations at p for the measured readings (g,) of standard deviation sd (g,)."""
+
+
+class OpeningForm(Response, Protocol):
+    """The closed form of an opening: readings by formulas."""
+
+    @property
+    def covered(self) -> Bools:
+        """(g,) which readings of the model it answers; ``readings`` are these, in their order."""
+
+    def remarks(self, p: Floats) -> tuple[str, ...]:
+        """What is to be known of it at p (n,), sentences without a full stop."""
+
+
+@runtime_checkable
+class HasOpening(Response, Protocol):
+    """A model that may be a circular opening in uniform ground: closed-form needs this."""
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """Its closed form, or why it has none, a clause.
+
+        Args:
+            centre: of the opening, m; None to find it.
+            radius: of the opening, m; None to find it.
+        """
+
+
+@runtime_checkable
+class YieldSystem(Response, Protocol):
+    """A model with yield limits, stage by stage: complementarity needs this (theory 5).
+
+    ``readings`` and ``evaluate`` raise `geoident.errors.CollapseError` where the loads cannot be
+    carried. The Jacobian is that of the active pieces; at a kink, that of the planes that the
+    projection counts as active.
+    """
+
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""
+
+
+@runtime_checkable
+class ComplementaritySystem(YieldSystem, Protocol):
+    """A yield system that shows its equations: full-space and global need this (theory 5)."""
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are not those of a `StagedSystem`, a clause, or None if they are."""
+
+    def system(self) -> StagedSystem:
+        """The equations, with readings in the order of the response."""

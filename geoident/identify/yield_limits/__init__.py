@@ -1,0 +1,1 @@
+"""Yield limits by complementarity: the search, its certificate, and two independent checks."""

@@ -1,0 +1,200 @@
+"""Yield limits by one nonlinear program in all unknowns (theory 5, ``formulation: full-space``).
+
+An independent check of the implicit method: parameters, displacements and multipliers of all stages
+are variables of one program (`nonlinear_program`), solved by IPOPT (Wachter & Biegler 2006). The
+complementarity is smoothed, and the smoothing mu is lowered from 1 to 1e-12, each
+solution the start of the next. What counts in the end is the model itself: it is evaluated at the
+parameters found, and that discrepancy is what is reported.
+
+Only a local method, as the implicit one is. Needs the extra ``full-space`` (casadi).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from geoident.errors import Fault, InputError
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.history import History
+from geoident.identify.problem.methods import formulation_obstacle
+from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.protocols import ComplementaritySystem
+from geoident.identify.yield_limits.complementarity import certificate_at
+from geoident.identify.yield_limits.nonlinear_program import Program, nonlinear_program
+from geoident.model.arrays import Floats
+from geoident.model.methods import ComplementarityOptions
+
+_SMOOTHINGS = tuple(10.0**-k for k in range(0, 14, 2))
+"""mu, from what hides every kink to what hides none; a b = mu in stresses and strains of one."""
+
+_MOST_STEPS = 500
+"""Iterations of the solver for one mu."""
+
+_AGREE = 1e-3
+"""Relative difference of the discrepancies of program and model up to which they agree."""
+
+
+def full_space(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+    """Minimises the discrepancy in the full space.
+
+    Args:
+        problem: readings, model and parameters.
+        options: of the method; the formulation has been chosen.
+        observe: is told of every iteration; its reason to stop ends the search.
+
+    Returns:
+        The best parameters at which the model itself was evaluated.
+
+    Raises:
+        InputError: the model does not offer its equations, or casadi is missing.
+        ModelError: the stiffness of a stage is singular.
+    """
+    why = formulation_obstacle(problem.response, "full-space")
+    if why is not None:
+        raise InputError([Fault("method-not-possible", f"This is not possible here: {why}.")])
+    return _Search(problem, observe).run()
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Where the solver ended for one mu: x (N,), its discrepancy, its own word for the end."""
+
+    x: Floats
+    objective: float
+    success: bool
+    word: str
+
+
+class _Search:
+    """The sequence of programs."""
+
+    def __init__(self, problem: Problem, observe: Observer) -> None:
+        assert isinstance(problem.response, ComplementaritySystem)
+        self.problem = problem
+        self.discrepancy = Discrepancy(problem)
+        self.history = History("complementarity", problem.response, observe)
+        self.start = np.array([q.start for q in problem.parameters])
+        self.program = nonlinear_program(problem, problem.response.system())
+        self.mu = np.inf
+
+    def run(self) -> Outcome:
+        """All smoothings, then the model."""
+        best = self.start, self.confirm(self.start, "start")
+        solve, found = solver(self.program, self.note), None
+        x = self.program.start
+        for mu in _SMOOTHINGS:
+            if self.history.stop is not None:
+                break
+            self.mu = mu
+            found = solve(x, mu)
+            x = found.x
+        p = self.natural(x)
+        best = min(best, (p, self.confirm(p, "model")), key=lambda pair: pair[1])
+        status, reason = self.ending(found, best)
+        proof = certificate_at(self.problem, best[0], self.history)
+        return Outcome(*best, status, reason, self.history.iterations, certificate=proof)
+
+    def natural(self, x: Floats) -> Floats:
+        """Parameters (n,), SI, inside their bounds."""
+        lower = np.array([q.lower for q in self.problem.parameters])
+        upper = np.array([q.upper for q in self.problem.parameters])
+        reference = self.program.reference
+        return np.clip(x[: len(reference)] * reference, lower, upper)
+
+    def confirm(self, p: Floats, note: str) -> float:
+        """The discrepancy of the model at p (n,); infinite where it has no solution."""
+        phi = self.discrepancy.objective(p)
+        self.history.record(p, phi, step=0.0, note=note)
+        return phi
+
+    def note(self, x: Floats, objective: float) -> bool:
+        """Records an iterate of the solver; whether it is to stop."""
+        note = f"smoothing {self.mu:.0e}"
+        self.history.record(self.natural(x), objective, step=0.0, note=note)
+        return self.history.stop is not None
+
+    def ending(self, found: _Solution | None, best: tuple[Floats, float]) -> tuple[str, str]:
+        """Status and reason."""
+        if self.history.stop is not None or found is None:
+            return "out-of-budget", self.history.stop or ""
+        if not found.success:
+            return "not-converged", (
+                f"The nonlinear program was not solved ({found.word}): use the formulation "
+                "implicit, or start nearer to the expected values."
+            )
+        if abs(best[1] - found.objective) > _AGREE * max(best[1], 1.0):
+            return "not-converged", (
+                f"The model gives a discrepancy of {best[1]:.6g} where the nonlinear program "
+                f"gives {found.objective:.6g}: use the formulation implicit."
+            )
+        return "converged", (
+            "The nonlinear program in the full space is solved, with complementarity to "
+            f"{_SMOOTHINGS[-1]:.0e}, and the model confirms its discrepancy."
+        )
+
+
+def solver(
+    program: Program, watch: Callable[[Floats, float], bool]
+) -> Callable[[Floats, float], _Solution]:
+    """A function (x (N,), mu) -> solution that calls IPOPT, without a word on any screen.
+
+    Args:
+        program: what to solve.
+        watch: is told x (N,) and the objective of every iteration; True stops the solver.
+    """
+    casadi: Any = import_module("casadi")
+    n, m = program.x.numel(), program.constraints.numel()
+    callback = _callback(casadi, n, m, watch)
+    nlp = {"x": program.x, "p": program.mu, "f": program.objective, "g": program.constraints}
+    quiet = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
+    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _MOST_STEPS, "mu_strategy": "adaptive"}
+    options = {**quiet, "iteration_callback": callback, "ipopt": ipopt}
+    function = casadi.nlpsol("full_space", "ipopt", nlp, options)
+
+    def solve(x: Floats, mu: float) -> _Solution:
+        bounds = {"lbx": program.lower, "ubx": program.upper, "lbg": 0.0, "ubg": 0.0}
+        found = function(x0=x, p=mu, **bounds)
+        if callback.failure is not None:
+            raise callback.failure
+        stats = function.stats()
+        end = np.asarray(found["x"], dtype=np.float64).ravel()
+        return _Solution(
+            end, float(found["f"]), bool(stats["success"]), str(stats["return_status"])
+        )
+
+    return solve
+
+
+def _callback(casadi: Any, n: int, m: int, watch: Callable[[Floats, float], bool]) -> Any:
+    """What IPOPT calls after every iteration. An exception in it stops IPOPT and is kept."""
+
+    class Callback(casadi.Callback):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.failure: BaseException | None = None
+            self.construct("watch", {})
+
+        def get_n_in(self) -> int:
+            return int(casadi.nlpsol_n_out())
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            size = {"f": 1, "x": n, "lam_x": n, "g": m, "lam_g": m, "lam_p": 1}
+            return casadi.Sparsity.dense(size[casadi.nlpsol_out(i)], 1)
+
+        def eval(self, arguments: Any) -> list[int]:
+            x = np.asarray(arguments[0], dtype=np.float64).ravel()
+            try:
+                return [int(watch(x, float(arguments[1])))]
+            except BaseException as error:
+                self.failure = error
+                return [1]
+
+    return Callback()

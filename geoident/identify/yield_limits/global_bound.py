@@ -1,0 +1,239 @@
+"""The global optimum of small problems, proven (theory 5, ``formulation: global``).
+
+The implicit method finds what is probably the best point; here a bound is proven. Displacements are
+eliminated (`influence`), and branch and bound works on boxes of parameters, the one with the lowest
+bound first:
+
+    examine  planes that are reached nowhere in the box are dropped, the box is bounded from below
+             and made smaller (`regions`);
+    solve    where few pairs are left, branch and bound over them, exactly (`mixed_program`);
+    cut      into halves, where many are.
+
+A box whose bound is not below the best discrepancy is done with. A better point found on the way
+is taken over after Gauss-Newton on the model itself, so what is reported was evaluated by the
+model. The bound is the lowest of all boxes. The discrepancy is a sum of squares in standard
+deviations: a difference below ``gap`` means nothing, so the gap is measured against max(phi, 1).
+
+For small systems: the influence matrix is dense. Needs the extra ``global`` (SCIP).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.errors import Fault, InputError, ModelError
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.history import History
+from geoident.identify.problem.methods import formulation_obstacle
+from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.protocols import ComplementaritySystem
+from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.condensed_system import Influence, influence
+from geoident.identify.yield_limits.mixed_program import solve_region
+from geoident.identify.yield_limits.parameter_boxes import Form, Region, examined, form_of
+from geoident.model.arrays import Floats
+from geoident.model.equations import StagedSystem
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
+from geoident.model.result import Iteration
+
+MOST_PAIRS = 2000
+"""Planes times strain points times stages: the influence matrix is dense."""
+
+FEW_PAIRS = 40
+"""As many as branch and bound over them settles at once."""
+
+SMALL = 0.02
+"""A box this small, in parts of the parameters, is not cut before branch and bound was tried."""
+
+SMALLEST = 1e-7
+"""A box this small, in parts of the parameters, is not cut."""
+
+
+def global_bound(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+    """Minimises the discrepancy and proves how far from the lowest it can be.
+
+    Args:
+        problem: readings, model and parameters with finite bounds.
+        options: gap, number of boxes; the others serve the implicit method that goes first.
+        observe: is told of every box; its reason to stop ends the search with the bound so far.
+
+    Returns:
+        The best point that the model evaluated, its certificate with bound and gap.
+
+    Raises:
+        InputError: the problem is not of the kind, or too large.
+        ModelError: no start has a solution.
+    """
+    why = formulation_obstacle(problem.response, "global") or _problem_obstacle(problem)
+    _refuse(why)
+    assert isinstance(problem.response, ComplementaritySystem)
+    system = problem.response.system()
+    _refuse(_system_obstacle(system))
+    first = complementarity(problem, replace(options, formulation="implicit"), observe)
+    if first.status == "out-of-budget":
+        return first
+    return _Search(problem, options, observe, first).run(influence(problem, system))
+
+
+def _refuse(why: str | None) -> None:
+    if why is not None:
+        msg = f"The formulation global is not possible here: {why}."
+        raise InputError([Fault("method-not-possible", msg)])
+
+
+def _problem_obstacle(problem: Problem) -> str | None:
+    if loss_name(problem.loss) != "squared":
+        return f"its bounds know no loss but squared, and the loss is {loss_name(problem.loss)}"
+    for q in problem.parameters:
+        if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
+            return f"{q.name} has no bounds, and a proof needs them"
+        if q.prior is not None and q.prior.kind == "lognormal":
+            return f"the prior of {q.name} is lognormal, and only a normal one is a square of it"
+    return None
+
+
+def _system_obstacle(system: StagedSystem) -> str | None:
+    names = np.array(system.names)
+    for law in system.laws:
+        elastic = names[law.elasticity.depends_on]
+        if elastic.size:
+            return f"{elastic[0]} changes a modulus, so displacements can't be eliminated"
+        if np.any(law.hardening.slopes < 0.0) or np.any(law.hardening.constant < 0.0):
+            return "hardening that one plane takes from another has no convex energy here"
+    if system.n_pairs > MOST_PAIRS:
+        return (
+            f"{system.n_pairs} pairs of planes and multipliers are more than {MOST_PAIRS} "
+            "(planes times strain points times stages); use a coarser mesh or fewer planes"
+        )
+    return None
+
+
+class _Search:
+    """Branch and bound over boxes of parameters."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: ComplementarityOptions,
+        observe: Observer,
+        first: Outcome,
+    ) -> None:
+        self.problem, self.options = problem, options
+        self.history = History("complementarity", problem.response, observe)
+        self.best = first
+        self.before = first.iterations
+        self.done = np.inf
+        self.regions = 0
+        self.form: Form | None = None
+
+    def run(self, system: Influence) -> Outcome:
+        """All boxes, the most promising first."""
+        everything = np.arange(system.n_pairs)
+        if not system.products:
+            self.form = form_of(system.work[:, None] * system.slack_by_lam)
+        todo = [Region(system.lower, system.upper, 0.0, everything)]
+        while todo and self.history.stop is None and self.regions < self.options.max_regions:
+            todo.sort(key=lambda region: region.bound)
+            if todo[0].bound >= self.goal:
+                break
+            todo += self.visit(system, todo.pop(0))
+        return self.outcome(todo)
+
+    @property
+    def slack(self) -> float:
+        """What the gap allows."""
+        return self.options.gap * max(self.best.objective, 1.0)
+
+    @property
+    def goal(self) -> float:
+        """A box with a bound of this is done with."""
+        return self.best.objective - self.slack
+
+    def visit(self, system: Influence, region: Region) -> list[Region]:
+        """What is left to do of a box."""
+        self.regions += 1
+        better = max(self.best.objective, self.slack)
+        found = examined(system, self.form, region, better)
+        if found is None:
+            self.finish(self.best.objective)
+            return self.told(region, [])
+        if found.bound >= self.goal:
+            self.finish(found.bound)
+            return self.told(found, [])
+        if len(found.kept) <= FEW_PAIRS or found.size <= SMALL:
+            solved = solve_region(system, found, self.form, best=better, gap=0.5 * self.options.gap)
+            if solved.p is not None:
+                self.improve(solved.p * system.reference)
+            if solved.complete or found.size <= SMALLEST:
+                self.finish(min(solved.bound, self.best.objective))
+                return self.told(found, [])
+            found = replace(found, bound=max(found.bound, solved.bound))
+        return self.told(found, list(found.halves()))
+
+    def finish(self, bound: float) -> None:
+        """Keeps the lowest bound of the boxes that are done with."""
+        self.done = min(self.done, bound)
+
+    def told(self, region: Region, left: list[Region]) -> list[Region]:
+        """Tells the observer; returns what is left."""
+        note = f"box {self.regions}: bound {region.bound:.6g}, {len(region.kept)} pairs"
+        self.history.record(self.best.values, self.best.objective, step=region.size, note=note)
+        return left
+
+    def improve(self, p: Floats) -> None:
+        """Takes over a better point, after a descent on the model from there."""
+        try:
+            found = gauss_newton(self.begun_at(p), GaussNewtonOptions(), _silent)
+        except ModelError:
+            return
+        if found.objective < self.goal:
+            options = replace(self.options, formulation="implicit", restarts=0)
+            self.best = complementarity(self.begun_at(found.values), options, _silent)
+
+    def begun_at(self, p: Floats) -> Problem:
+        """The problem with another start p (n,), SI."""
+        parameters = (
+            replace(q, start=float(np.clip(value, q.lower, q.upper)))
+            for q, value in zip(self.problem.parameters, p, strict=True)
+        )
+        return replace(self.problem, parameters=tuple(parameters))
+
+    def outcome(self, todo: list[Region]) -> Outcome:
+        """The best point with what is proven."""
+        bound = min([self.done, self.best.objective, *(region.bound for region in todo)])
+        bound = max(bound, 0.0)
+        gap = (self.best.objective - bound) / max(self.best.objective, 1.0)
+        proven = gap <= 1.001 * self.options.gap
+        proof = self.best.certificate
+        if proof is not None:
+            words = (
+                f"No parameters within the bounds have a discrepancy below {bound:.6g}; "
+                f"{self.regions} boxes of parameters were examined",
+            )
+            kind = "global" if proven else proof.kind
+            proof = replace(proof, kind=kind, bound=bound, gap=gap, remarks=words)
+        status, reason = self.ending(bound, proven)
+        iterations = self.before + self.history.iterations
+        return replace(
+            self.best, status=status, reason=reason, iterations=iterations, certificate=proof
+        )
+
+    def ending(self, bound: float, proven: bool) -> tuple[str, str]:
+        """Status and reason."""
+        if self.history.stop is not None and not proven:
+            return "out-of-budget", self.history.stop
+        if proven:
+            return "converged", (
+                f"The discrepancy {self.best.objective:.6g} is the lowest within the bounds: "
+                f"{bound:.6g} is a proven bound."
+            )
+        return "not-converged", (
+            f"After {self.regions} boxes the proven bound is {bound:.6g}: raise max_regions or "
+            "give tighter bounds."
+        )
+
+
+def _silent(entry: Iteration) -> str | None:
+    return None

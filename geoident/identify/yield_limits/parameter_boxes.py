@@ -1,0 +1,300 @@
+"""What a box of parameters cannot do: bounds without branching, for `global_bound`.
+
+From lam^T s = 0 of all stages, each pair weighted with the work W it stands for, follows with
+S = sym(W M) (positive semidefinite: the energy of the stresses that plastic strains leave)
+
+    lam^T S lam + lam^T W q <= 0 ,    q the smallest s_0 + S_p p in the box.            (energy)
+
+With S = R^T R let y be the shortest vector for which R^T y + W q >= 0 (a stress field that no
+parameters of the box forbid; by Haar and Karman the nearest to the elastic one). Then
+lam^T W q >= -(R lam)^T y, and R lam lies in the ball with the diameter [0, y]. A plane whose slack
+is positive all over the ball is not reached anywhere in the box: its multiplier is zero. If there
+is no such y, some parameters of the box let the ground collapse, and nothing follows.
+
+What is left is relaxed to a linear program: complementarity forgotten, the energy and the
+discrepancy below the best known, each by tangents at its solutions (Kelley). Its optimum is a lower
+bound of the discrepancy in the box, and its extreme parameters make the box smaller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.identify.yield_limits.condensed_system import Influence
+from geoident.model.arrays import Bools, Floats, Ints
+
+_RANK = 1e-10
+_ROUNDS = 25
+"""Tangents' turns for the edges of a box; its bound is worth more of them."""
+
+_MANY_ROUNDS = 200
+_CLOSE = 1e-5
+
+
+@dataclass(frozen=True)
+class Region:
+    """A box of scaled parameters and what is known of it.
+
+    Args:
+        lower: (n,) of the box.
+        upper: (n,).
+        bound: lower bound of the discrepancy inside.
+        kept: (k,) pairs that may be active.
+    """
+
+    lower: Floats
+    upper: Floats
+    bound: float
+    kept: Ints
+
+    @property
+    def size(self) -> float:
+        """The longest edge."""
+        return float(np.max(self.upper - self.lower, initial=0.0))
+
+    def halves(self) -> tuple[Region, Region]:
+        """The box cut across its longest edge."""
+        h = int(np.argmax(self.upper - self.lower))
+        middle = 0.5 * (self.lower[h] + self.upper[h])
+        below, above = self.upper.copy(), self.lower.copy()
+        below[h], above[h] = middle, middle
+        return (
+            Region(self.lower, below, self.bound, self.kept),
+            Region(above, self.upper, self.bound, self.kept),
+        )
+
+
+@dataclass(frozen=True)
+class Form:
+    """The quadratic form of the energy inequality.
+
+    Args:
+        root: R, (r, q).
+        carried: T with T R = W M, (q, r).
+        exact: (q,) rows for which there is such a T.
+        convex: S is positive semidefinite.
+    """
+
+    root: Floats
+    carried: Floats
+    exact: Bools
+    convex: bool
+
+    def only(self, kept: Ints) -> Form:
+        """The form in which all other multipliers are zero."""
+        return Form(self.root[:, kept], self.carried[kept], self.exact[kept], self.convex)
+
+
+def form_of(weighted: Floats) -> Form:
+    """The form of W M, (q, q)."""
+    values, vectors = np.linalg.eigh(0.5 * (weighted + weighted.T))
+    top = float(values.max(initial=0.0))
+    some = values > _RANK * top
+    stretch = np.sqrt(values[some])
+    carried = weighted @ vectors[:, some] / stretch
+    root = stretch[:, None] * vectors[:, some].T
+    off = np.abs(carried @ root - weighted).max(axis=1, initial=0.0)
+    exact = off <= 1e-8 * np.abs(weighted).max(initial=0.0)
+    convex = bool(values.min(initial=0.0) >= -1e-9 * top)
+    return Form(root, carried, exact, convex)
+
+
+class Energy:
+    """The energy inequality of a system in one box.
+
+    Args:
+        system: the condensed system, those pairs that may be active.
+        form: of all pairs of that system, where it is the same for all parameters.
+        lower: (n,) of the box.
+        upper: (n,).
+
+    Attributes:
+        linear: W q, (q,).
+        root: R, (r, q).
+        convex: without which nothing follows.
+    """
+
+    def __init__(self, system: Influence, form: Form | None, lower: Floats, upper: Floats) -> None:
+        by_p = system.slack_by_p
+        slack = system.slack + np.minimum(by_p * lower, by_p * upper).sum(axis=1)
+        self.linear: Floats = system.work * slack
+        if form is None:
+            grown = sum(
+                (lower[h] * product for h, product in system.products.items()),
+                system.slack_by_lam,
+            )
+            form = form_of(system.work[:, None] * grown)
+        self.form = form
+        self.root, self.convex = form.root, form.convex
+
+    def lowest(self) -> Floats:
+        """(q,) what W s is at least in the box, by the ball of the module's head."""
+        form, nothing = self.form, np.full(len(self.linear), -np.inf)
+        if not form.convex or not len(form.root):
+            return nothing
+        y = shortest(form.root.T, -self.linear)
+        if y is None:
+            return nothing
+        radius = np.linalg.norm(form.carried, axis=1) * np.linalg.norm(y)
+        bound = self.linear + 0.5 * (form.carried @ y - radius)
+        bound -= 1e-9 * (np.abs(self.linear) + radius)
+        return np.where(form.exact, bound, -np.inf)
+
+    def reachable(self) -> Bools:
+        """(q,) planes that may be reached in the box."""
+        return np.asarray(self.lowest() <= 0.0)
+
+
+def shortest(G: Floats, h: Floats) -> Floats | None:
+    """The shortest y (r,) with G y >= h, or None if there is none (Lawson & Hanson 1974, LDP).
+
+    >>> shortest(np.array([[1.0, 1.0]]), np.array([2.0]))
+    array([1., 1.])
+    """
+    from scipy.optimize import nnls  # noqa: PLC0415  (0.4 s)
+
+    size = float(np.abs(h).max(initial=0.0)) or 1.0
+    table = np.vstack([G.T, h[None] / size])
+    goal = np.zeros(len(table))
+    goal[-1] = 1.0
+    try:
+        u, rest = nnls(table, goal, maxiter=20 * table.shape[1])
+    except RuntimeError:
+        return None
+    r = table @ u - goal
+    if rest < 1e-8 or -r[-1] < 1e-12:
+        return None
+    return np.asarray(-r[:-1] / r[-1] * size)
+
+
+def examined(system: Influence, form: Form | None, region: Region, best: float) -> Region | None:
+    """A region with its unreachable planes, its bound and its box improved; None if empty.
+
+    Args:
+        system: the whole condensed system.
+        form: of its energy, or None where parameters change it.
+        region: of it.
+        best: the lowest discrepancy known; what is above is of no interest.
+    """
+    part = system.only(region.kept)
+    few = None if form is None else form.only(region.kept)
+    energy = Energy(part, few, region.lower, region.upper)
+    may = energy.reachable()
+    relaxed = _Relaxation(part, energy, region, may, best)
+    bound = relaxed.bound()
+    if bound is None:
+        return None
+    lower, upper = relaxed.box()
+    return Region(lower, upper, max(bound, region.bound), region.kept[may])
+
+
+class _Relaxation:
+    """The linear program; columns are p, lam, the misfits r and t = sum r^2."""
+
+    def __init__(
+        self, part: Influence, energy: Energy, region: Region, may: Bools, best: float
+    ) -> None:
+        from pyscipopt import LP  # noqa: PLC0415  (an extra)
+
+        self.part, self.energy, self.region = part, energy, region
+        n, q, g = len(region.lower), part.n_pairs, len(part.misfit)
+        self.n, self.q, self.g = n, q, g
+        self.lp = LP()
+        infinity = self.lp.infinity()
+        edge = np.sqrt(best)
+        lower = [*region.lower, *np.zeros(q), *np.full(g, -edge), 0.0]
+        upper = [*region.upper, *np.where(may, infinity, 0.0), *np.full(g, edge), best]
+        count = n + q + g + 1
+        self.lp.addCols(
+            [[] for _ in range(count)],
+            lbs=[float(x) for x in lower],
+            ubs=[float(x) for x in upper],
+            objs=[0.0] * count,
+        )
+        self.objective = np.zeros(count)
+        self._rows()
+
+    def _rows(self) -> None:
+        part, infinity = self.part, self.lp.infinity()
+        grown = part.slack_by_lam + sum(
+            (self.region.upper[h] * product for h, product in part.products.items()),
+            np.zeros_like(part.slack_by_lam),
+        )
+        for constant, row in zip(part.slack, np.hstack([part.slack_by_p, grown]), strict=True):
+            self._add(row, -constant, infinity)
+        for a in range(self.g):
+            row = np.zeros(self.n + self.q + self.g)
+            row[: self.n], row[self.n : self.n + self.q] = (
+                part.misfit_by_p[a],
+                part.misfit_by_lam[a],
+            )
+            row[self.n + self.q + a] = -1.0
+            self._add(row, -part.misfit[a], -part.misfit[a])
+        self._add_for_lam(self.energy.linear, 0.0)
+
+    def bound(self) -> float | None:
+        """Lower bound of the discrepancy; None if the region is proven to be empty."""
+        x = self._minimise(self.n + self.q + self.g, 1.0, rounds=_MANY_ROUNDS)
+        if x is not None:
+            return float(x[-1])
+        return None if self.lp.getDualRay() is not None else self.region.bound
+
+    def box(self) -> tuple[Floats, Floats]:
+        """(n,) and (n,): the smallest and largest parameters of the relaxation."""
+        lower, upper = self.region.lower.copy(), self.region.upper.copy()
+        slack = 1e-6 * (upper - lower)
+        for h in range(self.n):
+            low, high = self._minimise(h, 1.0), self._minimise(h, -1.0)
+            if low is not None and high is not None:
+                lower[h] = max(lower[h], low[h] - slack[h])
+                upper[h] = min(upper[h], high[h] + slack[h])
+        return lower, upper
+
+    def _minimise(self, column: int, sign: float, *, rounds: int = _ROUNDS) -> Floats | None:
+        """The solution of the smallest sign times one column; None where there is none."""
+        for other in np.flatnonzero(self.objective):
+            self.lp.chgObj(int(other), 0.0)
+        self.objective[:] = 0.0
+        self.objective[column] = sign
+        self.lp.chgObj(column, sign)
+        x: Floats | None = None
+        for _ in range(rounds):
+            self.lp.solve()
+            if not self.lp.isOptimal():
+                return None
+            x = np.array(self.lp.getPrimal())
+            if not self._cut(x):
+                break
+        return x
+
+    def _cut(self, x: Floats) -> bool:
+        """Adds tangents where a solution breaks the energy or the discrepancy."""
+        lam = x[self.n : self.n + self.q]
+        r, t = x[self.n + self.q : -1], x[-1]
+        y = self.energy.root @ lam
+        bent, straight = float(y @ y), float(self.energy.linear @ lam)
+        cut = False
+        if self.energy.convex and bent + straight > _CLOSE * (bent + abs(straight)) + 1e-12:
+            at = y * max(min(1.0, -straight / bent), 0.05)
+            self._add_for_lam(self.energy.linear + 2.0 * self.energy.root.T @ at, float(at @ at))
+            cut = True
+        if float(r @ r) > t + _CLOSE * max(float(r @ r), 1e-6):
+            row = np.zeros(self.n + self.q + self.g + 1)
+            row[self.n + self.q : -1] = 2.0 * r
+            row[-1] = -1.0
+            self._add(row, -self.lp.infinity(), float(r @ r))
+            cut = True
+        return cut
+
+    def _add_for_lam(self, row: Floats, upper: float) -> None:
+        size = float(np.abs(row).max(initial=0.0)) or 1.0
+        full = np.zeros(self.n + self.q)
+        full[self.n :] = row / size
+        self._add(full, -self.lp.infinity(), upper / size)
+
+    def _add(self, row: Floats, lower: float, upper: float) -> None:
+        some = np.flatnonzero(np.abs(row) > 1e-11)
+        entries = [(int(j), float(row[j])) for j in some]
+        self.lp.addRow(entries, lhs=float(lower), rhs=float(upper))

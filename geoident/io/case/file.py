@@ -1,0 +1,130 @@
+"""Reading a case file: from text to a case in SI units, or to all that is wrong with it.
+
+Faults are shown in three rounds, each complete: the text and its sections; what refers to something
+else in the case or its readings; and later, elsewhere, what needs the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from geoident.io.case.build import build_case
+from geoident.io.case.overrides import apply_overrides
+from geoident.io.case.references import check_references
+from geoident.io.case.resolve import resolved_text
+from geoident.io.case.schema import CaseSection
+from geoident.io.case.temperature_file import with_temperatures
+from geoident.io.case.words import kind_of
+from geoident.io.readings.case_readings import read_all
+from geoident.io.schema.faults import add_schema_faults
+from geoident.io.text.blanks import refuse_blanks
+from geoident.io.text.faults import Faults, Places
+from geoident.io.text.text_file import STDIN, decode, read_bytes
+from geoident.io.text.wording import shorten
+from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.model.case import Case, KeyPath
+from geoident.model.methods import method_name
+
+STDIN_NAME = "<stdin>"
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A case and the texts that it comes from.
+
+    Args:
+        case: the case.
+        text: the file verbatim.
+        resolved: the same as YAML with overrides and defaults filled in, without comments.
+        mesh_path: path of the mesh, relative paths against the folder of the case; None for none.
+        readings_paths: paths of the files of readings, in their order.
+    """
+
+    case: Case
+    text: str
+    resolved: str
+    mesh_path: str | None
+    readings_paths: tuple[str, ...]
+
+
+def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+    """Read a case file and its readings; the mesh is not opened.
+
+    Args:
+        path: the file, ``-`` for stdin.
+        overrides: texts ``path=value`` that replace values of the file, in their order.
+
+    Raises:
+        InputError: with all faults found.
+    """
+    text = decode(read_bytes(path, limit=MAX_BYTES, what="case"), _shown(path))
+    return parse_case(text, path, overrides=overrides)
+
+
+def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+    """Read the text of a case as if it stood in a file, which need not be there any more.
+
+    Args:
+        text: the case.
+        path: of that file, for the files that the case names; ``-`` for stdin.
+        overrides: see `read_case`.
+
+    Raises:
+        InputError: with all faults found.
+    """
+    places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
+    refuse_blanks(places)
+    folder = Path() if path == STDIN else Path(path).parent
+    places = with_temperatures(places, folder)
+    section = _validate(places)
+    faults = Faults(places)
+    mesh_path = None
+    if section.mesh is not None:
+        mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
+    check_references(section, faults)
+    read = read_all(section, partial(_find, folder, faults=faults), faults)
+    case = build_case(section, read, mesh_path, faults)
+    faults.raise_any()
+    chain = [method_name(options) for options in case.fit.methods]
+    return LoadedCase(case, text, resolved_text(section, chain), mesh_path, read.paths)
+
+
+def _shown(path: str) -> str:
+    return STDIN_NAME if path == STDIN else path
+
+
+def _validate(places: Places) -> CaseSection:
+    """The sections of a case, each right by itself."""
+    faults = Faults(places)
+    known: dict[int, tuple[str, ...]] = {}
+    try:
+        if not isinstance(places.data, dict):
+            hint = "Begin with 'format: geoident-case/1'."
+            message = f"found {kind_of(places.data)}; a mapping is expected"
+            faults.add((), "wrong-kind", message, hint)
+        return CaseSection.model_validate(places.data, context=known)
+    except ValidationError as error:
+        if not faults.found:
+            add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+        faults.raise_any()
+        raise
+
+
+def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
+    """Path of a file that the case names; a fault if it is not there."""
+    path = folder / name
+    try:
+        missing = not path.exists() or path.is_dir()
+        beside = [p.name for p in path.parent.iterdir() if p.suffix == path.suffix and missing]
+    except (OSError, ValueError):
+        missing, beside = True, []
+    if missing:
+        what = f"Files *{path.suffix} in the folder {path.parent}"
+        hint = faults.did_you_mean(path.name, beside, what=what)
+        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
+    return str(path)

@@ -1,0 +1,176 @@
+"""The section `fit` of a case file, made from the table of methods and their option types."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
+
+from geoident.io.case.values import (
+    AnyQuantity,
+    Count,
+    Given,
+    Length,
+    Of,
+    Positive,
+    SharesUnit,
+    shape_of,
+)
+from geoident.io.case.words import Name, ParameterName, require_text
+from geoident.io.schema.section import Section
+from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
+from geoident.model.methods import (
+    LOSS_OPTIONS,
+    METHOD_OPTIONS,
+    LossOptions,
+    MethodOptions,
+    ScanAxis,
+)
+from geoident.units import DIMENSIONLESS
+
+DEFAULT_METHOD = "gauss-newton"
+DEFAULT_FOR_STRENGTHS = "complementarity"
+"""What identifies strengths of yield limits where the case names no method."""
+
+_RANGES: Mapping[str, Any] = {
+    "restarts": Annotated[int, Count(least=0)],
+    "points": Annotated[int, Count(least=2)],
+    "beta": Annotated[Given, Of(DIMENSIONLESS, above=0.0, below=1.0)],
+    "gamma": Annotated[Given, Of(DIMENSIONLESS, above=1.0)],
+}
+PlanePoint = Annotated[
+    list[Length],
+    SharesUnit(),
+    Field(
+        min_length=2, max_length=2, description="Coordinates x and y.", examples=[["0 m", "3 m"]]
+    ),
+]
+Radius = Annotated[Given, Of("length", above=0.0)]
+_KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}
+
+
+def _known_method(value: object) -> str:
+    text = require_text(value, "the name of a method")
+    if text not in METHOD_OPTIONS:
+        message = f"there is no method '{shorten(text)}'; the methods are {listing(METHOD_OPTIONS)}"
+        hint = did_you_mean(text, METHOD_OPTIONS, what="Methods")
+        raise Refusal(
+            "unknown-method", message, hint if hint.startswith("Did") else "Use one of them."
+        )
+    return text
+
+
+MethodName = Annotated[
+    str, BeforeValidator(_known_method), WithJsonSchema({"enum": list(METHOD_OPTIONS)})
+]
+
+
+class AxisSection(Section):
+    """One axis of a scan, in the dimension of its parameter."""
+
+    start: AnyQuantity = Field(alias="from", description="First value.")
+    stop: AnyQuantity = Field(alias="to", description="Last value.")
+    points: Annotated[int, Count(least=2)] | None = Field(None, description="Number of values.")
+
+
+class FitBase(Section):
+    """How the parameters are identified."""
+
+    method: (
+        Annotated[
+            Annotated[MethodName, Tag("text")]
+            | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
+            Discriminator(shape_of),
+        ]
+        | None
+    ) = Field(
+        None,
+        description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
+        f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters.",
+    )
+    stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
+        None, description="Stages whose readings are used (all if missing); others are predicted."
+    )
+
+    loss: Literal["squared", "huber", "student-t"] = Field(
+        "squared",
+        description="How much a large residual counts: huber and student-t bear wrong readings.",
+    )
+
+    def chain(self, *, strengths: bool) -> tuple[str, ...]:
+        """Names of the methods in their order.
+
+        Args:
+            strengths: strengths of yield limits are parameters.
+        """
+        if self.method is None:
+            return (DEFAULT_FOR_STRENGTHS if strengths else DEFAULT_METHOD,)
+        return (self.method,) if isinstance(self.method, str) else tuple(self.method)
+
+    def options(self, name: str) -> Section:
+        """The options of a method or a loss."""
+        section = getattr(self, field_name(name))
+        assert isinstance(section, Section)
+        return section
+
+
+def field_name(name: str) -> str:
+    """Name of the attribute that holds the options of a method or a loss."""
+    return name.replace("-", "_")
+
+
+def _option_model(kind: type[MethodOptions | LossOptions]) -> type[Section]:
+    summary, texts = _documented(kind)
+    hints = get_type_hints(kind)
+    definitions: dict[str, Any] = {}
+    for option in fields(kind):
+        annotation = _annotation(option.name, hints[option.name])
+        default = {} if option.default is MISSING else _default(option.default)
+        description = texts.get(option.name, "")
+        definitions[option.name] = (annotation, Field(default, description=description))
+    name = f"{kind.__name__}Section"
+    return create_model(name, __base__=Section, __doc__=summary, **definitions)
+
+
+def _annotation(name: str, hint: Any) -> Any:
+    if hint == Mapping[str, ScanAxis]:
+        return dict[ParameterName, AxisSection]
+    if hint == tuple[float, float] | None:
+        return PlanePoint | None
+    if name == "radius":
+        return Radius | None
+    return _RANGES.get(name, _KINDS.get(hint, hint))
+
+
+def _default(value: object) -> object:
+    if isinstance(value, float):
+        return Given(f"{value:g}", value, None, DIMENSIONLESS)
+    return value
+
+
+def _documented(kind: type) -> tuple[str, dict[str, str]]:
+    """Summary and the description of every option, from a docstring."""
+    doc = kind.__doc__ or ""
+    summary, _, args = doc.partition("Args:")
+    entries = re.findall(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", args, re.MULTILINE)
+    return summary.strip(), {name: " ".join(text.split()) for name, text in entries}
+
+
+def _fit_model() -> type[FitBase]:
+    definitions: dict[str, Any] = {}
+    optional = {name: kind for name, kind in LOSS_OPTIONS.items() if fields(kind)}
+    for name, kind in {**METHOD_OPTIONS, **optional}.items():
+        model = _option_model(kind)
+        description = f"Options of {name}."
+        field = Field(default_factory=model, alias=name, description=description)
+        definitions[field_name(name)] = (model, field)
+    return create_model("FitSection", __base__=FitBase, __doc__=FitBase.__doc__, **definitions)
+
+
+if TYPE_CHECKING:
+    FitSection = FitBase
+else:
+    FitSection = _fit_model()

@@ -1,0 +1,207 @@
+"""What a case file may say of a material: one section per symmetry of the elasticity."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from geoident.io.case.values import (
+    Angle,
+    Density,
+    Expansion,
+    Factor,
+    Modulus,
+    Numbers,
+    Pressure,
+    Ratio,
+)
+from geoident.io.case.yield_schema import YieldSections
+from geoident.io.schema.section import Section, Wrongs, require_one_of
+
+_VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
+
+
+class _Material(Section):
+    density: Density | None = Field(
+        None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
+    )
+    expansion: Expansion | None = Field(
+        None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
+    )
+    yields: YieldSections | None = Field(
+        None,
+        alias="yield",
+        description="How it yields: one yield surface, or a list of surfaces that all hold; it "
+        "stays elastic if missing.",
+    )
+
+    @model_validator(mode="after")
+    def _density_not_negative(self) -> _Material:
+        if self.density and self.density.parameter is None and self.density.factor < 0:
+            wrongs = Wrongs()
+            wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
+            wrongs.raise_any()
+        return self
+
+
+class IsotropicSection(_Material):
+    """A material: isotropic elasticity by E and nu, or by K and G."""
+
+    elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
+    E: Modulus | None = Field(None, description="Young's modulus.", examples=["15 GPa", "$E_rock"])
+    nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
+    K: Modulus | None = Field(None, description="Bulk modulus.")
+    G: Modulus | None = Field(None, description="Shear modulus.")
+
+    @model_validator(mode="after")
+    def _one_pair(self) -> IsotropicSection:
+        expected = "E with nu, or K with G, is"
+        require_one_of(self, [("E", "nu"), ("K", "G")], expected, "Give exactly one of the pairs.")
+        return self
+
+
+class _Inclined(_Material):
+    """Where the strata, or the material axes 1 and 2, lie.
+
+    In a solid x is east, y north, z up. A plane section is seen looking north: x is east, y up.
+    """
+
+    dip: Angle | None = Field(
+        None,
+        description="Inclination of the strata (of the plane of axes 1 and 2), from the horizontal "
+        "downwards. In 2-D without `dip_direction`: the apparent dip, falling towards +x.",
+        examples=["35 deg", "$dip"],
+    )
+    dip_direction: Angle | None = Field(
+        None,
+        description="Azimuth of the line of dip, clockwise from north (y) in a solid: 90 deg is "
+        "+x. In 2-D clockwise from the direction in which the section is seen; 90 deg (towards "
+        "+x) if missing. Strata that strike obliquely to the section are refused.",
+        examples=["120 deg"],
+    )
+
+
+class TransverselyIsotropicSection(_Inclined):
+    """A material of strata: isotropic in their plane (p), different along their normal (n).
+
+    By E_p, nu_p, E_n, nu_np and G_np, or by Love's moduli A, C, F, L, N, which condensation can
+    identify. The strata lie by dip and dip_direction, or by their normal.
+    """
+
+    elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")
+    normal: Numbers | None = Field(
+        None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
+    )
+    E_p: Modulus | None = Field(None, description="Young's modulus in the plane of the strata.")
+    nu_p: Factor | None = Field(None, description="Poisson's ratio in the plane.")
+    E_n: Modulus | None = Field(None, description="Young's modulus along the normal.")
+    nu_np: Factor | None = Field(
+        None,
+        description="Poisson's ratio for a stress along the normal: -strain in the plane / strain "
+        "along the normal; so nu_pn = nu_np E_p / E_n.",
+    )
+    G_np: Modulus | None = Field(None, description="Shear modulus between normal and plane.")
+    A: Modulus | None = Field(None, description="Love's A = c11 = c22, axis 3 being the normal.")
+    C: Modulus | None = Field(None, description="Love's C = c33.")
+    F: Pressure | None = Field(None, description="Love's F = c13 = c23.")
+    L: Modulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
+    N: Modulus | None = Field(None, description="Love's N, shear modulus in the plane.")
+
+    @model_validator(mode="after")
+    def _one_set(self) -> TransverselyIsotropicSection:
+        sets = [("E_p", "nu_p", "E_n", "nu_np", "G_np"), ("A", "C", "F", "L", "N")]
+        expected = "E_p, nu_p, E_n, nu_np and G_np (or Love's A, C, F, L and N) are"
+        require_one_of(self, sets, expected, "Give all five of one set.")
+        ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
+        hint = "Strata that lie flat: 'dip: 0 deg'."
+        require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
+        return self
+
+
+class OrthotropicSection(_Inclined):
+    """A material with three planes of symmetry, normal to its axes 1, 2, 3.
+
+    nu_ij is -strain along j / strain along i for a stress along i; nu_ij / E_i = nu_ji / E_j.
+    Axis 1 goes down the dip, 2 along the strike, 3 along the normal, upwards; `rotation` turns 1
+    and 2 about 3. Or the axes are given by two vectors.
+    """
+
+    elastic: Literal["orthotropic"] = Field(description="Symmetry of the elasticity.")
+    E_1: Modulus = Field(description="Young's modulus along axis 1.")
+    E_2: Modulus = Field(description="Young's modulus along axis 2.")
+    E_3: Modulus = Field(description="Young's modulus along axis 3.")
+    nu_12: Factor = Field(description="Poisson's ratio: contraction along 2, stress along 1.")
+    nu_13: Factor = Field(description="Poisson's ratio: contraction along 3, stress along 1.")
+    nu_23: Factor = Field(description="Poisson's ratio: contraction along 3, stress along 2.")
+    G_12: Modulus = Field(description="Shear modulus between axes 1 and 2.")
+    G_13: Modulus = Field(description="Shear modulus between axes 1 and 3.")
+    G_23: Modulus = Field(description="Shear modulus between axes 2 and 3.")
+    rotation: Angle | None = Field(
+        None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
+    )
+    axis_1: Numbers | None = Field(None, description=f"Axis 1 in place of the angles, {_VECTOR}")
+    axis_2: Numbers | None = Field(None, description=f"Axis 2, at a right angle to 1, {_VECTOR}")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> OrthotropicSection:
+        ways = [("dip",), ("dip", "rotation"), ("dip", "dip_direction"), ("axis_1", "axis_2")]
+        ways += [("dip", "dip_direction", "rotation")]
+        expected = "dip (with dip_direction and rotation), or axis_1 with axis_2, is"
+        require_one_of(self, ways, expected, "Axes along the model's: 'dip: 0 deg'.")
+        return self
+
+
+def _entry(row: str, column: str, missing: str = "") -> Any:
+    """The key of one entry; it may be missing if it is said what that means."""
+    text = f"Stress {row} per strain {column}"
+    if column[0] != column[1]:
+        text += " (gamma = 2 eps)"
+    text += f"; {missing}." if missing else "."
+    return Field(None, description=text) if missing else Field(description=text)
+
+
+class AnisotropicSection(_Material):
+    """A material without symmetry: the upper triangle of its elasticity matrix.
+
+    Rows and columns 1 to 6 are xx, yy, zz, xy, yz, xz in the model's axes (z is out of plane in
+    2-D): c44 is the shear modulus xy. Many books order the shears yz, xz, xy instead.
+    """
+
+    elastic: Literal["anisotropic"] = Field(description="Symmetry of the elasticity.")
+    c11: Modulus = _entry("xx", "xx")
+    c12: Pressure | None = _entry("xx", "yy", "0 if missing")
+    c13: Pressure | None = _entry("xx", "zz", "0 if missing")
+    c14: Pressure | None = _entry("xx", "xy", "0 if missing")
+    c15: Pressure | None = _entry("xx", "yz", "0 if missing")
+    c16: Pressure | None = _entry("xx", "xz", "0 if missing")
+    c22: Modulus = _entry("yy", "yy")
+    c23: Pressure | None = _entry("yy", "zz", "0 if missing")
+    c24: Pressure | None = _entry("yy", "xy", "0 if missing")
+    c25: Pressure | None = _entry("yy", "yz", "0 if missing")
+    c26: Pressure | None = _entry("yy", "xz", "0 if missing")
+    c33: Modulus = _entry("zz", "zz")
+    c34: Pressure | None = _entry("zz", "xy", "0 if missing")
+    c35: Pressure | None = _entry("zz", "yz", "0 if missing")
+    c36: Pressure | None = _entry("zz", "xz", "0 if missing")
+    c44: Modulus = _entry("xy", "xy")
+    c45: Pressure | None = _entry("xy", "yz", "0 if missing")
+    c46: Pressure | None = _entry("xy", "xz", "0 if missing")
+    c55: Modulus | None = _entry("yz", "yz", "needed in a solid")
+    c56: Pressure | None = _entry("yz", "xz", "0 if missing")
+    c66: Modulus | None = _entry("xz", "xz", "needed in a solid")
+
+
+def elastic(value: object) -> str:
+    """The symmetry that a section says; its name is the key that messages name."""
+    found = value.get("elastic") if isinstance(value, dict) else getattr(value, "elastic", None)
+    return found if isinstance(found, str) else "isotropic"
+
+
+MaterialSection = Annotated[
+    Annotated[IsotropicSection, Tag("isotropic")]
+    | Annotated[TransverselyIsotropicSection, Tag("transversely-isotropic")]
+    | Annotated[OrthotropicSection, Tag("orthotropic")]
+    | Annotated[AnisotropicSection, Tag("anisotropic")],
+    Discriminator(elastic),
+]

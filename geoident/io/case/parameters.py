@@ -1,0 +1,104 @@
+"""The section of a case file that says what is identified."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from geoident.io.case.values import AnyQuantity, Bounds, Given
+from geoident.io.schema.section import Section, Wrongs
+from geoident.model.case import KeyPath
+from geoident.units import DIMENSIONLESS, DIMENSIONS, UNITS, with_article
+
+
+class PriorSection(Section):
+    """What is known of a parameter before any reading."""
+
+    mean: AnyQuantity = Field(description="Mean (normal) or median (lognormal).")
+    sd: AnyQuantity = Field(description="Standard deviation, in the dimension of the mean.")
+    kind: Literal["normal", "lognormal"] = Field("normal", description="Its distribution.")
+
+
+class ParameterSection(Section):
+    """One unknown. Its dimension is that of its start."""
+
+    start: AnyQuantity = Field(
+        description="Value to start from; its unit is that of tables.", examples=["15 GPa", 1.0]
+    )
+    bounds: Bounds = Field(examples=[["2 GPa", "80 GPa"]])
+    scale: Literal["linear", "log"] = Field(
+        "linear", description="log works on the logarithm: right for moduli."
+    )
+    prior: PriorSection | None = Field(
+        None, description="Knowledge from elsewhere; without it all within the bounds is equal."
+    )
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> ParameterSection:
+        wrongs = Wrongs()
+        self._check_dimensions(wrongs)
+        if not wrongs.found:
+            self._check_bounds(wrongs)
+            self._check_prior(wrongs)
+        wrongs.raise_any()
+        return self
+
+    def _numbers(self) -> list[tuple[KeyPath, Given]]:
+        numbers: list[tuple[KeyPath, Given]] = [
+            (("bounds", n), b) for n, b in enumerate(self.bounds)
+        ]
+        if self.prior:
+            numbers += [(("prior", "mean"), self.prior.mean), (("prior", "sd"), self.prior.sd)]
+        return numbers
+
+    def _likely_unit(self) -> str:
+        """The unit of the bounds, if the start lies between them in it; else the SI unit."""
+        low, high = self.bounds
+        _, size = UNITS.get(low.unit, ("", 1.0))
+        between = low.factor <= self.start.factor * size <= high.factor
+        return low.unit if between and low.unit else DIMENSIONS[low.dimension]
+
+    def _check_dimensions(self, wrongs: Wrongs) -> None:
+        start, wanted = self.start, {bound.dimension for bound in self.bounds}
+        if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
+            message = f"the start '{start.text}' has no unit, but its bounds have"
+            unit = self._likely_unit()
+            wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
+            return
+        for path, given in self._numbers():
+            if given.dimension != start.dimension:
+                message = f"'{given.text}' is {with_article(given.dimension)}, but start "
+                message += f"'{start.text}' is {with_article(start.dimension)}"
+                wrongs.add(path, "unit", message, "Write both in units of one dimension.")
+
+    def _check_bounds(self, wrongs: Wrongs) -> None:
+        lower, upper = self.bounds
+        if lower.factor >= upper.factor:
+            message = f"the lower bound '{lower.text}' is not below the upper '{upper.text}'"
+            hint = f"Write [{upper.text}, {lower.text}]." if lower.factor > upper.factor else ""
+            wrongs.add(("bounds",), "bad-bounds", message, hint or "Let them differ.")
+        elif not lower.factor <= self.start.factor <= upper.factor:
+            message = f"the start '{self.start.text}' is outside the bounds "
+            message += f"[{lower.text}, {upper.text}]"
+            wrongs.add(("start",), "start-outside", message, "Widen the bounds or move the start.")
+        if self.scale == "log" and min(lower.factor, upper.factor) <= 0:
+            message = f"scale log needs positive bounds; found [{lower.text}, {upper.text}]"
+            wrongs.add(("bounds",), "bad-bounds", message, "Raise the bound or use scale: linear.")
+
+    def _check_prior(self, wrongs: Wrongs) -> None:
+        if self.prior is None:
+            return
+        if self.prior.sd.factor <= 0:
+            message = f"the standard deviation '{self.prior.sd.text}' is not positive"
+            wrongs.add(("prior", "sd"), "bad-prior", message, "Write one above zero.")
+        if self.prior.kind == "lognormal":
+            self._check_lognormal(wrongs, self.prior)
+
+    def _check_lognormal(self, wrongs: Wrongs, prior: PriorSection) -> None:
+        if prior.mean.factor <= 0:
+            message = f"a lognormal prior needs a positive mean; found '{prior.mean.text}'"
+            wrongs.add(("prior", "mean"), "bad-prior", message, "Use kind: normal.")
+        if self.bounds[0].factor <= 0:
+            message = f"a lognormal prior needs positive bounds; found '{self.bounds[0].text}'"
+            wrongs.add(("bounds", 0), "bad-prior", message, "Raise the bound or use kind: normal.")

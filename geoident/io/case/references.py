@@ -1,0 +1,123 @@
+"""Names in a case that refer to something else in it: materials, stages, gauges, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from geoident.io.case.action_schema import WaterSection
+from geoident.io.case.fit import AxisSection
+from geoident.io.case.schema import CaseSection
+from geoident.io.case.sequence import ABSENT, check_sequence
+from geoident.io.case.ties import check_ties
+from geoident.io.case.values import Given
+from geoident.io.text.faults import Faults
+from geoident.model.case import VIRGIN, KeyPath, format_path
+from geoident.units import with_article
+
+
+def check_references(section: CaseSection, faults: Faults) -> None:
+    """Note every name in the case that refers to nothing, and every impossible sequence."""
+    check_ties(section, faults)
+    _check_materials(section, faults)
+    _check_groups(section, faults)
+    _check_stages(section, faults)
+    _check_fit(section, faults)
+    _check_mesh(section, faults)
+    check_sequence(section, faults)
+
+
+def _check_materials(section: CaseSection, faults: Faults) -> None:
+    known = section.materials
+    if ABSENT in known:
+        message = f"'{ABSENT}' says that a group is not there; no material can have this name"
+        faults.add(("materials", ABSENT), "reserved-name", message, "Rename it.", key=True)
+    uses: list[tuple[KeyPath, str]] = [
+        (("groups", group), name) for group, name in section.groups.items() if name != ABSENT
+    ]
+    for n, stage in enumerate(section.stages):
+        for key, mapping in (("install", stage.install), ("change", stage.change)):
+            uses += [(("stages", n, key, group), name) for group, name in mapping.items()]
+    for path, name in uses:
+        if name not in known:
+            hint = faults.did_you_mean(name, known, what="Materials")
+            faults.add(path, "unknown-material", f"there is no material '{name}'", hint)
+
+
+def _check_groups(section: CaseSection, faults: Faults) -> None:
+    """Groups with water in their pores or an in-situ stress of their own."""
+    known = set(section.groups)
+    known.update(group for stage in section.stages for group in stage.install)
+    waters: list[tuple[KeyPath, WaterSection | None]] = [(("water",), section.water)]
+    waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(section.stages)]
+    named: list[tuple[KeyPath, str, bool]] = [
+        ((*path, "groups", n), group, False)
+        for path, water in waters
+        for n, group in enumerate((water and water.groups) or ())
+    ]
+    if section.in_situ is not None:
+        zones = section.in_situ.groups
+        named += [(("in_situ", "groups", group), group, True) for group in zones]
+    for place, group, key in named:
+        if group not in known:
+            hint = faults.did_you_mean(group, sorted(known), what="Groups")
+            message = f"no group '{group}' is in 'groups' or installed by a stage"
+            faults.add(place, "unknown-group", message, hint, key=key)
+
+
+def _check_stages(section: CaseSection, faults: Faults) -> None:
+    names: dict[str, int] = {}
+    for n, stage in enumerate(section.stages):
+        first = names.setdefault(stage.name, n)
+        if first != n:
+            message = f"two stages are named '{stage.name}', "
+            message += f"the first is {format_path(('stages', first))}"
+            faults.add(("stages", n, "name"), "duplicate-stage", message, "Rename one.")
+    for n, name in enumerate(section.fit.stages or ()):
+        _require_stage(("fit", "stages", n), name, names, faults)
+    zeros = {VIRGIN: 0, **names}
+    for name, gauge in section.gauges.items():
+        _require_stage(("gauges", name, "zero"), gauge.zero, zeros, faults)
+
+
+def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:
+    if name not in known:
+        hint = faults.did_you_mean(name, known, what="Stages")
+        faults.add(path, "unknown-stage", f"there is no stage '{name}'", hint)
+
+
+def _check_fit(section: CaseSection, faults: Faults) -> None:
+    grid: dict[str, AxisSection] = getattr(section.fit.options("scan"), "grid", {})
+    path: KeyPath = ("fit", "scan", "grid")
+    if len(grid) > 2:
+        message = f"found {len(grid)} axes; a scan has one or two"
+        faults.add(path, "too-many-axes", message, "Remove some.", key=True)
+    for name, axis in grid.items():
+        parameter = section.parameters.get(name)
+        if parameter is None:
+            hint = faults.did_you_mean(name, section.parameters, what="Parameters")
+            message = f"there is no parameter '{name}'"
+            faults.add((*path, name), "unknown-parameter", message, hint, key=True)
+            continue
+        for key, given in (("from", axis.start), ("to", axis.stop)):
+            _check_dimension((*path, name, key), given, parameter.start, faults)
+        if axis.start.factor == axis.stop.factor:
+            message = f"the axis begins and ends at '{axis.stop.text}'"
+            faults.add((*path, name, "to"), "zero-length", message, "Let them differ.")
+
+
+def _check_mesh(section: CaseSection, faults: Faults) -> None:
+    """Only a circular opening that the case gives does without a mesh."""
+    circle = section.fit.options("closed-form")
+    given = [getattr(circle, name) is not None for name in ("centre", "radius")]
+    if section.mesh is not None or all(given):
+        return
+    message = "there is no mesh, and fit.closed-form gives no opening to compute in its place"
+    hint = "Write 'mesh: {file: ...}', or in 'fit' 'closed-form: {centre: [0, 0 m], radius: 3 m}'."
+    faults.add((), "no-mesh", message, hint)
+
+
+def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) -> None:
+    if given.dimension != start.dimension:
+        message = f"'{given.text}' is {with_article(given.dimension)}; "
+        message += f"{with_article(start.dimension)} is expected, as for the start '{start.text}'"
+        faults.add(path, "unit", message)

@@ -1,0 +1,103 @@
+"""What a case file may say of structural parts: linings as beams, rock bolts as bars."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from geoident.io.case.values import (
+    AxialStiffness,
+    BendingStiffness,
+    Given,
+    Line,
+    Modulus,
+    Ratio,
+    Size,
+    WallStiffness,
+)
+from geoident.io.case.words import Name
+from geoident.io.schema.section import Section, Wrongs
+
+
+class _Structure(Section):
+    def _require_one_of(self, *ways: tuple[str, ...]) -> None:
+        """Exactly the keys of one of the ways to say the stiffness."""
+        keys = sorted({key for way in ways for key in way})
+        given = [key for key in keys if getattr(self, key) is not None]
+        if any(sorted(way) == given for way in ways):
+            return
+        wrongs = Wrongs()
+        expected = ", or ".join(" and ".join(way) for way in ways)
+        message = f"found {' and '.join(given) or 'no stiffness'}; {expected} is expected"
+        wrongs.add((), "wrong-pair", message, "Give the stiffness in one of these ways.")
+        wrongs.raise_any()
+
+
+class BeamSection(_Structure):
+    """A lining as a chain of beams on lines of the mesh (plane strain), joined to its nodes.
+
+    Corners are rigid, its ends turn freely where they are not clamped, and two structures that
+    meet are joined by a hinge. Forces are per metre out of plane. It has no weight, and changes of
+    temperature do not strain it.
+    """
+
+    kind: Literal["beam"]
+    on: Name = Field(description="Group of lines of the mesh on which it stands.")
+    E: Modulus | None = Field(None, description="Young's modulus.")
+    thickness: Size | None = Field(None, description="Thickness.", examples=["0.2 m"])
+    nu: Ratio | None = Field(
+        None, description="Poisson's ratio: E / (1 - nu^2) is taken; E itself if missing."
+    )
+    EA: WallStiffness | None = Field(
+        None, description="Axial stiffness per metre out of plane, in place of E and thickness."
+    )
+    EI: BendingStiffness | None = Field(
+        None, description="Bending stiffness per metre out of plane, with EA."
+    )
+    clamped_on: list[Name] = Field(
+        [],
+        description="Groups on whose nodes the beam does not turn: planes of symmetry, abutments.",
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> BeamSection:
+        self._require_one_of(("E", "thickness"), ("E", "thickness", "nu"), ("EA", "EI"))
+        return self
+
+
+class BoltSection(_Structure):
+    """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
+
+    kind: Literal["bolt"]
+    ends: list[Line] = Field(
+        min_length=1,
+        description="The two end points of every bolt.",
+        examples=[[["[3, 0 m]", "[7, 0 m]"]]],
+    )
+    spacing: Size | None = Field(
+        None, description="Distance between bolts out of plane; needed in plane strain only."
+    )
+    E: Modulus | None = Field(None, description="Young's modulus.")
+    diameter: Size | None = Field(None, description="Diameter of the bar.", examples=["25 mm"])
+    EA: AxialStiffness | None = Field(
+        None, description="Axial stiffness of one bolt, in place of E and diameter."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> BoltSection:
+        self._require_one_of(("E", "diameter"), ("EA",))
+        wrongs = Wrongs()
+        for n, (first, second) in enumerate(self.ends):
+            if _place(first) == _place(second):
+                message = "the bolt begins and ends at one point"
+                wrongs.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
+        wrongs.raise_any()
+        return self
+
+
+def _place(point: list[Given]) -> list[float]:
+    return [coordinate.factor for coordinate in point]
+
+
+StructureSection = Annotated[BeamSection | BoltSection, Field(discriminator="kind")]

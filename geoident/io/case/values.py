@@ -1,0 +1,346 @@
+"""The values of a case as pydantic types: quantities, numbers and counts.
+
+Each type validates the text that is written and describes itself in the JSON schema, so the schema
+can't say anything else than the code does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import (
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from geoident.io.case.words import NAME_PATTERN, Name, require_text
+from geoident.io.text.wording import Refusal, shorten
+from geoident.model.parameter import Scalar
+from geoident.units import (
+    DIMENSIONLESS,
+    DIMENSIONS,
+    NUMBER_PATTERN,
+    UNITS,
+    UnitError,
+    read_quantity,
+    require_dimension,
+    units_of,
+    with_article,
+)
+
+_TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
+_BARE = re.compile(NUMBER_PATTERN)
+_LONGEST = 80
+_EXAMPLES: Mapping[str | None, str] = {
+    "pressure": "15 MPa",
+    "length": "12.5 m",
+    "density": "2650 kg/m3",
+    "unit weight": "26 kN/m3",
+    "acceleration": "9.81 m/s2",
+    "velocity": "0.5 mm/month",
+    "force": "100 kN",
+    "line load": "100 kN/m",
+    "bending stiffness": "30 MNm2/m",
+    "angle": "30 deg",
+    "temperature": "10 degC",
+    "expansion": "1e-5 1/K",
+    DIMENSIONLESS: "0.25",
+    None: "15 GPa",
+}
+_SERIALIZE_TEXT = core_schema.plain_serializer_function_ser_schema(lambda given: given.text)
+
+
+@dataclass(frozen=True)
+class Given:
+    """A number as the case gives it.
+
+    Args:
+        text: as written.
+        factor: the number in SI units, or the factor of a tie.
+        parameter: the parameter that it is tied to, or None.
+        dimension: key of `geoident.units.DIMENSIONS`.
+        unit: as normalised by `geoident.units`, empty for a tie.
+    """
+
+    text: str
+    factor: float
+    parameter: str | None
+    dimension: str
+    unit: str = ""
+
+    @property
+    def scalar(self) -> Scalar:
+        """For the model."""
+        return Scalar(self.factor, self.parameter)
+
+
+@dataclass(frozen=True)
+class Of:
+    """Annotation of a `Given`: what the number must be.
+
+    Args:
+        dimension: key of `geoident.units.DIMENSIONS`, or None for any.
+        tied: ``$parameter`` may stand here.
+        above: the number must be larger, if it is given.
+        below: the number must be smaller, if it is given.
+        default: text that stands for a missing key, for the schema.
+    """
+
+    dimension: str | None
+    tied: bool = False
+    above: float | None = None
+    below: float | None = None
+
+    def parse(self, value: object) -> Given:
+        """The number that a text says.
+
+        Raises:
+            UnitError: no quantity, or one of another dimension.
+            Refusal: no text, a tie where none may be, or a number outside its range.
+        """
+        if isinstance(value, Given):
+            return value
+        text = require_text(value, self.words())
+        tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+        if tie is not None and self.tied:
+            factor = float(tie[1] or (-1.0 if tie[2] else 1.0))
+            return Given(text, factor, tie[3], self.dimension or "")
+        if text.strip().startswith("$") or tie is not None:
+            raise self._refuse_tie(text, well_formed=tie is not None)
+        return self._in_range(self._quantity(text))
+
+    def words(self) -> str:
+        """What is expected, for a message."""
+        return with_article(self.dimension) if self.dimension else "a number with its unit"
+
+    def _quantity(self, text: str) -> Given:
+        quantity = read_quantity(text)
+        if self.dimension is not None:
+            require_dimension(quantity, self.dimension, text)
+        return Given(text, quantity.value, None, quantity.dimension, quantity.unit)
+
+    def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:
+        if self.tied and not well_formed:
+            hint = "Write $NAME or FACTOR $NAME, such as 0.6 $E_rock."
+            return Refusal("bad-tie", f"'{shorten(text)}' is not a tie to a parameter", hint)
+        message = f"'{shorten(text)}': a parameter cannot stand here; {self.words()} is expected"
+        return Refusal("bad-tie", message, "Write the number itself.")
+
+    def _in_range(self, given: Given) -> Given:
+        if self.above is not None and not given.factor > self.above:
+            if self.below is None:
+                limit = (
+                    "it must be positive" if self.above == 0 else f"it must exceed {self.above:g}"
+                )
+                message = f"'{given.text}': {limit}"
+                hint = f"Write {self.words()}, such as {self._example()}."
+                raise Refusal("out-of-range", message, hint)
+        elif self.below is None or given.factor < self.below:
+            return given
+        message = f"'{given.text}': it must be between {self.above:g} and {self.below:g}"
+        raise Refusal("out-of-range", message, "Correct the number or its unit.")
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.parse, serialization=_SERIALIZE_TEXT
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        units = UNITS if self.dimension is None else units_of(self.dimension)
+        pattern = rf"^\s*({quantity_pattern(units)}{_tie_pattern(tied=self.tied)})\s*$"
+        kind = ["number", "string"] if self.dimension in {None, DIMENSIONLESS} else "string"
+        return {
+            "type": kind,
+            "pattern": pattern,
+            "patternErrorMessage": self._refuse(units),
+            "description": self._describe(),
+            "examples": [self._example()],
+            "x-quantity": self._short(),
+        }
+
+    def _refuse(self, units: Collection[str]) -> str:
+        """What an editor says where the pattern does not match."""
+        known = ", ".join(unit for unit in units if unit)
+        tie = ", or $NAME of a parameter" if self.tied else ""
+        which = f" (units: {known})" if self.dimension and known else ""
+        return f"{self.words()} is expected, such as {self._example()}{which}{tie}"
+
+    def _example(self) -> str:
+        """A number that may stand there."""
+        return (
+            "15 GPa"
+            if self.dimension == "pressure" and self.above == 0
+            else _EXAMPLES[self.dimension]
+        )
+
+    def _short(self) -> str:
+        """What may stand there, in a few words."""
+        words = self.dimension if self.dimension != DIMENSIONLESS else "number"
+        return f"{words or 'quantity'}{' or `$parameter`' if self.tied else ''}"
+
+    def _describe(self) -> str:
+        si = DIMENSIONS.get(self.dimension or "", "")
+        text = f"{self.words()}{f' (SI: {si})' if si else ''}"
+        return f"{text}, or $parameter with or without a factor" if self.tied else text
+
+
+@dataclass(frozen=True)
+class Count:
+    """Annotation of an int: a whole number, not less than ``least``."""
+
+    least: int = 1
+
+    def parse(self, value: object) -> int:
+        """The number that a text says.
+
+        Raises:
+            Refusal: no whole number, or too small.
+        """
+        text = str(value) if isinstance(value, int) else require_text(value, "a whole number")
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.5
+        if not number.is_integer() or not self.least <= number <= 10**9:
+            message = f"'{shorten(text)}' is not a whole number from {self.least} on"
+            raise Refusal("bad-count", message, "Write a number without decimals and unit.")
+        return int(number)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.parse)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.least}
+
+
+@dataclass(frozen=True)
+class SharesUnit:
+    """Annotation of a list of quantities whose bare numbers take the unit of the last entry."""
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(share_unit, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = handler(schema)
+        return {**described, "items": {"anyOf": [described["items"], {"type": "number"}]}}
+
+
+def quantity_pattern(units: Any) -> str:
+    """Regular expression of a number with one of some units."""
+    alternatives = "|".join(re.escape(unit).replace(r"\-", "-") for unit in units if unit)
+    needed = "?" if "" in units else ""
+    return rf"{NUMBER_PATTERN}(\s*({alternatives})){needed}"
+
+
+def _tie_pattern(*, tied: bool) -> str:
+    return rf"|(({NUMBER_PATTERN}\s*\*?\s*)|-)?\${NAME_PATTERN}" if tied else ""
+
+
+def share_unit(value: object) -> object:
+    """A list whose bare numbers take the unit of the last entry: ``[12.5, 3 m]``.
+
+    >>> share_unit(["12.5", "3 m"])
+    ['12.5 m', '3 m']
+    """
+    if not isinstance(value, list) or not value or not isinstance(value[-1], str):
+        return value
+    try:
+        unit = read_quantity(value[-1]).unit
+    except UnitError:
+        return value
+    return [f"{x.strip()} {unit}".strip() if _is_bare(x) else x for x in value]
+
+
+def _is_bare(value: object) -> bool:
+    return (
+        isinstance(value, str) and len(value) <= _LONGEST and bool(_BARE.fullmatch(value.strip()))
+    )
+
+
+_NUMBER_OR_TIE = re.compile(r"\s*(?:[-+.]?\s*[0-9]|[-+]?\s*\$)")
+
+
+def level_or_group(value: object) -> str:
+    """``level`` or ``group``: what begins as a number or a tie is a level, else it is a name."""
+    if isinstance(value, Given):
+        return "level"
+    return "level" if _NUMBER_OR_TIE.match(str(value)) else "group"
+
+
+Shape = Callable[[object], str]
+
+
+def shape_of(value: object) -> str:
+    """``list`` or ``text``: tells the two ways apart in which some keys can be written."""
+    return "list" if isinstance(value, list | tuple) else "text"
+
+
+Length = Annotated[Given, Of("length")]
+Accuracy = Annotated[Given, Of("length", above=0.0)]
+Pressure = Annotated[Given, Of("pressure", tied=True)]
+Modulus = Annotated[Given, Of("pressure", tied=True, above=0.0)]
+Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
+Density = Annotated[Given, Of("density", tied=True)]
+Angle = Annotated[Given, Of("angle", tied=True)]
+UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
+Offset = Annotated[Given, Of("length", tied=True)]
+Drift = Annotated[Given, Of("velocity", tied=True)]
+Factor = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
+Level = Annotated[Given, Of("length", tied=True)]
+Force = Annotated[Given, Of("force", tied=True)]
+LineForce = Annotated[Given, Of("line load", tied=True)]
+TemperatureChange = Annotated[Given, Of("temperature", tied=True)]
+Expansion = Annotated[Given, Of("expansion", tied=True)]
+Size = Annotated[Given, Of("length", tied=True, above=0.0)]
+AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
+WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
+BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
+Number = Annotated[Given, Of(DIMENSIONLESS)]
+Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
+Acceleration = Annotated[Given, Of("acceleration")]
+AnyQuantity = Annotated[Given, Of(None)]
+
+_SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
+Point = Annotated[
+    list[Length],
+    SharesUnit(),
+    Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
+]
+Line = Annotated[list[Point], Field(min_length=2, max_length=2)]
+Bounds = Annotated[
+    list[AnyQuantity],
+    SharesUnit(),
+    Field(min_length=2, max_length=2, description=f"Lower and upper bound{_SHARED}."),
+]
+Accelerations = Annotated[list[Acceleration], SharesUnit()]
+Pressures = Annotated[list[Pressure], SharesUnit()]
+Forces = Annotated[list[Force], SharesUnit()]
+LineForces = Annotated[list[LineForce], SharesUnit()]
+TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
+Factors = list[Factor]
+Numbers = list[Number]
+_GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
+LevelOrGroup = Annotated[
+    Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
+    Discriminator(level_or_group),
+]

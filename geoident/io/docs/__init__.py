@@ -1,0 +1,1 @@
+"""Documents and skeletons for users, made from the schema."""

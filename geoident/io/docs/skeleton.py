@@ -1,0 +1,172 @@
+"""A case for a mesh that is there, to be filled in: groups and numbers of the mesh, no guesses.
+
+What only the engineer knows stands as `BLANK`, so that the case cannot be computed by mistake. What
+the mesh suggests (a group on an edge of the model may be a support) stands as a comment.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+
+from geoident.io.text.blanks import BLANK
+from geoident.model.summary import MeshSummary, PartSummary
+
+_PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
+_WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "~"}
+_AXES = "xyz"
+_MARGIN = 1e-6
+_FACETS = {2: "edges", 3: "surfaces"}
+
+
+def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
+    """The text of a case.
+
+    Args:
+        mesh: what the mesh holds.
+        mesh_file: its path as the case names it.
+        title: of the case.
+    """
+    parts = (
+        _head(mesh, mesh_file, title),
+        _PARAMETERS,
+        f"materials:\n  ground: {{elastic: isotropic, E: {BLANK}, nu: {BLANK}}}\n",
+        _groups(mesh),
+        _supports(mesh),
+        _IN_SITU,
+        _stages(mesh),
+        _gauges(mesh.dim),
+        _READINGS,
+    )
+    return "\n".join(parts)
+
+
+_PARAMETERS = """\
+# What is to be found; elsewhere $E_rock stands for it. Without parameters nothing can be fitted.
+parameters: {}
+  # E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}
+  # K0:     {start: 1.0, bounds: [0.3, 3.0]}
+"""
+_IN_SITU = """\
+# Stress of the virgin ground (compression positive here); remove the # of one line.
+# in_situ: {model: heim, vertical: 8 MPa, K0: 1.0}   # the same everywhere
+# in_situ: {model: heim, unit_weight: 26 kN/m3, surface: 0 m, K0: 0.5}   # growing with depth
+# gravity: 9.81 m/s2   # weight of what is placed; its materials then need a density
+"""
+_READINGS = """\
+# readings: readings.csv   # gauge,stage,value,unit
+# fit: {method: gauss-newton, stages: [STAGE]}   # the other stages are predicted
+"""
+
+
+def _head(mesh: MeshSummary, mesh_file: str, title: str) -> str:
+    analysis = "solid" if mesh.dim == 3 else "plane-strain"
+    kinds = ", ".join(f"{number} {kind}" for kind, number in mesh.kinds)
+    lines = [
+        "# yaml-language-server: $schema=case.schema.json",
+        "#",
+        f"# A case to be filled in: `geoident check` tells every {BLANK} that is left.",
+        "#",
+        f"# The mesh has {mesh.nodes} nodes and {mesh.elements} elements ({kinds}).",
+        f"#   {_extent(mesh.low, mesh.high)}",
+        "format: geoident-case/1",
+        f"title: {name_text(title)}",
+        f"analysis: {analysis}",
+        f"mesh: {{file: {name_text(mesh_file)}}}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _groups(mesh: MeshSummary) -> str:
+    lines = ["# What every group of elements is made of at the beginning: a material, or absent."]
+    if mesh.ungrouped:
+        lines.append(f"# {mesh.ungrouped} elements are in no group: name them in the mesh.")
+    if mesh.shared:
+        lines.append(
+            f"# {mesh.shared} elements are in several groups: keep the groups that share none."
+        )
+    lines.append("groups:" if mesh.groups else f"groups: {BLANK}")
+    for part in mesh.groups:
+        lines.append(f"  {name_text(part.name)}: {BLANK} # {_content(part, mesh.dim)}")
+    return "\n".join(lines) + "\n"
+
+
+def _content(part: PartSummary, dim: int) -> str:
+    size, unit = part.volume or 0.0, "m3" if dim == 3 else "m2"
+    elements = "element" if part.count == 1 else "elements"
+    return f"{part.count} {elements}, {size:.6g} {unit}, {_extent(part.low, part.high)}"
+
+
+def _supports(mesh: MeshSummary) -> str:
+    lines = ["# Groups and the directions in which they are fixed. The comments are what the mesh"]
+    lines += ["# suggests: write what is right in place of the word below, without its #."]
+    lines += [f"supports: {BLANK}"]
+    lines += [f"  # {_suggestion(part, mesh)}" for part in mesh.facet_groups]
+    lines += [f"  # {name_text(p.name)}: x   # {p.count} nodes" for p in mesh.node_groups]
+    if not mesh.facet_groups and not mesh.node_groups:
+        lines.append(f"  # the mesh names no {_FACETS[mesh.dim]} and no nodes: name them there")
+    return "\n".join(lines) + "\n"
+
+
+def _suggestion(part: PartSummary, mesh: MeshSummary) -> str:
+    axis, kind = part.plane, _FACETS[mesh.dim]
+    where = f"{part.count} {kind}, {_extent(part.low, part.high)}"
+    if axis is None:
+        return f"{name_text(part.name)}   # {where}"
+    reach = max(high - low for low, high in zip(mesh.low, mesh.high, strict=True))
+    at_low = part.low[axis] <= mesh.low[axis] + _MARGIN * reach
+    at_high = part.high[axis] >= mesh.high[axis] - _MARGIN * reach
+    if at_high and axis == mesh.dim - 1:
+        return f"{name_text(part.name)}   # {where}: the top; free, as a rule"
+    if at_low or at_high:
+        return f"{name_text(part.name)}: {_AXES[axis]}   # {where}: an edge of the model"
+    return f"{name_text(part.name)}   # {where}: inside the model"
+
+
+def _stages(mesh: MeshSummary) -> str:
+    names = [name_text(part.name) for part in mesh.groups] or ["GROUP"]
+    return (
+        "# Construction, step by step: what is said of one stage happens together.\n"
+        f"stages: {BLANK}\n"
+        f"  # - {{name: heading, excavate: [{names[-1]}]}}\n"
+        f"  # - {{name: lining, install: {{{names[-1]}: MATERIAL}}}}\n"
+    )
+
+
+def _gauges(dim: int) -> str:
+    one, other = (f"[{'0 m, ' * (dim - 1)}{level} m]" for level in (5, 10))
+    return (
+        "# What is measured; zero is the stage at whose end the gauge is set to zero.\n"
+        f"gauges: {BLANK}\n"
+        f"  # EX: {{kind: extensometer, head: {one}, anchors: {{a5: {other}}}, accuracy: 0.1 mm,"
+        " zero: STAGE}\n"
+        f"  # CV: {{kind: convergence, between: [{one}, {other}], accuracy: 0.3 mm, zero: STAGE}}\n"
+        f"  # S:  {{kind: settlement, point: {other}, accuracy: 1 mm}}\n"
+        f"  # D:  {{kind: displacement, point: {other}, component: x, accuracy: 1 mm}}\n"
+    )
+
+
+def _extent(low: Sequence[float], high: Sequence[float]) -> str:
+    """Where a box lies, m; what differs from zero by rounding is zero."""
+    reach = max(map(abs, (*low, *high)))
+    ends = [[_length(x, reach) for x in (a, b)] for a, b in zip(low, high, strict=True)]
+    texts = [
+        f"{axis} = {a}" if a == b else f"{axis} {a} .. {b}"
+        for axis, (a, b) in zip(_AXES, ends, strict=False)
+    ]
+    return f"{', '.join(texts)} m"
+
+
+def _length(x: float, reach: float) -> str:
+    return f"{x if abs(x) > 1e-9 * reach else 0.0:.6g}"
+
+
+def name_text(name: str) -> str:
+    """A name as YAML: in quotes where it would not be read as it is.
+
+    >>> name_text("bench-1"), name_text("12"), name_text("no"), name_text("a: b")
+    ('bench-1', '"12"', '"no"', '"a: b"')
+    """
+    plain = _PLAIN.fullmatch(name) and name.lower() not in _WORDS
+    return name if plain else json.dumps(name, ensure_ascii=False)

@@ -1,0 +1,1 @@
+"""Meshes of gmsh, Abaqus and whatever meshio reads."""

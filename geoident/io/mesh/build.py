@@ -1,0 +1,222 @@
+"""From what a mesh file says to the `Mesh` of an analysis, with the checks all formats share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.io.mesh.order import in_vtk_order
+from geoident.io.mesh.raw import (
+    CORNERS,
+    DIMENSIONS,
+    NODES,
+    RawCells,
+    RawMesh,
+    Refused,
+    first_of_equal,
+    join,
+    row_keys,
+)
+from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import ElementBlock, Mesh
+
+_FLAT = 1e-6
+"""Extent in z, in parts of the largest extent, below which a mesh is plane."""
+
+_FAR = 1e50
+"""Coordinates (m) from here on are damage, and their squares would overflow."""
+
+_INCOMPLETE = "mesh with gmsh's option Mesh.SecondOrderIncomplete=1, or with elements of order 1"
+_HINTS = {
+    "quad9": _INCOMPLETE,
+    "hex27": _INCOMPLETE,
+    "wedge18": "mesh with tetrahedra or hexahedra only",
+    "pixel": "write the cells as quadrilaterals",
+    "voxel": "write the cells as hexahedra",
+}
+_NAMES = {
+    "wedge": "mesh with tetrahedra or hexahedra only",
+    "pyramid": "mesh with tetrahedra only, or with hexahedra only (gmsh joins them by pyramids)",
+}
+
+
+@dataclass(frozen=True)
+class _Collected:
+    """Cells of one dimension by kind, and where each cell of the file went (-1: nowhere)."""
+
+    blocks: tuple[ElementBlock, ...]
+    place: Ints
+
+
+def build_mesh(raw: RawMesh, *, dim: int, file: str) -> Mesh:
+    """The mesh of an analysis in ``dim`` dimensions.
+
+    Cells of dimension ``dim`` become elements, those of the next lower one facets, of which one
+    that stands several times is taken once; groups of still lower ones become node groups.
+
+    Raises:
+        Refused: the cells do not fit the analysis, or some of them cannot be used.
+    """
+    _check_dimension(raw, dim)
+    _check_kinds(raw, dim)
+    _check_nodes(raw)
+    points = raw.points[:, :dim] if dim == 3 else _plane(raw)
+    elements = _collect(raw, dim, points)
+    facets = _collect(raw, dim - 1, points, merge=True)
+    return Mesh(
+        points=np.ascontiguousarray(points, dtype=np.float64),
+        blocks=elements.blocks,
+        facets=facets.blocks,
+        groups=_place(raw.groups, elements.place),
+        facet_groups=_place(raw.groups, facets.place),
+        node_groups=_node_groups(raw, dim),
+        file=file,
+    )
+
+
+def _check_dimension(raw: RawMesh, dim: int) -> None:
+    """Refuse a mesh without cells, or with cells of other dimension than the analysis."""
+    top = max((cells.dim for cells in raw.cells if len(cells)), default=-1)
+    if top < 1:
+        hint = "mesh the geometry before saving: gmsh -2 or gmsh -3"
+        raise Refused("mesh-empty", "the mesh has no elements", hint)
+    if top == dim:
+        return
+    found = {1: "lines only", 2: "surface elements only", 3: "solid elements"}[top]
+    kind = "a solid analysis needs solid ones" if dim == 3 else "a plane analysis needs plane ones"
+    hint = {
+        1: "mesh the surfaces too; in gmsh, put them in a physical group or set Mesh.SaveAll=1",
+        2: "`analysis: plane-strain` may be meant; else mesh the volumes, and in gmsh put them "
+        "in a physical group or set Mesh.SaveAll=1",
+        3: "`analysis: solid` may be meant",
+    }[top]
+    raise Refused("mesh-dimension", f"the mesh has {found}, {kind}", hint)
+
+
+def _check_kinds(raw: RawMesh, dim: int) -> None:
+    """Refuse elements and facets of kinds that cannot be computed with, elements first."""
+    for cells in sorted(raw.cells, key=lambda cells: -cells.dim):
+        if cells.dim >= dim - 1 and cells.dim > 0 and cells.kind not in CORNERS and len(cells):
+            kind = cells.kind
+            known = ", ".join(k for k in CORNERS if DIMENSIONS[k] == cells.dim)
+            hints = [hint for name, hint in _NAMES.items() if name in kind]
+            raise Refused(
+                "mesh-kind",
+                f"element {cells.numbers[0]} is of the kind {kind}, which cannot be used",
+                _HINTS.get(kind, hints[0] if hints else f"use elements of the kinds {known}"),
+            )
+
+
+def _check_nodes(raw: RawMesh) -> None:
+    """Refuse coordinates that are no numbers and node indices out of range."""
+    bad = np.flatnonzero(~(np.abs(raw.points) < _FAR).all(axis=1))
+    if len(bad):
+        what = "that is no number or beyond all measure"
+        message = f"node {bad[0] + 1} of the file has a coordinate {what}"
+        raise Refused("mesh-coordinate", message, "write the mesh again")
+    for cells in raw.cells:
+        if len(cells) and cells.nodes.shape[1] != NODES.get(cells.kind, cells.nodes.shape[1]):
+            message = f"element {cells.numbers[0]} ({cells.kind}) has {cells.nodes.shape[1]} nodes"
+            raise Refused("mesh-node", message, "the file is damaged: write it as .msh with gmsh")
+        wrong = (cells.nodes < 0) | (cells.nodes >= len(raw.points))
+        if bool(wrong.any()):
+            number = cells.numbers[np.flatnonzero(wrong.any(axis=1))[0]]
+            message = f"element {number} uses a node that the file does not hold"
+            raise Refused("mesh-node", message, "the file is damaged: write the mesh again")
+
+
+def _plane(raw: RawMesh) -> Floats:
+    """(n, 2) coordinates of a mesh in a plane z = const."""
+    if raw.points.shape[1] == 2:
+        return raw.points
+    used = np.unique(np.concatenate([c.nodes.ravel() for c in raw.cells if c.dim]))
+    extent = np.ptp(raw.points[used], axis=0)
+    if extent[2] <= _FLAT * extent.max():
+        return raw.points[:, :2]
+    planes = {0: "y-z", 1: "x-z"}
+    flat = [name for axis, name in planes.items() if extent[axis] <= _FLAT * extent.max()]
+    message = f"the mesh lies in the {flat[0]} plane" if flat else "the mesh is not plane"
+    raise Refused(
+        "mesh-plane",
+        f"{message} (z runs over {extent[2]:.6g} m): a plane analysis needs x and y, z the same",
+        "turn the mesh so that y points upwards and z is constant"
+        if flat
+        else "`analysis: solid` needs volume elements; a plane analysis needs a flat mesh",
+    )
+
+
+def _collect(raw: RawMesh, dim: int, points: Floats, *, merge: bool = False) -> _Collected:
+    """Cells of one dimension by kind; ``merge`` takes equal cells once and else refuses them."""
+    place = np.full(sum(map(len, raw.cells)), -1, dtype=np.int64)
+    blocks: list[ElementBlock] = []
+    for kind, (cells, where) in _by_kind(raw, dim).items():
+        nodes = in_vtk_order(kind, cells.nodes, points=points, numbers=cells.numbers)
+        _check_collapsed(kind, nodes, cells.numbers)
+        first, leads = first_of_equal(row_keys(np.sort(nodes[:, : CORNERS[kind]], axis=1)))
+        if not (merge or leads.all()):
+            raise _duplicate(cells.numbers, first, leads)
+        row = np.cumsum(leads) - 1 + sum(map(len, blocks))
+        place[where] = row[first]
+        blocks.append(ElementBlock(kind, np.ascontiguousarray(nodes[leads]), cells.numbers[leads]))
+    return _Collected(tuple(blocks), place)
+
+
+def _by_kind(raw: RawMesh, dim: int) -> dict[str, tuple[RawCells, Ints]]:
+    """Cells of one dimension joined by kind, with their indices over all cells of the file."""
+    parts: dict[str, list[tuple[RawCells, Ints]]] = {}
+    start = 0
+    for cells in raw.cells:
+        if cells.dim == dim and len(cells):
+            where = np.arange(start, start + len(cells))
+            parts.setdefault(cells.kind, []).append((cells, where))
+        start += len(cells)
+    return {kind: _joined(kind, dim, pieces) for kind, pieces in parts.items()}
+
+
+def _joined(kind: str, dim: int, pieces: list[tuple[RawCells, Ints]]) -> tuple[RawCells, Ints]:
+    """Cells of one kind from several places of the file as one."""
+    nodes = np.concatenate([cells.nodes for cells, _ in pieces]).astype(np.int64)
+    numbers = np.concatenate([cells.numbers for cells, _ in pieces]).astype(np.int64)
+    return RawCells(kind, dim, nodes, numbers), np.concatenate([where for _, where in pieces])
+
+
+def _check_collapsed(kind: str, nodes: Ints, numbers: Ints) -> None:
+    """Refuse an element that has a node twice."""
+    ordered = np.sort(nodes, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if len(twice):
+        raise Refused(
+            "mesh-collapsed",
+            f"element {numbers[twice[0]]} ({kind}) has the same node twice",
+            "use triangles or tetrahedra in place of collapsed elements",
+        )
+
+
+def _duplicate(numbers: Ints, first: Ints, leads: np.ndarray) -> Refused:
+    """The refusal of an element that covers another."""
+    row = int(np.flatnonzero(~leads)[0])
+    return Refused(
+        "mesh-duplicate",
+        f"elements {numbers[first[row]]} and {numbers[row]} have the same corner nodes",
+        "remove one of them; in gmsh, let volumes or surfaces not overlap (Coherence)",
+    )
+
+
+def _place(groups: Mapping[str, Ints], place: Ints) -> dict[str, Ints]:
+    """Groups of cells of the file as groups of elements or facets."""
+    return join({name: [place[where][place[where] >= 0]] for name, where in groups.items()})
+
+
+def _node_groups(raw: RawMesh, dim: int) -> dict[str, Ints]:
+    """Sets of nodes, and the nodes of groups of cells that are neither elements nor facets."""
+    parts = {name: [np.asarray(where)] for name, where in raw.node_groups.items()}
+    start = 0
+    for cells in raw.cells:
+        end = start + len(cells)
+        for name, where in raw.groups.items() if cells.dim < dim - 1 else ():
+            inside = where[(where >= start) & (where < end)] - start
+            parts.setdefault(name, []).append(cells.nodes[inside].ravel())
+        start = end
+    return join(parts)

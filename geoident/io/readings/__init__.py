@@ -1,0 +1,1 @@
+"""Readings as sites have them: CSV, spreadsheets with one column a gauge, AGS4."""

@@ -1,0 +1,157 @@
+"""Cells of a delimited text file: lines, quotes, and what numbers, units and dates they say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from geoident.errors import Fault, Location
+from geoident.io.readings.layout import Layout
+from geoident.io.text.dates import DateError, read_date
+from geoident.io.text.wording import shorten
+from geoident.units import UNITS, UnitError, normal_unit, read_quantity, unit_list, with_article
+
+_GOOD = frozenset({"", "0", "no", "false", "good", "ok"})
+_BAD = frozenset({"1", "x", "yes", "true", "bad"})
+_COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The text of a cell and its column, from 1."""
+
+    text: str
+    column: int
+
+
+@dataclass
+class Table:
+    """A file being read: its layout, its columns and its faults.
+
+    Args:
+        file: its path.
+        layout: as declared.
+        columns: names in the header, in small letters.
+        faults: found so far.
+    """
+
+    file: str
+    layout: Layout = field(default_factory=Layout)
+    columns: tuple[str, ...] = ()
+    faults: list[Fault] = field(default_factory=list)
+
+    def refuse(self, place: tuple[int, int], code: str, message: str, hint: str = "") -> None:
+        """Note a fault at a line and column."""
+        self.faults.append(Fault(code, message, hint, Location(self.file, *place)))
+
+    def place(self, number: int, cell: Cell) -> Location:
+        """Where a cell is."""
+        return Location(self.file, number, cell.column)
+
+    @cached_property
+    def _cell(self) -> re.Pattern[str]:
+        d = re.escape(self.layout.delimiter)
+        blank = rf"[^\S{d}]*+"
+        return re.compile(rf'{blank}(?:"((?:[^"]|"")*+)"{blank}|([^"{d}]*+))({d}|$)')
+
+    def split(self, number: int, line: str) -> list[Cell]:
+        """The cells of a line, with quotes removed; none, with a fault, if they cannot be told."""
+        cells: list[Cell] = []
+        at = 0
+        while True:
+            match = self._cell.match(line, at)
+            if match is None:
+                message = "a quote is not closed on its line, or stands inside a text"
+                hint = 'Double quotes enclose a whole cell; inside one write "" for ".'
+                self.refuse((number, at + 1), "bad-quote", message, hint)
+                return []
+            quoted = match[1] is not None
+            text = match[1].replace('""', '"') if quoted else match[2].strip()
+            cells.append(Cell(text, match.start(1 if quoted else 2) + 1))
+            at = match.end()
+            if match[3] == "":
+                return cells
+
+    def number(self, number: int, cell: Cell) -> float | None:
+        """The number in a cell, None where it is blank or, with a fault, none."""
+        text = cell.text
+        if not text:
+            return None
+        if self.layout.decimal == ",":
+            if not _COMMA_NUMBER.fullmatch(text):
+                message = f"'{shorten(text)}' is not a number with a decimal comma"
+                hint = "The file is declared with 'decimal: \",\"'; a point has no place in it."
+                self.refuse((number, cell.column), "bad-number", message, hint)
+                return None
+            text = text.replace(",", ".")
+        try:
+            quantity = read_quantity(text)
+        except UnitError as error:
+            hint = error.hint
+            if "," in text and self.layout.delimiter != ",":
+                hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
+            self.refuse((number, cell.column), "bad-number", error.message, hint)
+            return None
+        if quantity.unit:
+            message = f"'{shorten(cell.text)}' has a unit; a number is expected"
+            hint = "Units stand in the column 'unit'."
+            self.refuse((number, cell.column), "bad-number", message, hint)
+            return None
+        return quantity.value
+
+    def accuracy(self, number: int, cell: Cell | None) -> float | None:
+        """A positive number, None where there is none."""
+        if cell is None:
+            return None
+        accuracy = self.number(number, cell)
+        if accuracy is not None and accuracy <= 0:
+            message = f"the accuracy '{cell.text}' is not positive"
+            self.refuse((number, cell.column), "out-of-range", message)
+        return accuracy
+
+    def length_unit(self, number: int, cell: Cell) -> float | None:
+        """Size of a unit of length in m; None, with a fault, if it is none."""
+        try:
+            dimension, factor = UNITS[normal_unit(cell.text)]
+        except UnitError as error:
+            comma = cell.text.replace(".", "").isdigit()
+            hint = "If the value has a decimal comma, write a point." if comma else error.hint
+            self.refuse((number, cell.column), "unit", error.message, hint)
+            return None
+        if dimension == "length":
+            return factor
+        text = cell.text
+        found = f"'{text}' is the unit of {with_article(dimension)}" if text else "no unit"
+        hint = f"Units of length: {unit_list('length')}."
+        self.refuse((number, cell.column), "unit", f"{found}; a length is expected", hint)
+        return None
+
+    def date(self, number: int, cell: Cell) -> float | None:
+        """Seconds since 1970; None, with a fault, if it is no date of the declared format."""
+        try:
+            return read_date(cell.text, self.layout.date_format)
+        except DateError as error:
+            hint = "Declare the format: readings: {file: ..., date_format: DD.MM.YYYY hh:mm}."
+            self.refuse((number, cell.column), "bad-date", str(error), hint)
+            return None
+
+
+def flag(text: str) -> str:
+    """Why a reading is not to be used, from the column ``bad``; empty for a good one.
+
+    >>> flag("no"), flag("x"), flag("head hit by blast")
+    ('', 'flagged in the file', 'head hit by blast')
+    """
+    word = text.strip().lower()
+    if word in _GOOD:
+        return ""
+    return "flagged in the file" if word in _BAD else text.strip()
+
+
+def lines(text: str, delimiter: str) -> Iterator[tuple[int, str]]:
+    """Number and text of the lines that hold something."""
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
+        if line.strip(f" \t{delimiter}") and not line.lstrip().startswith("#"):
+            yield number, line

@@ -1,0 +1,245 @@
+"""The keys of a case that describe readings: inline, in files, their dates, and the bad ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
+
+from geoident.io.case.values import Accuracy, Length
+from geoident.io.case.words import Flag, Name, Text, require_text
+from geoident.io.readings.ags import HEADINGS
+from geoident.io.readings.layout import COLUMNS, Layout, Origin
+from geoident.io.schema.section import Section, Wrongs
+from geoident.io.text.dates import ISO, DateError, format_problem, read_date
+from geoident.io.text.wording import Refusal, listing, shorten
+from geoident.units import UNITS, UnitError, normal_unit, unit_list
+
+DELIMITERS = {",": ",", ";": ";", "tab": "\t", "|": "|"}
+
+
+def _date(value: object) -> str:
+    text = require_text(value, "a date")
+    try:
+        read_date(text)
+    except DateError as error:
+        raise Refusal(
+            "bad-date", str(error), "Write it like 2024-03-01 or 2024-03-01 14:30."
+        ) from None
+    return text
+
+
+def _date_format(value: object) -> str:
+    text = require_text(value, "a date format")
+    problem = format_problem(text)
+    if problem:
+        message = f"'{shorten(text)}' is no date format: {problem}"
+        raise Refusal("bad-date-format", message, "Write it like DD.MM.YYYY or DD/MM/YYYY hh:mm.")
+    return text
+
+
+def _length_unit(value: object) -> str:
+    text = require_text(value, "a unit of length")
+    try:
+        unit = normal_unit(text)
+    except UnitError as error:
+        raise Refusal("unit", error.message, error.hint) from None
+    if UNITS[unit][0] != "length":
+        message = f"'{text}' is no unit of length"
+        raise Refusal("unit", message, f"Units of length: {unit_list('length')}.")
+    return unit
+
+
+def _sign(value: object) -> int:
+    text = str(value)
+    if text.lstrip("+") not in {"1", "-1"}:
+        message = f"found '{shorten(text)}'; 1 or -1 is expected"
+        raise Refusal("not-listed", message)
+    return int(text)
+
+
+def _column_key(key: object) -> str:
+    text = require_text(key, "the name of a column")
+    if text not in COLUMNS:
+        message = f"there is no column '{shorten(text)}'"
+        raise Refusal("unknown-key", message, f"Columns: {listing(COLUMNS)}.")
+    return text
+
+
+Date = Annotated[
+    str,
+    BeforeValidator(_date),
+    WithJsonSchema({"type": "string", "description": "a date such as 2024-03-01 [14:30]"}),
+]
+DateFormat = Annotated[
+    str,
+    BeforeValidator(_date_format),
+    WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
+]
+LengthUnit = Annotated[
+    str,
+    BeforeValidator(_length_unit),
+    WithJsonSchema({"enum": unit_list("length").split(", ")}),
+]
+Sign = Annotated[int, BeforeValidator(_sign), WithJsonSchema({"enum": [1, -1]})]
+
+
+class ReadingSection(Section):
+    """One reading."""
+
+    gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
+    stage: Name = Field(description="Stage at whose end it was read.")
+    value: Length | None = Field(description="What was read; empty if it is missing.")
+    accuracy: Accuracy | None = Field(None, description="Its own standard deviation.")
+
+
+class OriginSection(Section):
+    """Where the readings of one channel come from in a file."""
+
+    name: Text = Field("", description="Name of the gauge in the file (long) or column (wide).")
+    unit: LengthUnit | None = Field(None, description="Unit, where the file does not say it.")
+    sign: Sign = Field(1, description="-1 if the file counts the other way round.")
+    LOCA_ID: Text | None = Field(None, description="AGS: location that the rows must have.")
+    MONG_ID: Text | None = Field(None, description="AGS: instrument that the rows must have.")
+    MONG_DIS: Text | None = Field(None, description="AGS: distance that the rows must have.")
+    MOND_TYPE: Text | None = Field(None, description="AGS: type of reading of the rows.")
+    MOND_REF: Text | None = Field(None, description="AGS: reference of the rows.")
+    MOND_INST: Text | None = Field(None, description="AGS: instrument of the rows.")
+
+    def origin(self) -> Origin:
+        """For the readers of files."""
+        fields = {name: getattr(self, name) for name in HEADINGS}
+        known = {name: value for name, value in fields.items() if value is not None}
+        return Origin(self.name, self.unit or "", self.sign, known)
+
+
+def _origin_shape(value: object) -> str:
+    return "mapping" if isinstance(value, Mapping | OriginSection) else "text"
+
+
+OriginValue = Annotated[
+    Annotated[Text, Tag("text")] | Annotated[OriginSection, Tag("mapping")],
+    Discriminator(_origin_shape),
+]
+ColumnKey = Annotated[str, BeforeValidator(_column_key)]
+
+
+class ReadingsFileSection(Section):
+    """A file of readings and how it is laid out. Nothing is guessed: declare what differs."""
+
+    file: Text = Field(description="Path of a CSV file, or of an AGS4 file (.ags).")
+    layout: Literal["long", "wide"] = Field(
+        "long", description="long: one reading a row; wide: one column a channel, dates in rows."
+    )
+    delimiter: Literal[",", ";", "tab", "|"] = Field(",", description="Between columns.")
+    decimal: Literal[".", ","] = Field(".", description="Decimal point or comma.")
+    columns: dict[ColumnKey, Text] = Field(
+        {}, description="Names in the header: {gauge: Instrument, value: Reading, date: Datum}."
+    )
+    unit: LengthUnit | None = Field(None, description="Unit of all values without one.")
+    unit_row: Flag = Field(False, description="wide: units stand in the line below the header.")
+    date_format: DateFormat = Field(
+        ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
+    )
+    channels: dict[Name, OriginValue] = Field(
+        {}, description="Channel of the case to its name in the file, or to more about it."
+    )
+    several: Literal["last", "mean", "all"] | None = Field(
+        None,
+        description="Several readings in a stage: the last, their mean (its standard deviation "
+        "that of one by the root of their number), or all. Default last with dates; without, one.",
+    )
+    rezero: Flag = Field(
+        False,
+        description="Subtract from each channel what was read at its zero, which dates must tell.",
+    )
+
+    @model_validator(mode="after")
+    def _fits_itself(self) -> ReadingsFileSection:
+        wrongs = Wrongs()
+        if self.decimal == "," and self.delimiter == "," and not self.is_ags:
+            message = "a comma cannot be decimal mark and delimiter at once"
+            wrongs.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
+        if self.unit_row and self.layout != "wide":
+            message = "a row of units belongs to the wide layout"
+            wrongs.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
+        if self.is_ags and not self.channels:
+            message = "'channels' is missing: an AGS file has readings of many instruments"
+            hint = "Write channels: {CHANNEL: {MONG_ID: ..., MONG_DIS: ...}}."
+            wrongs.add((), "missing-key", message, hint)
+        wrongs.raise_any()
+        return self
+
+    @property
+    def is_ags(self) -> bool:
+        """An AGS4 file, by its suffix."""
+        return self.file.lower().endswith(".ags")
+
+    def described(self) -> Layout:
+        """For the readers of files."""
+        return Layout(
+            delimiter=DELIMITERS[self.delimiter],
+            decimal=self.decimal,
+            columns=dict(self.columns),
+            unit=self.unit or "",
+            date_format=self.date_format,
+            wide=self.layout == "wide",
+            unit_row=self.unit_row,
+            channels={
+                name: Origin(value) if isinstance(value, str) else value.origin()
+                for name, value in self.channels.items()
+            },
+        )
+
+
+class BadSection(Section):
+    """Readings that are known to be wrong: kept, shown with the reason, and not used."""
+
+    gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
+    stage: Name | None = Field(None, description="Stage; all stages if missing.")
+    reason: Text = Field(description="Why, such as 'head hit by blast'.")
+
+
+def _entry_shape(value: object) -> str:
+    if isinstance(value, ReadingsFileSection) or (isinstance(value, Mapping) and "file" in value):
+        return "<file>"
+    return "text" if isinstance(value, str) else "reading"
+
+
+Entry = Annotated[
+    Annotated[Text, Tag("text")]
+    | Annotated[ReadingsFileSection, Tag("<file>")]
+    | Annotated[ReadingSection, Tag("reading")],
+    Discriminator(_entry_shape),
+]
+
+
+def _readings_shape(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return "list"
+    return "<file>" if isinstance(value, Mapping | ReadingsFileSection) else "text"
+
+
+Readings = Annotated[
+    Annotated[Text, Tag("text")]
+    | Annotated[ReadingsFileSection, Tag("<file>")]
+    | Annotated[list[Entry], Tag("list")],
+    Discriminator(_readings_shape),
+]
+
+
+def entries(readings: Any) -> list[tuple[tuple[str | int, ...], Any]]:
+    """What ``readings`` names, each with its path of keys: paths, files or single readings."""
+    if readings is None:
+        return []
+    if isinstance(readings, list):
+        return [(("readings", n), entry) for n, entry in enumerate(readings)]
+    return [(("readings",), readings)]

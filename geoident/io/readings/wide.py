@@ -1,0 +1,157 @@
+"""The wide layout of readings: one column a channel, one row a date or stage.
+
+The unit of a column stands in its header, ``EX1.a5 (mm)`` or ``EX1.a5 [mm]``, or in a row of units
+below the header, or is declared in the case.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from geoident.errors import Location
+from geoident.io.readings.cells import Cell, Table
+from geoident.io.readings.layout import FieldReading, Origin
+from geoident.io.text.wording import did_you_mean
+
+_WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Position of a column, its channel, sign, and factor to m (None: not yet known)."""
+
+    at: int
+    channel: str
+    cell: Cell
+    sign: int
+    factor: float | None
+
+
+class WideReader:
+    """One row a date or stage.
+
+    Args:
+        table: the file.
+    """
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+        self.columns: list[_Column] = []
+        self.when = 0
+        self.dated = True
+        self.units_follow = table.layout.unit_row
+
+    def header(self, number: int, line: str) -> None:
+        """Note the columns, and what is wrong with them."""
+        cells = self.table.split(number, line)
+        names = [cell.text.lower() for cell in cells]
+        keys = [key for key in ("date", "stage") if self.table.layout.header(key) in names]
+        if not keys:
+            message = f"there is no column '{self.table.layout.header('date')}' or 'stage'"
+            hint = "Name it in the case: columns: {date: NAME}."
+            self.table.refuse((number, 1), "bad-header", message, hint)
+            return
+        self.dated = keys[0] == "date"
+        self.when = names.index(self.table.layout.header(keys[0]))
+        channels = self.table.layout.channels
+        given = {n: cell for n, cell in enumerate(cells) if n != self.when and cell.text}
+        if channels:
+            for channel, origin in channels.items():
+                self._add_declared(number, channel, origin, given)
+        else:
+            for n, cell in given.items():
+                self._add(number, n, cell, Origin(), "")
+
+    def _add_declared(
+        self, number: int, channel: str, origin: Origin, given: dict[int, Cell]
+    ) -> None:
+        wanted = origin.name or channel
+        for n, cell in given.items():
+            match = _WITH_UNIT.fullmatch(cell.text)
+            if wanted in {cell.text, match[1] if match else cell.text}:
+                self._add(number, n, cell, origin, channel)
+                return
+        hint = did_you_mean(wanted, [cell.text for cell in given.values()], what="Columns")
+        message = f"there is no column '{wanted}' for '{channel}'"
+        self.table.refuse((number, 1), "bad-header", message, hint)
+
+    def _add(self, number: int, n: int, cell: Cell, origin: Origin, channel: str) -> None:
+        match = _WITH_UNIT.fullmatch(cell.text)
+        name, unit = (match[1], match[2]) if match else (cell.text, "")
+        unit = origin.unit or unit or ("" if self.units_follow else self.table.layout.unit)
+        factor = None
+        if unit or not self.units_follow:
+            factor = self._factor(number, cell, name, unit)
+        self.columns.append(_Column(n, channel or name, cell, origin.sign, factor))
+
+    def _factor(self, number: int, cell: Cell, name: str, unit: str) -> float | None:
+        if unit:
+            return self.table.length_unit(number, Cell(unit, cell.column))
+        message = f"the column '{name}' has no unit"
+        hint = f"Write '{name} (mm)' in the header, or 'unit: mm' in the case."
+        self.table.refuse((number, cell.column), "unit", message, hint)
+        return None
+
+    def row(self, number: int, line: str) -> list[FieldReading]:
+        """The readings of a row."""
+        cells = self.table.split(number, line)
+        if self.units_follow:
+            self._read_units(number, cells)
+            return []
+        if len(cells) <= self.when or not cells[self.when].text:
+            if cells:
+                what = "date" if self.dated else "stage"
+                self.table.refuse((number, 1), "missing-name", f"the {what} of the row is missing")
+            return []
+        last = max((column.at for column in self.columns), default=self.when)
+        if len(cells) > max(last, self.when) + 1 and self.table.layout.delimiter == ",":
+            self._refuse_width(number, cells, max(last, self.when) + 1)
+        when = cells[self.when]
+        time = self.table.date(number, when) if self.dated else None
+        if self.dated and time is None:
+            return []
+        place = self.table.place(number, when)
+        return [
+            reading
+            for column in self.columns
+            if column.at < len(cells)
+            for reading in self._reading(number, cells[column.at], column, time, when.text, place)
+        ]
+
+    def _reading(
+        self,
+        number: int,
+        cell: Cell,
+        column: _Column,
+        time: float | None,
+        when: str,
+        place: Location,
+    ) -> list[FieldReading]:
+        value = self.table.number(number, cell)
+        if column.factor is None or (value is None and cell.text):
+            return []
+        known = None if value is None else column.sign * value * column.factor
+        stage = None if self.dated else when
+        at = self.table.place(number, cell)
+        return [FieldReading(column.channel, stage, time, known, None, "", at, place)]
+
+    def _refuse_width(self, number: int, cells: list[Cell], width: int) -> None:
+        """Note further cells where the whole file is read: a decimal comma may be behind it."""
+        if self.table.layout.channels or not any(cell.text for cell in cells[width:]):
+            return
+        message = f"the row has {len(cells)} columns, the header {width}"
+        hint = "If a number has a decimal comma, declare another delimiter, or write a point."
+        self.table.refuse((number, cells[width].column), "too-many-columns", message, hint)
+
+    def _read_units(self, number: int, cells: list[Cell]) -> None:
+        self.units_follow = False
+        columns = []
+        for column in self.columns:
+            factor = column.factor
+            if factor is None:
+                blank = Cell("", 1)
+                cell = cells[column.at] if column.at < len(cells) else blank
+                factor = self._factor(number, cell, column.channel, cell.text.strip("()[] "))
+            columns.append(_Column(column.at, column.channel, column.cell, column.sign, factor))
+        self.columns = columns

@@ -1,0 +1,251 @@
+"""Result files: HDF5, one group a table, described in README ("Result file").
+
+Everything that identifies a result stands in the attributes of the root group. A file appears under
+its name only when it is complete (`geoident.io.text.atomic`).
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.io.result import certificate_tables, member_tables, tables, vtkhdf
+from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
+from geoident.io.text.atomic import atomic_output
+from geoident.model.result import Counts, Provenance, Result
+
+FORMAT = "geoident-result/1"
+_RESULT_TEXTS = ("kind", "status", "method", "reason")
+_RESULT_LISTS = ("findings", "notes")
+_PROVENANCE_TEXTS = (
+    "command",
+    "case_file",
+    "case_sha256",
+    "mesh_sha256",
+    "readings_sha256",
+    "identity",
+    "created",
+)
+_COUNTS = ("evaluations", "analyses", "factorizations", "solves")
+
+
+@dataclass(frozen=True)
+class ResultIdentity:
+    """What tells whether an existing result is up to date.
+
+    Args:
+        identity: hash of everything that it depends on.
+        kind: the command that wrote it.
+        status: how it ended.
+        exit_code: of the command.
+    """
+
+    identity: str
+    kind: str
+    status: str
+    exit_code: int
+
+
+def write_result(result: Result, path: str | Path, *, overwrite: bool) -> tuple[str, ...]:
+    """Writes a result, and beside it a sidecar for ParaView if it has fields.
+
+    The sidecar is put in place first: a complete result always has its sidecar.
+
+    Args:
+        result: what to write.
+        path: the result file; the sidecar has the suffix ``.vtkhdf`` in place of ``.h5``.
+        overwrite: replace an existing file.
+
+    Returns:
+        The paths written, the result first.
+
+    Raises:
+        OutputError: a file exists or cannot be written; the result is then as it was before.
+    """
+    sidecar = vtkhdf.sidecar_path(path)
+    with atomic_output(path, overwrite=overwrite) as temporary:
+        with hdf5_output(temporary) as file:
+            _write(file, result)
+        if sidecar and result.fields is not None:
+            _write_sidecar(sidecar, Path(path).name, overwrite=overwrite)
+    if sidecar is None or result.fields is None:
+        _drop_sidecar(sidecar, Path(path).name)
+        return (str(path),)
+    return (str(path), str(sidecar))
+
+
+def _write_sidecar(sidecar: Path, name: str, *, overwrite: bool) -> None:
+    """Writes the sidecar; one that points to this result already may be replaced anyway."""
+    own = vtkhdf.sidecar_target(sidecar) == name
+    with atomic_output(sidecar, overwrite=overwrite or own) as temporary:
+        vtkhdf.write_sidecar(temporary, name)
+
+
+def _drop_sidecar(sidecar: Path | None, name: str) -> None:
+    """Removes the sidecar of the result that was replaced by one without fields."""
+    if sidecar is not None and vtkhdf.sidecar_target(sidecar) == name:
+        with suppress(OSError):
+            sidecar.unlink()
+
+
+def _write(file: h5py.File, result: Result) -> None:
+    _write_attributes(file, result)
+    case = file.create_group("case")
+    case["verbatim"] = plain_text(result.case_text)
+    case["resolved"] = plain_text(result.case_resolved)
+    names, gauges = result.parameters.names, result.gauges
+    tables.write_parameters(file, result.parameters, result.singular_values)
+    tables.write_gauges(file, gauges)
+    tables.write_history(file, result.history, names)
+    if result.sensitivity is not None:
+        tables.write_sensitivity(file, result.sensitivity, gauges, names)
+    if result.prediction is not None:
+        tables.write_prediction(file, result.prediction, gauges)
+    if result.diagnostics is not None:
+        tables.write_diagnostics(file, result.diagnostics, gauges, names)
+    if result.grid is not None:
+        tables.write_grid(file, result.grid)
+    if result.members is not None:
+        member_tables.write_members(file, result.members)
+    if result.certificate is not None:
+        certificate_tables.write_certificate(file, result.certificate, names)
+    if result.fields is not None:
+        vtkhdf.write_fields(file, result.fields)
+    file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_attributes(file: h5py.File, result: Result) -> None:
+    attributes = file.attrs
+    attributes["format"] = FORMAT
+    for name in _RESULT_TEXTS:
+        attributes[name] = plain_text(getattr(result, name))
+    for name in _RESULT_LISTS:
+        if getattr(result, name):
+            attributes.create(name, texts(getattr(result, name)), dtype=h5py.string_dtype())
+    for name in _PROVENANCE_TEXTS:
+        attributes[name] = plain_text(getattr(result.provenance, name))
+    for name in _COUNTS:
+        attributes[name] = np.int64(getattr(result.counts, name))
+    attributes["versions"] = plain_text(json.dumps(dict(result.provenance.versions)))
+    attributes["seed"] = np.int64(result.provenance.seed)
+    attributes["exit_code"] = np.int64(result.exit_code)
+    attributes["objective"] = np.float64(result.objective)
+
+
+def read_identity(path: str | Path) -> ResultIdentity | None:
+    """What identifies an existing result; None if there is none, or it is not readable as one."""
+    try:
+        with hdf5_input(path) as file:
+            _refuse_unknown_format(file, path)
+            root = _Attributes(file, path)
+            return ResultIdentity(
+                root.text("identity"), root.text("kind"), root.text("status"), root.int("exit_code")
+            )
+    except InputError:
+        return None
+
+
+def read_result(path: str | Path) -> Result:
+    """Reads back all that `write_result` wrote.
+
+    Raises:
+        InputError: no such file, not a result, of a version this program does not know, truncated
+            or damaged; it says which piece is missing.
+    """
+    with hdf5_input(path) as file:
+        _refuse_unknown_format(file, path)
+        return _read(file, _Attributes(file, path))
+
+
+def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
+    found = file.attrs.get("format")
+    if found == FORMAT:
+        return
+    target = vtkhdf.sidecar_target(path)
+    if target is not None:
+        hint = f"this is the sidecar for ParaView; the result is {target}"
+        raise refusal(path, "not-a-result", "not a result of geoident", hint)
+    if not isinstance(found, str) or not found.startswith("geoident-result/"):
+        hint = "give the path of a result file, such as CASE.fit.h5"
+        raise refusal(path, "not-a-result", "an HDF5 file, but not a result of geoident", hint)
+    hint = "read it with the version of geoident that wrote it, or run the command again"
+    message = f"format {found!r} is not known; expected {FORMAT!r}"
+    raise refusal(path, "unknown-format", message, hint)
+
+
+class _Attributes:
+    """The attributes of the root group; a missing one is named."""
+
+    def __init__(self, file: h5py.File, path: str | Path) -> None:
+        self._attributes = file.attrs
+        self._path = path
+
+    def text(self, name: str) -> str:
+        return str(self._get(name))
+
+    def int(self, name: str) -> int:
+        return int(self._get(name))
+
+    def float(self, name: str) -> float:
+        return float(self._get(name))
+
+    def list(self, name: str) -> tuple[str, ...]:
+        return tuple(str(text) for text in self._attributes.get(name, ()))
+
+    def _get(self, name: str) -> Any:
+        if name not in self._attributes:
+            raise refusal(self._path, "damaged-result", f"the attribute {name!r} is missing")
+        return self._attributes[name]
+
+
+def _read(file: h5py.File, root: _Attributes) -> Result:
+    contents = root.text("contents").split()
+    parameters, singular = tables.read_parameters(file)
+    gauges = tables.read_gauges(file)
+    n = len(parameters.names)
+    case = TableReader(file, "case")
+    return Result(
+        kind=root.text("kind"),
+        status=root.text("status"),
+        method=root.text("method"),
+        reason=root.text("reason"),
+        findings=root.list("findings"),
+        notes=root.list("notes"),
+        exit_code=root.int("exit_code"),
+        objective=root.float("objective"),
+        case_text=case.text("verbatim"),
+        case_resolved=case.text("resolved"),
+        provenance=_read_provenance(root),
+        parameters=parameters,
+        gauges=gauges,
+        counts=Counts(**{name: root.int(name) for name in _COUNTS}),
+        history=tables.read_history(file, n),
+        singular_values=singular,
+        sensitivity=(
+            tables.read_sensitivity(file, gauges, n) if "sensitivity" in contents else None
+        ),
+        prediction=tables.read_prediction(file, gauges) if "prediction" in contents else None,
+        diagnostics=(
+            tables.read_diagnostics(file, gauges, n) if "diagnostics" in contents else None
+        ),
+        grid=tables.read_grid(file) if "grid" in contents else None,
+        members=member_tables.read_members(file) if member_tables.GROUP in contents else None,
+        certificate=(
+            certificate_tables.read_certificate(file)
+            if certificate_tables.GROUP in contents
+            else None
+        ),
+        fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+    )
+
+
+def _read_provenance(root: _Attributes) -> Provenance:
+    texts_ = {name: root.text(name) for name in _PROVENANCE_TEXTS}
+    return Provenance(versions=json.loads(root.text("versions")), seed=root.int("seed"), **texts_)

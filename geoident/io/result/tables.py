@@ -1,0 +1,248 @@
+"""The tables of a result file, each written and read side by side.
+
+Axes carry names: ``gauge`` (a channel), ``stage``, ``parameter``, ``iteration``; all values in SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.model.arrays import Floats
+from geoident.model.result import (
+    Counts,
+    Diagnostics,
+    GaugeTable,
+    Grid,
+    Iteration,
+    ParameterTable,
+    Prediction,
+)
+from geoident.units import DIMENSIONS
+
+_COUNTS = ("evaluations", "analyses", "factorizations", "solves")
+_PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
+_PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
+_DIAGNOSTICS_ARRAYS = ("standardized", "studentized", "weight", "leverage", "distance")
+
+
+def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | None) -> None:
+    """Writes ``/parameters``.
+
+    ``unit`` is the SI unit in which the values stand, ``display_unit`` the one that the user wrote.
+
+    Args:
+        file: the result.
+        table: the parameters.
+        singular: singular values of the information matrix, or None.
+    """
+    axes: dict[str, Sequence[str] | Floats] = {
+        "parameter": table.names,
+        "other": table.names,
+        "bound": ("lower", "upper"),
+    }
+    if singular is not None:
+        axes["direction"] = np.arange(len(singular), dtype=np.float64)
+    out = TableWriter(file, "parameters", axes)
+    for name, field in _PARAMETER_ARRAYS.items():
+        out.add(name, getattr(table, field), "parameter")
+    out.add("start", table.start, "parameter")
+    out.add("ci95", np.stack([table.lower95, table.upper95], axis=1), "parameter", "bound")
+    out.add("at_bound", table.at_bound, "parameter")
+    out.add("determined", table.determined, "parameter")
+    out.add("name", table.names, "parameter")
+    out.add("prior", table.priors, "parameter")
+    out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
+    out.add("display_unit", table.units, "parameter")
+    out.add("dimension", table.dimensions, "parameter")
+    out.add("covariance", table.covariance, "parameter", "other")
+    out.add("correlation", table.correlation, "parameter", "other")
+    if singular is not None:
+        out.add("singular_values", singular, "direction")
+
+
+def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
+    """The table, and the singular values or None."""
+    group = TableReader(file, "parameters")
+    names = group.texts("name")
+    n = len(names)
+    arrays = {field: group.floats(name, n) for name, field in _PARAMETER_ARRAYS.items()}
+    interval = group.floats("ci95", n, 2)
+    table = ParameterTable(
+        names=names,
+        **arrays,
+        start=group.floats("start", n),
+        lower95=interval[:, 0].copy(),
+        upper95=interval[:, 1].copy(),
+        at_bound=group.bools("at_bound", n),
+        determined=group.bools("determined", n),
+        priors=group.texts("prior", n),
+        units=group.texts("display_unit", n),
+        dimensions=group.texts("dimension", n),
+        covariance=group.floats("covariance", n, n),
+        correlation=group.floats("correlation", n, n),
+    )
+    return table, _read_singular(group)
+
+
+def _read_singular(group: TableReader) -> Floats | None:
+    if "singular_values" not in group:
+        return None
+    return group.floats("singular_values", len(group.array("direction", "f")))
+
+
+def write_gauges(file: h5py.File, table: GaugeTable) -> None:
+    """Writes ``/gauges``. ``residual`` is measured minus computed."""
+    axes = {
+        "gauge": table.channels,
+        "stage": table.stages,
+        "end": ("first", "second"),
+        "axis": ("x", "y", "z")[: table.first.shape[1]],
+    }
+    out = TableWriter(file, "gauges", axes)
+    out.add("measured", table.measured, "gauge", "stage", unit="m")
+    out.add("computed", table.computed, "gauge", "stage", unit="m")
+    out.add("residual", table.measured - table.computed, "gauge", "stage", unit="m")
+    out.add("sd", table.sd, "gauge", "stage", unit="m")
+    out.add("used", table.used, "gauge", "stage")
+    out.add("bad", table.bad, "gauge", "stage")
+    points = np.stack([table.first, table.second], axis=1)
+    out.add("points", points, "gauge", "end", "axis", unit="m")
+
+
+def read_gauges(file: h5py.File) -> GaugeTable:
+    """The readings and what the model makes of them."""
+    group = TableReader(file, "gauges")
+    channels, stages = group.texts("gauge"), group.texts("stage")
+    shape = (len(channels), len(stages))
+    points = group.floats("points", shape[0], 2, len(group.texts("axis")))
+    return GaugeTable(
+        channels=channels,
+        stages=stages,
+        measured=group.floats("measured", *shape),
+        computed=group.floats("computed", *shape),
+        sd=group.floats("sd", *shape),
+        used=group.bools("used", *shape),
+        first=points[:, 0].copy(),
+        second=points[:, 1].copy(),
+        bad=group.bools("bad", *shape),
+    )
+
+
+def write_sensitivity(
+    file: h5py.File, sensitivity: Floats, gauges: GaugeTable, names: tuple[str, ...]
+) -> None:
+    """Writes ``/sensitivity``: (n_channels, n_stages, n) m per SI unit of the parameter."""
+    axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
+    out = TableWriter(file, "sensitivity", axes)
+    unit = "m per SI unit of the parameter"
+    out.add("sensitivity", sensitivity, "gauge", "stage", "parameter", unit=unit)
+
+
+def read_sensitivity(file: h5py.File, gauges: GaugeTable, n: int) -> Floats:
+    """Derivatives of the computed readings, (n_channels, n_stages, n)."""
+    shape = (*gauges.computed.shape, n)
+    return TableReader(file, "sensitivity").floats("sensitivity", *shape)
+
+
+def write_prediction(file: h5py.File, prediction: Prediction, gauges: GaugeTable) -> None:
+    """Writes ``/prediction``, m."""
+    axes = {"gauge": gauges.channels, "stage": gauges.stages}
+    out = TableWriter(file, "prediction", axes)
+    for name in _PREDICTION_ARRAYS:
+        out.add(name, getattr(prediction, name), "gauge", "stage", unit="m")
+
+
+def read_prediction(file: h5py.File, gauges: GaugeTable) -> Prediction:
+    """What the gauges will show."""
+    group = TableReader(file, "prediction")
+    shape = gauges.computed.shape
+    return Prediction(**{name: group.floats(name, *shape) for name in _PREDICTION_ARRAYS})
+
+
+def write_diagnostics(
+    file: h5py.File, found: Diagnostics, gauges: GaugeTable, names: tuple[str, ...]
+) -> None:
+    """Writes ``/diagnostics``, dimensionless; its attributes hold the loss, squares and scale."""
+    axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
+    out = TableWriter(file, "diagnostics", axes)
+    for name in _DIAGNOSTICS_ARRAYS:
+        out.add(name, getattr(found, name), "gauge", "stage")
+    out.add("influence", found.influence, "gauge", "stage", "parameter")
+    out.group.attrs["loss"] = found.loss
+    out.group.attrs["weighted_squares"] = np.float64(found.squares)
+    out.group.attrs["scale"] = np.float64(found.scale)
+
+
+def read_diagnostics(file: h5py.File, gauges: GaugeTable, n: int) -> Diagnostics:
+    """How each reading bears on the answer; n is the number of parameters."""
+    group = TableReader(file, "diagnostics")
+    shape = gauges.computed.shape
+    return Diagnostics(
+        loss=group.attribute("loss", str),
+        squares=group.attribute("weighted_squares", float),
+        scale=group.attribute("scale", float),
+        influence=group.floats("influence", *shape, n),
+        **{name: group.floats(name, *shape) for name in _DIAGNOSTICS_ARRAYS},
+    )
+
+
+def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[str, ...]) -> None:
+    """Writes ``/history``, one row an iteration."""
+    rows = np.arange(len(history), dtype=np.int64)
+    out = TableWriter(file, "history", {"iteration": rows, "parameter": names})
+    out.add("method", [row.method for row in history], "iteration")
+    out.add("number", np.array([row.number for row in history], dtype=np.int64), "iteration")
+    out.add("objective", np.array([row.objective for row in history], dtype=float), "iteration")
+    out.add("step", np.array([row.step for row in history], dtype=float), "iteration")
+    out.add("note", [row.note for row in history], "iteration")
+    for name in _COUNTS:
+        counts = np.array([getattr(row.counts, name) for row in history], dtype=np.int64)
+        out.add(name, counts, "iteration")
+    values = np.array([row.values for row in history], dtype=float)
+    out.add("values", values.reshape(len(history), len(names)), "iteration", "parameter")
+
+
+def read_history(file: h5py.File, n: int) -> tuple[Iteration, ...]:
+    """The iterations; n is the number of parameters."""
+    group = TableReader(file, "history")
+    methods = group.texts("method")
+    rows = len(methods)
+    counts = [group.ints(name, rows).tolist() for name in _COUNTS]
+    return tuple(
+        Iteration(method, number, objective, values, step, Counts(*cost), note)
+        for method, number, objective, values, step, cost, note in zip(
+            methods,
+            group.ints("number", rows).tolist(),
+            group.floats("objective", rows).tolist(),
+            group.floats("values", rows, n),
+            group.floats("step", rows).tolist(),
+            zip(*counts, strict=True),
+            group.texts("note", rows),
+            strict=True,
+        )
+    )
+
+
+def write_grid(file: h5py.File, grid: Grid) -> None:
+    """Writes ``/grid``: the axes under the names of their parameters, and ``objective``."""
+    names = [_axis_name(name) for name in grid.names]
+    out = TableWriter(file, "grid", dict(zip(names, grid.axes, strict=True)))
+    out.group.attrs.create("parameters", list(grid.names), dtype=h5py.string_dtype())
+    out.add("objective", grid.objective, *names)
+
+
+def read_grid(file: h5py.File) -> Grid:
+    """The discrepancy over one or two parameters."""
+    group = TableReader(file, "grid")
+    names = tuple(str(name) for name in group.group.attrs["parameters"])
+    axes = tuple(group.array(_axis_name(name), "f") for name in names)
+    return Grid(names, axes, group.floats("objective", *(len(axis) for axis in axes)))
+
+
+def _axis_name(parameter: str) -> str:
+    """Name of the dataset of an axis, which must not be that of the discrepancy."""
+    return f"{parameter}_" if parameter == "objective" else parameter

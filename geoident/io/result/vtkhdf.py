@@ -1,0 +1,262 @@
+"""The fields of a result as VTKHDF, which ParaView reads, and the rest of the mesh beside them.
+
+``/VTKHDF`` is an unstructured grid with one time step a state (0 is the virgin state). The
+mesh does not change with time: it is stored once, and the offset of every step into it is 0. Data
+of all steps stand one after the other; the offset of step t is t times their number. In 2-D the
+coordinates and displacements are padded with z = 0. Removed elements have ``vtkGhostType`` 32
+(hidden), so that pictures leave them out.
+
+``/mesh`` holds what VTK has no place for: blocks, facets, named groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from geoident.io.result.hdf5 import (
+    TableReader,
+    hdf5_input,
+    hdf5_output,
+    plain_text,
+    refusal,
+    texts,
+)
+from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.result import FieldSeries
+
+VTK_TYPES = {
+    "line2": 3,
+    "line3": 21,
+    "tri3": 5,
+    "tri6": 22,
+    "quad4": 9,
+    "quad8": 23,
+    "tet4": 10,
+    "tet10": 24,
+    "hex8": 12,
+    "hex20": 25,
+}
+HIDDEN_CELL = 32
+GROUP = "VTKHDF"
+REFIT = "results of fit and predict hold them, those of scan do not"
+_SUFFIXES = (".h5", ".hdf5", ".hdf")
+
+
+def sidecar_path(path: str | Path) -> Path | None:
+    """Path of the sidecar of a result, or None if ParaView opens the result itself by its suffix.
+
+    >>> str(sidecar_path("cavern.fit.h5"))
+    'cavern.fit.vtkhdf'
+    """
+    path = Path(path)
+    if path.suffix == ".vtkhdf":
+        return None
+    stem = path.name.removesuffix(path.suffix) if path.suffix in _SUFFIXES else path.name
+    return path.with_name(f"{stem}.vtkhdf")
+
+
+def write_sidecar(path: str, result_name: str) -> None:
+    """Writes a file whose ``/VTKHDF`` is that of the file ``result_name`` in the same folder."""
+    with hdf5_output(path) as file:
+        file[GROUP] = h5py.ExternalLink(result_name, f"/{GROUP}")
+
+
+def copy_fields(result_path: str | Path, path: str) -> None:
+    """Writes a file with a copy of the fields of a result, which ParaView opens without the result.
+
+    Raises:
+        InputError: the result has no fields, or is none.
+    """
+    with hdf5_output(path) as file, hdf5_input(result_path) as source:
+        if GROUP not in source:
+            raise refusal(result_path, "no-fields", "holds no displacements and stresses", REFIT)
+        source.copy(GROUP, file)
+
+
+def sidecar_target(path: str | Path) -> str | None:
+    """Name of the result that a sidecar points to, or None if the file is no sidecar."""
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            link = file.get(GROUP, getlink=True)
+            return str(link.filename) if isinstance(link, h5py.ExternalLink) else None
+    except (OSError, RuntimeError):
+        return None
+
+
+def write_fields(file: h5py.File, fields: FieldSeries) -> None:
+    """Writes ``/VTKHDF`` and ``/mesh``."""
+    group = file.create_group(GROUP)
+    group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+    group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
+    _write_grid(group, fields.mesh)
+    point_data = {"displacement": _with_z(fields.displacement)}
+    cell_data: dict[str, npt.NDArray[Any]] = {
+        "stress": fields.stress,
+        "present": fields.present.astype(np.int8),
+        "yielded": fields.yielded.astype(np.int8),
+        "vtkGhostType": np.where(fields.present, 0, HIDDEN_CELL).astype(np.uint8),
+    }
+    static = {"group": element_groups(fields.mesh), "number": element_numbers(fields.mesh)}
+    _write_data(group, "PointData", point_data, {})
+    _write_data(group, "CellData", cell_data, static)
+    group["PointData/displacement"].attrs["unit"] = "m"
+    group["CellData/stress"].attrs["unit"] = "Pa"
+    group["CellData/group"].attrs.create(
+        "names", texts(tuple(fields.mesh.groups)), dtype=h5py.string_dtype()
+    )
+    _write_steps(group, fields.mesh, len(fields.present), (*cell_data,), (*static,))
+    _write_mesh(file.create_group("mesh"), fields.mesh)
+
+
+def _write_grid(group: h5py.Group, mesh: Mesh) -> None:
+    sizes = [np.full(len(block), block.nodes.shape[1]) for block in mesh.blocks]
+    types = [np.full(len(block), VTK_TYPES[block.kind]) for block in mesh.blocks]
+    connectivity = _joined([block.nodes.ravel() for block in mesh.blocks])
+    group["NumberOfPoints"] = np.array([mesh.n_nodes], dtype=np.int64)
+    group["NumberOfCells"] = np.array([mesh.n_elements], dtype=np.int64)
+    group["NumberOfConnectivityIds"] = np.array([len(connectivity)], dtype=np.int64)
+    group["Points"] = _with_z(mesh.points)
+    group["Points"].attrs["unit"] = "m"
+    group["Types"] = _joined(types).astype(np.uint8)
+    group["Connectivity"] = connectivity
+    group["Offsets"] = np.concatenate([[0], np.cumsum(_joined(sizes))]).astype(np.int64)
+
+
+def _write_data(
+    group: h5py.Group,
+    name: str,
+    stepwise: Mapping[str, npt.NDArray[Any]],
+    static: Mapping[str, Ints],
+) -> None:
+    """Writes arrays (n_states, n, ...) one state after the other, and arrays (n,) once."""
+    data = group.create_group(name)
+    for key, array in stepwise.items():
+        data[key] = array.reshape(-1, *array.shape[2:])
+    for key, array in static.items():
+        data[key] = array
+
+
+def _write_steps(
+    group: h5py.Group, mesh: Mesh, states: int, cells: tuple[str, ...], static: tuple[str, ...]
+) -> None:
+    steps = group.create_group("Steps")
+    steps.attrs["NSteps"] = np.int64(states)
+    number, zeros = np.arange(states, dtype=np.int64), np.zeros(states, dtype=np.int64)
+    steps["Values"] = number.astype(np.float64)
+    steps["NumberOfParts"] = zeros + 1
+    steps["PartOffsets"] = zeros
+    steps["PointOffsets"] = zeros
+    steps["CellOffsets"] = zeros[:, None]
+    steps["ConnectivityIdOffsets"] = zeros[:, None]
+    steps["PointDataOffsets/displacement"] = number * mesh.n_nodes
+    for name in cells:
+        steps[f"CellDataOffsets/{name}"] = number * mesh.n_elements
+    for name in static:
+        steps[f"CellDataOffsets/{name}"] = zeros
+
+
+def _write_mesh(group: h5py.Group, mesh: Mesh) -> None:
+    group.attrs["dim"] = np.int64(mesh.dim)
+    group.attrs["file"] = plain_text(mesh.file)
+    group["blocks/kind"] = texts([block.kind for block in mesh.blocks])
+    group["blocks/count"] = np.array([len(block) for block in mesh.blocks], dtype=np.int64)
+    group["facets/kind"] = texts([block.kind for block in mesh.facets])
+    group["facets/count"] = np.array([len(block) for block in mesh.facets], dtype=np.int64)
+    group["facets/nodes"] = _joined([block.nodes.ravel() for block in mesh.facets])
+    group["facets/number"] = _joined([block.numbers for block in mesh.facets])
+    _write_sets(group, "groups", mesh.groups)
+    _write_sets(group, "facet_groups", mesh.facet_groups)
+    _write_sets(group, "node_groups", mesh.node_groups)
+
+
+def _write_sets(group: h5py.Group, name: str, sets: Mapping[str, Ints]) -> None:
+    """Named index lists as names, lengths, and all indices one after the other."""
+    group[f"{name}/name"] = texts(tuple(sets))
+    group[f"{name}/count"] = np.array([len(index) for index in sets.values()], dtype=np.int64)
+    group[f"{name}/index"] = _joined(list(sets.values()))
+
+
+def read_fields(file: h5py.File) -> FieldSeries:
+    """The fields as they were written."""
+    mesh = _read_mesh(file)
+    group = TableReader(file, GROUP)
+    steps = TableReader(group.group, "Steps")
+    points, cells = TableReader(group.group, "PointData"), TableReader(group.group, "CellData")
+    states, rows = len(steps.array("Values", "f")), mesh.n_elements
+    displacement = points.floats("displacement", states * mesh.n_nodes, 3)
+    return FieldSeries(
+        mesh=mesh,
+        displacement=displacement.reshape(states, mesh.n_nodes, 3)[:, :, : mesh.dim].copy(),
+        stress=cells.floats("stress", states * rows, 6).reshape(states, rows, 6),
+        present=cells.bools("present", states * rows).reshape(states, rows),
+        yielded=cells.bools("yielded", states * rows).reshape(states, rows),
+    )
+
+
+def _read_mesh(file: h5py.File) -> Mesh:
+    rest, grid = TableReader(file, "mesh"), TableReader(file, GROUP)
+    dim = int(rest.group.attrs["dim"])
+    nodes = grid.array("NumberOfPoints", "i")[0]
+    facets = TableReader(rest.group, "facets")
+    numbers = TableReader(grid.group, "CellData").array("number", "i")
+    return Mesh(
+        points=grid.floats("Points", nodes, 3)[:, :dim].copy(),
+        blocks=_blocks(TableReader(rest.group, "blocks"), grid.array("Connectivity", "i"), numbers),
+        facets=_blocks(facets, facets.array("nodes", "i"), facets.array("number", "i")),
+        groups=_read_sets(rest, "groups"),
+        facet_groups=_read_sets(rest, "facet_groups"),
+        node_groups=_read_sets(rest, "node_groups"),
+        file=str(rest.group.attrs["file"]),
+    )
+
+
+def _blocks(table: TableReader, nodes: Ints, numbers: Ints) -> tuple[ElementBlock, ...]:
+    """Cuts joined node lists and numbers into blocks."""
+    kinds = table.texts("kind")
+    blocks, node, number = [], 0, 0
+    for kind, count in zip(kinds, table.ints("count", len(kinds)).tolist(), strict=True):
+        width = _N_NODES[kind]
+        block = nodes[node : node + count * width].reshape(count, width)
+        blocks.append(ElementBlock(kind, block, numbers[number : number + count]))
+        node, number = node + count * width, number + count
+    return tuple(blocks)
+
+
+def _read_sets(parent: TableReader, name: str) -> dict[str, Ints]:
+    table = TableReader(parent.group, name)
+    names = table.texts("name")
+    ends = np.cumsum(table.ints("count", len(names)))
+    return dict(zip(names, np.split(table.array("index", "i"), ends)[:-1], strict=True))
+
+
+_N_NODES = {kind: int("".join(filter(str.isdigit, kind))) for kind in VTK_TYPES}
+
+
+def _with_z(array: Floats) -> Floats:
+    """(..., 2) or (..., 3) to (..., 3)."""
+    missing = 3 - array.shape[-1]
+    return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, missing)]) if missing else array
+
+
+def _joined(arrays: list[Ints]) -> Ints:
+    return np.concatenate([np.empty(0, dtype=np.int64), *arrays]).astype(np.int64)
+
+
+def element_numbers(mesh: Mesh) -> Ints:
+    """(n_elements,) numbers under which the user knows the elements."""
+    return _joined([block.numbers for block in mesh.blocks])
+
+
+def element_groups(mesh: Mesh) -> Ints:
+    """(n_elements,) position in ``mesh.groups`` of the first group of each element, else -1."""
+    first = np.full(mesh.n_elements, -1, dtype=np.int64)
+    for position, index in reversed(list(enumerate(mesh.groups.values()))):
+        first[index] = position
+    return first

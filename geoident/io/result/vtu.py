@@ -1,0 +1,126 @@
+"""One state of a result as a VTU file (VTK XML, unstructured grid), and the PVD list of all states.
+
+Arrays are compressed by zlib and written in base64, after VTK's description of its XML formats.
+What is removed at a state is left out, with the nodes that belong to nothing else.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import numpy.typing as npt
+
+from geoident.io.result.vtkhdf import VTK_TYPES, element_groups, element_numbers
+from geoident.model.arrays import Ints
+from geoident.model.mesh import Mesh
+from geoident.model.result import FieldSeries
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+_BLOCK = 1 << 20  # bytes of an array that are compressed together
+_TYPES = {"f8": "Float64", "i8": "Int64", "i1": "Int8", "u1": "UInt8"}
+_HEAD = (
+    '<?xml version="1.0"?>\n<VTKFile type="{}" version="1.0" byte_order="LittleEndian"'
+    ' header_type="UInt64" compressor="vtkZLibDataCompressor">\n'
+)
+
+
+def write_vtu(fields: FieldSeries, state: int, path: str | Path) -> None:
+    """Writes what is present at a state.
+
+    Point data: ``displacement`` (m). Cell data: ``stress`` (Pa; xx yy zz xy yz xz, tension
+    positive), ``yielded``, ``group`` (position among the element groups) and ``number``, that of
+    the element in the mesh file.
+
+    Args:
+        fields: all states.
+        state: 0 is the virgin state.
+        path: the file.
+    """
+    mesh, present = fields.mesh, np.flatnonzero(fields.present[state])
+    types, sizes, nodes = _cells(mesh, present)
+    kept, connectivity = np.unique(nodes, return_inverse=True)
+    cells: Arrays = {
+        "stress": fields.stress[state, present],
+        "yielded": fields.yielded[state, present].astype(np.int8),
+        "group": element_groups(mesh)[present],
+        "number": element_numbers(mesh)[present],
+    }
+    topology: Arrays = {
+        "connectivity": connectivity.astype(np.int64),
+        "offsets": np.cumsum(sizes).astype(np.int64),
+        "types": types,
+    }
+    with Path(path).open("w", encoding="utf-8", newline="\n") as file:
+        file.write(_HEAD.format("UnstructuredGrid"))
+        file.write("<UnstructuredGrid>\n")
+        file.write(f'<Piece NumberOfPoints="{len(kept)}" NumberOfCells="{len(types)}">\n')
+        points = {"Points": _with_z(mesh.points[kept])}
+        displacement = {"displacement": _with_z(fields.displacement[state, kept])}
+        file.writelines(_section("Points", points))
+        file.writelines(_section("Cells", topology))
+        file.writelines(_section("PointData", displacement))
+        file.writelines(_section("CellData", cells))
+        file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+
+
+def write_pvd(files: Sequence[str], names: Sequence[str], path: str | Path) -> None:
+    """Writes the list of the states, which ParaView opens as one series.
+
+    Args:
+        files: names of the VTU files beside the list, the virgin state first.
+        names: of the states.
+        path: the file.
+    """
+    entries = (
+        f'<DataSet timestep="{number}" part="0" name={quoteattr(name)} file={quoteattr(file)}/>\n'
+        for number, (file, name) in enumerate(zip(files, names, strict=True))
+    )
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n'
+    text = head + "".join(entries) + "</Collection>\n</VTKFile>\n"
+    Path(path).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _cells(mesh: Mesh, present: Ints) -> tuple[npt.NDArray[np.uint8], Ints, Ints]:
+    """VTK's type and the number of nodes of each present element, and their nodes in a row."""
+    types: list[npt.NDArray[np.uint8]] = [np.empty(0, dtype=np.uint8)]
+    sizes: list[Ints] = [np.empty(0, dtype=np.int64)]
+    nodes: list[Ints] = [np.empty(0, dtype=np.int64)]
+    first = 0
+    for block in mesh.blocks:
+        rows = present[(present >= first) & (present < first + len(block))] - first
+        types.append(np.full(len(rows), VTK_TYPES[block.kind], dtype=np.uint8))
+        sizes.append(np.full(len(rows), block.nodes.shape[1], dtype=np.int64))
+        nodes.append(block.nodes[rows].ravel())
+        first += len(block)
+    return np.concatenate(types), np.concatenate(sizes), np.concatenate(nodes)
+
+
+def _section(name: str, arrays: Arrays) -> Iterator[str]:
+    yield f"<{name}>\n"
+    for key, array in arrays.items():
+        kind = _TYPES[array.dtype.str[1:]]
+        width = array.shape[1] if array.ndim > 1 else 1
+        yield f'<DataArray type="{kind}" Name="{key}" NumberOfComponents="{width}" format="binary">'
+        yield _encoded(array)
+        yield "</DataArray>\n"
+    yield f"</{name}>\n"
+
+
+def _encoded(array: npt.NDArray[Any]) -> str:
+    """Base64 of the sizes of the blocks, followed by that of the compressed blocks."""
+    raw = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<")).tobytes()
+    blocks = [zlib.compress(raw[start : start + _BLOCK]) for start in range(0, len(raw), _BLOCK)]
+    rest = len(raw) % _BLOCK
+    head = np.array([len(blocks), _BLOCK, rest, *map(len, blocks)], dtype="<u8").tobytes()
+    return (base64.b64encode(head) + base64.b64encode(b"".join(blocks))).decode("ascii")
+
+
+def _with_z(array: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(n, 2) or (n, 3) to (n, 3)."""
+    return np.pad(array, [(0, 0), (0, 3 - array.shape[1])])

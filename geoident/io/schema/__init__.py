@@ -1,0 +1,1 @@
+"""The JSON schema of case files, and its faults in words."""

@@ -1,0 +1,169 @@
+"""From the errors of pydantic to faults of the case: where, what was found, what would be right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic_core import ErrorDetails
+
+from geoident.io.case.words import kind_of
+from geoident.io.schema.section import WRONGS, Wrong
+from geoident.io.text.faults import Faults
+from geoident.io.text.wording import Refusal, listing, shorten
+from geoident.io.text.yaml_reader import Node
+from geoident.model.case import KeyPath
+from geoident.units import UnitError
+
+KnownKeys = Mapping[int, tuple[str, ...]]
+"""Identity of a mapping of the file to the keys that it may have."""
+
+_QUOTED = re.compile(r"'([^']*)'")
+_MISSING_HINTS = {
+    "bounds": "Bounds are required: write 'bounds: [LOWER, UPPER]'.",
+    "format": "Write 'format: geoident-case/1' in the first line.",
+    "accuracy": "Write the standard deviation of one reading, such as 'accuracy: 0.1 mm'.",
+}
+_KINDS = {
+    "string_type": "a text",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "string_pattern_mismatch": "a name of letters, digits and underscores",
+}
+_HINTS = {
+    "a text": "Write one word or a text in quotes.",
+    "a list": "Write it in brackets, [A, B], or one entry a line with '- ' before it.",
+    "a mapping": "Write {KEY: VALUE}, or one 'KEY: VALUE' a line, indented.",
+    "a name of letters, digits and underscores": "Begin it with a letter; write 'E_rock'.",
+}
+
+
+def add_schema_faults(
+    faults: Faults, errors: list[ErrorDetails], data: Node, known: KnownKeys
+) -> None:
+    """Note what pydantic found as faults of the case."""
+    for error in errors:
+        path, node, is_key = _resolve(error, data)
+        _add(faults, error, path, node, known, is_key=is_key)
+
+
+def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:
+    """Path in the file, the node there, and whether the error is about the key itself.
+
+    The locations of pydantic hold more than the keys of the file: tags of the ways in which a key
+    can be written, and ``[key]``. They are told by their absence from the file.
+    """
+    path: KeyPath = ()
+    node, is_key = data, False
+    for part in error["loc"]:
+        if isinstance(node, dict) and part in node:
+            node, path = node[str(part)], (*path, part)
+        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+            node, path = node[part], (*path, part)
+        elif part == "[key]":
+            is_key = True
+    return path, node, is_key
+
+
+def _add(
+    faults: Faults,
+    error: ErrorDetails,
+    path: KeyPath,
+    node: Node,
+    known: KnownKeys,
+    *,
+    is_key: bool,
+) -> None:
+    context: dict[str, Any] = error.get("ctx", {})
+    kind = error["type"]
+    if kind == WRONGS:
+        wrongs: list[Wrong] = context["found"]
+        for wrong in wrongs:
+            faults.add((*path, *wrong.path), wrong.code, wrong.message, wrong.hint)
+    elif kind == "value_error":
+        _add_refused(faults, path, context["error"], is_key=is_key)
+    elif kind == "extra_forbidden":
+        _add_unknown_key(faults, path, known)
+    elif kind == "missing":
+        name = str(error["loc"][-1])
+        hint = _MISSING_HINTS.get(name, f"Add '{name}: ...'.")
+        faults.add(path, "missing-key", f"'{name}' is missing", hint, key=True)
+    elif kind.startswith("union_tag"):
+        _add_wrong_tag(faults, path, node, context)
+    else:
+        _add_other(faults, error, path, node, context)
+
+
+def _add_refused(faults: Faults, path: KeyPath, error: Exception, *, is_key: bool) -> None:
+    if isinstance(error, Refusal):
+        faults.add(path, error.code, error.message, error.hint, key=is_key)
+    elif isinstance(error, UnitError):
+        faults.add(path, "unit", error.message, error.hint, key=is_key)
+    else:
+        faults.add(path, "bad-value", str(error), key=is_key)
+
+
+def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
+    key = str(path[-1])
+    holder = _node_at(faults.places.data, path[:-1])
+    hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
+    if key[:1].isdigit():
+        hint = "If a comma stands in a number before it, write a decimal point."
+    faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
+
+
+def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str, Any]) -> None:
+    # The key that tells the ways apart, or a function that is named after it.
+    name = str(context.get("discriminator", "")).strip("'").removesuffix("()")
+    if not isinstance(node, dict):
+        message = f"found {kind_of(node)}; a mapping with the key '{name}' is expected"
+        faults.add(path, "wrong-kind", message, f"Write {{{name}: ...}}.")
+    elif "tag" in context:
+        _add_not_listed(faults, (*path, name), str(context["tag"]), context["expected_tags"])
+    else:
+        faults.add(path, "missing-key", f"'{name}' is missing", f"Add '{name}: ...'.", key=True)
+
+
+def _add_not_listed(faults: Faults, path: KeyPath, found: str, expected: str) -> None:
+    choices = _QUOTED.findall(expected)
+    message = f"found '{shorten(found)}'; expected {listing(choices)}"
+    hint = faults.did_you_mean(found, choices)
+    faults.add(
+        path, "not-listed", message, hint if hint.startswith("Did") else "Write one of them."
+    )
+
+
+def _add_other(
+    faults: Faults, error: ErrorDetails, path: KeyPath, node: Node, context: dict[str, Any]
+) -> None:
+    kind = error["type"]
+    if kind == "literal_error":
+        if isinstance(node, str):
+            _add_not_listed(faults, path, node, context["expected"])
+            return
+        message = f"found {kind_of(node)}; {context['expected']} is expected"
+        hint = "Write one of them."
+    elif kind in _KINDS:
+        message = f"found {kind_of(node)}; {_KINDS[kind]} is expected"
+        hint = _HINTS[_KINDS[kind]]
+    elif kind in {"too_short", "too_long"}:
+        number = context.get("min_length", context.get("max_length"))
+        least = "at least " if kind == "too_short" and number == 1 else ""
+        entries = "entry" if number == 1 else "entries"
+        message = f"found {context['actual_length']} entries; {least}{number} {entries} expected"
+        hint = f"Write {least}{number}, or remove the key if it need not be there."
+    else:
+        message, hint = error["msg"], "`geoident schema` tells what may stand here."
+    faults.add(path, "wrong-kind", message, hint)
+
+
+def _node_at(data: Node, path: KeyPath) -> Node:
+    for key in path:
+        if isinstance(data, dict):
+            data = data.get(str(key))
+        elif isinstance(data, list):
+            data = data[int(key)]
+    return data

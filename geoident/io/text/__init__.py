@@ -1,0 +1,1 @@
+"""Text files, positions and faults: what all readers of files share."""

@@ -1,0 +1,107 @@
+"""Collecting faults of a case, each with the place where it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from geoident.errors import Fault, InputError, Location
+from geoident.io.text.wording import did_you_mean
+from geoident.io.text.yaml_reader import Document, Node
+from geoident.model.case import KeyPath, Source, format_path
+
+SET_FLAG = "--set"
+_MOST = 100
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the keys of a case are written: in its file, or in a ``--set`` flag.
+
+    Args:
+        document: the file.
+        data: its data, with the overrides.
+        overridden: paths that flags have set.
+    """
+
+    document: Document
+    data: Node
+    overridden: frozenset[KeyPath] = frozenset()
+
+    def locate(self, path: KeyPath, *, key: bool = False) -> Location:
+        """The place of a value (of its key if ``key``), else of what encloses it."""
+        if self.is_overridden(path):
+            return Location(SET_FLAG)
+        for end in range(len(path), -1, -1):
+            position = self._position(path[:end], value=end == len(path) and not key)
+            if position is not None:
+                return Location(self.document.file, *position)
+        return Location(self.document.file)
+
+    def is_overridden(self, path: KeyPath) -> bool:
+        """Whether a flag has set a key or what encloses it."""
+        return bool(self.overridden) and any(
+            path[:end] in self.overridden for end in range(len(path) + 1)
+        )
+
+    def _position(self, path: KeyPath, *, value: bool) -> tuple[int, int] | None:
+        if value and path in self.document.values:
+            key = self.document.keys.get(path)
+            position = self.document.values[path]
+            below = key is not None and position[0] > key[0]
+            return key if below else position
+        return self.document.keys.get(path) if path else self.document.values.get(())
+
+    def source(self) -> Source:
+        """Positions of the keys of the file, for later faults."""
+        keys = {k: place for k, place in self.document.keys.items() if not self.is_overridden(k)}
+        return Source(self.document.file, keys)
+
+
+@dataclass
+class Faults:
+    """The faults found so far.
+
+    Args:
+        places: where the keys are written.
+        found: the faults.
+    """
+
+    places: Places
+    found: list[Fault] = field(default_factory=list)
+
+    def add(
+        self, path: KeyPath, code: str, message: str, hint: str = "", *, key: bool = False
+    ) -> None:
+        """Note a fault at the value of a key, or at the key itself."""
+        location = self.places.locate(path, key=key)
+        self.found.append(Fault(code, message, hint, location, format_path(path)))
+
+    def did_you_mean(self, word: str, known: Iterable[str], *, what: str = "Known") -> str:
+        """A hint as `wording.did_you_mean` gives it, as long as faults are shown at all."""
+        return "" if len(self.found) > _MOST else did_you_mean(word, known, what=what)
+
+    def extend(self, faults: Iterable[Fault]) -> None:
+        """Note faults found elsewhere."""
+        self.found.extend(faults)
+
+    def raise_any(self) -> None:
+        """End the reading if there are faults.
+
+        Raises:
+            InputError: with the faults in the order of the file.
+        """
+        if self.found:
+            raise InputError(shortened(sorted(self.found, key=_order)))
+
+
+def shortened(faults: list[Fault]) -> list[Fault]:
+    """The first hundred faults, and how many more there are."""
+    rest = len(faults) - _MOST
+    if rest <= 0:
+        return faults
+    return [*faults[:_MOST], Fault("more-faults", f"and {rest} more faults")]
+
+
+def _order(fault: Fault) -> tuple[str, int, int]:
+    return fault.location.file, fault.location.line, fault.location.column

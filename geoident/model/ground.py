@@ -1,0 +1,280 @@
+"""Elasticity as a case states it: symmetry, constants, and how the symmetry lies in the ground.
+
+Which elastic constants give a positive definite matrix, and which bound those break that do not.
+
+Strain energy must be positive for every strain. For engineering constants that means, besides
+positive moduli, bounds on Poisson's ratios: with nu_ij <= sqrt(E_i / E_j) in size the two-by-two
+minors of the compliance are positive, and one bound more makes its determinant positive (B. M.
+Lempriere, 1968, Poisson's ratio in orthotropic materials, AIAA Journal 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from math import degrees, sqrt
+
+import numpy as np
+
+from geoident.model.parameter import Scalar
+
+Vector3 = tuple[float, float, float]
+
+ENTRIES = tuple(f"c{i}{j}" for i in range(1, 7) for j in range(i, 7))
+"""Names of the 21 entries of the upper triangle: c11, c12, ..., c66."""
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """How strata lie: angles in rad, as a compass with clinometer reads them.
+
+    Material axes: 1 down the dip, 2 along the strike, 3 normal to the strata, upwards; then 1 and 2
+    are turned about 3. In a solid x is east, y north, z up. A plane section is seen looking north:
+    x is east, y up, z south, out of the plane towards the viewer.
+
+    Args:
+        dip: inclination of the strata, from the horizontal downwards.
+        dip_direction: azimuth of the line of dip, clockwise from north. A quarter turn in a plane
+            section: the strata fall towards +x, and ``dip`` is their apparent dip.
+        rotation: turns axes 1 and 2 about the normal, right-handed.
+    """
+
+    dip: Scalar
+    dip_direction: Scalar
+    rotation: Scalar = Scalar(0.0)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Material axes by two vectors in x, y, z, orthonormal: axis 1 and axis 2; 3 completes them."""
+
+    first: Vector3
+    second: Vector3
+
+
+Frame = Attitude | Axes
+"""Where the material axes 1, 2, 3 point."""
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Isotropic elasticity by Young's modulus and Poisson's ratio, or by bulk and shear modulus.
+
+    Exactly one pair is given. Moduli in Pa.
+    """
+
+    E: Scalar | None = None
+    nu: Scalar | None = None
+    K: Scalar | None = None
+    G: Scalar | None = None
+
+
+@dataclass(frozen=True)
+class TransverselyIsotropic:
+    """Strata: isotropic in their plane, different along their normal n. Moduli in Pa.
+
+    Args:
+        E_p: Young's modulus in the plane.
+        nu_p: Poisson's ratio in the plane.
+        E_n: Young's modulus along the normal.
+        nu_np: under a stress along the normal, -strain in the plane / strain along the normal.
+        G_np: shear modulus between the normal and the plane.
+        frame: its axis 3 is the normal.
+    """
+
+    E_p: Scalar
+    nu_p: Scalar
+    E_n: Scalar
+    nu_np: Scalar
+    G_np: Scalar
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class LoveModuli:
+    """Transverse isotropy by Love's moduli (Pa), in which the elasticity is linear.
+
+    A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity, article 110: with axis 3
+    normal to the strata, A = c11 = c22, C = c33, F = c13 = c23, L the shear modulus between normal
+    and plane, N the shear modulus in the plane, c12 = A - 2 N.
+    """
+
+    A: Scalar
+    C: Scalar
+    F: Scalar
+    L: Scalar
+    N: Scalar
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class Orthotropic:
+    """Three planes of symmetry normal to the axes 1, 2, 3. Moduli in Pa.
+
+    nu_ij is -strain along j / strain along i under a stress along i; nu_ij / E_i = nu_ji / E_j.
+    """
+
+    E_1: Scalar
+    E_2: Scalar
+    E_3: Scalar
+    nu_12: Scalar
+    nu_13: Scalar
+    nu_23: Scalar
+    G_12: Scalar
+    G_13: Scalar
+    G_23: Scalar
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class Anisotropic:
+    """No symmetry: the upper triangle of the elasticity matrix, Pa; what is missing is zero.
+
+    Rows and columns in the order xx, yy, zz, xy, yz, xz of the model's own axes; shear strains are
+    gamma = 2 eps.
+    """
+
+    entries: Mapping[str, Scalar] = field(default_factory=dict)
+
+
+Elastic = Isotropic | TransverselyIsotropic | LoveModuli | Orthotropic | Anisotropic
+
+
+def constants(elastic: Elastic) -> dict[str, Scalar]:
+    """The numbers that the elasticity matrix is made of, by name, without the frame's angles."""
+    if isinstance(elastic, Anisotropic):
+        return dict(elastic.entries)
+    given = {f.name: getattr(elastic, f.name) for f in fields(elastic) if f.name != "frame"}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def angles(elastic: Elastic) -> dict[str, Scalar]:
+    """The numbers that say how the material axes lie, by name."""
+    frame = getattr(elastic, "frame", None)
+    if not isinstance(frame, Attitude):
+        return {}
+    return {f.name: getattr(frame, f.name) for f in fields(frame)}
+
+
+def numbers_of(elastic: Elastic) -> dict[str, Scalar]:
+    """All numbers on which the elasticity matrix depends, by name."""
+    return {**constants(elastic), **angles(elastic)}
+
+
+Numbers = Mapping[str, float]
+
+_ANGLES = ("friction", "dilation")
+
+
+@dataclass(frozen=True)
+class Breach:
+    """A constant outside its bounds.
+
+    Args:
+        constant: its name.
+        value: SI.
+        limit: what it must be, half a sentence.
+    """
+
+    constant: str
+    value: float
+    limit: str
+
+    @property
+    def shown(self) -> str:
+        """The value with its unit."""
+        if self.constant in _ANGLES:
+            return f"{degrees(self.value):.6g} deg"
+        return f"{self.value:.6g}" + ("" if self.constant.startswith("nu") else " Pa")
+
+
+def breach(elastic: Elastic, values: Mapping[str, float]) -> Breach | None:
+    """The first bound that the constants break at parameter values (SI), or None."""
+    numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
+    return _CHECKS[type(elastic)](numbers)
+
+
+def _isotropic(given: Numbers) -> Breach | None:
+    found = _not_positive(given, ("E", "K", "G"))
+    return found or _outside(given, "nu", -1.0, 0.5)
+
+
+def _strata(given: Numbers) -> Breach | None:
+    found = _not_positive(given, ("E_p", "E_n", "G_np")) or _outside(given, "nu_p", -1.0, 1.0)
+    if found:
+        return found
+    ratio = given["E_n"] / given["E_p"]
+    bound = sqrt(ratio * (1 - given["nu_p"]) / 2)
+    known = f"with E_n/E_p = {ratio:.4g} and nu_p = {given['nu_p']:.4g} "
+    return _outside(given, "nu_np", -bound, bound, known)
+
+
+def _love(given: Numbers) -> Breach | None:
+    found = _not_positive(given, ("A", "C", "L", "N"))
+    if found:
+        return found
+    if given["A"] <= given["N"]:
+        return Breach("A", given["A"], f"it must exceed N = {given['N']:.6g} Pa")
+    bound = sqrt((given["A"] - given["N"]) * given["C"])
+    return _outside(given, "F", -bound, bound, "with these A, C and N ")
+
+
+def _orthotropic(given: Numbers) -> Breach | None:
+    found = _not_positive(given, ("E_1", "E_2", "E_3", "G_12", "G_13", "G_23"))
+    if found:
+        return found
+    size = {(i, j): sqrt(given[f"E_{i}"] / given[f"E_{j}"]) for i, j in ((1, 2), (1, 3), (2, 3))}
+    for (i, j), bound in size.items():
+        known = f"with E_{i}/E_{j} = {bound**2:.4g} "
+        found = found or _outside(given, f"nu_{i}{j}", -bound, bound, known)
+    if found:
+        return found
+    # Scaled to ones on the diagonal the compliance is [1, -a, -b; -a, 1, -c; -b, -c, 1]; its
+    # determinant 1 - a^2 - b^2 - c^2 - 2 a b c is positive between two values of c.
+    a, b = given["nu_12"] / size[1, 2], given["nu_13"] / size[1, 3]
+    middle, half = -a * b * size[2, 3], sqrt((1 - a**2) * (1 - b**2)) * size[2, 3]
+    known = f"with nu_12 = {given['nu_12']:.4g} and nu_13 = {given['nu_13']:.4g} "
+    return _outside(given, "nu_23", middle - half, middle + half, known)
+
+
+def _anisotropic(given: Numbers) -> Breach | None:
+    """By the pivots of elimination: c_kk must exceed what its column takes away."""
+    n = 6 if "c55" in given and "c66" in given else 4
+    matrix = np.zeros((n, n))
+    for name, value in given.items():
+        i, j = int(name[1]) - 1, int(name[2]) - 1
+        if max(i, j) < n:
+            matrix[i, j] = matrix[j, i] = value
+    for k in range(n):
+        column = matrix[:k, k]
+        least = float(column @ np.linalg.solve(matrix[:k, :k], column)) if k else 0.0
+        if not matrix[k, k] > least:
+            limit = "it must be positive"
+            if least > 0:
+                limit = f"with the entries above and left of it, it must exceed {least:.6g} Pa"
+            return Breach(f"c{k + 1}{k + 1}", float(matrix[k, k]), limit)
+    return None
+
+
+_CHECKS: Mapping[type, Callable[[Numbers], Breach | None]] = {
+    Isotropic: _isotropic,
+    TransverselyIsotropic: _strata,
+    LoveModuli: _love,
+    Orthotropic: _orthotropic,
+    Anisotropic: _anisotropic,
+}
+
+
+def _not_positive(given: Numbers, names: tuple[str, ...]) -> Breach | None:
+    for name in names:
+        if name in given and not given[name] > 0:
+            return Breach(name, given[name], "it must be positive")
+    return None
+
+
+def _outside(given: Numbers, name: str, low: float, high: float, known: str = "") -> Breach | None:
+    if name not in given or low < given[name] < high:
+        return None
+    unit = "" if name.startswith("nu") else " Pa"
+    limit = f"{known}it must be between {low:.4g} and {high:.4g}{unit}"
+    return Breach(name, given[name], limit)

@@ -1,0 +1,226 @@
+"""What the pictures of one result have in common: planes, windows, stages and derived fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geoident.fem.location import Locator
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.result import FieldSeries, GaugeTable, Result
+from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
+from geoident.report.text.case import axis_names
+
+MOST_STAGES = 12
+"""Stages that a figure shows one by one; of more, evenly spaced ones."""
+
+_MARGIN = 0.2
+_NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a sheet that is shown, m."""
+
+    low: Floats
+    high: Floats
+
+    @property
+    def aspect(self) -> float:
+        """Height over width."""
+        return float((self.high[1] - self.low[1]) / (self.high[0] - self.low[0]))
+
+    @property
+    def size(self) -> float:
+        """The longer side, m."""
+        return float((self.high - self.low).max())
+
+
+class Scene:
+    """The fields of a result, ready to be drawn.
+
+    Args:
+        result: a result with fields.
+    """
+
+    def __init__(self, result: Result, fields: FieldSeries) -> None:
+        self.result = result
+        self.fields = fields
+        self.axis_names = axis_names(result)
+        self._maker = SheetMaker(fields.mesh)
+
+    @property
+    def solid(self) -> bool:
+        """Whether the model has three dimensions."""
+        return self.fields.mesh.dim == 3
+
+    @cached_property
+    def sheets(self) -> tuple[Sheet, ...]:
+        """The plane, or cuts through the gauges, the one with most of them first."""
+        if not self.solid:
+            return (self._maker.flat(),)
+        sheets = [self._maker.cut(plane) for plane in gauge_planes(self.result.gauges, self.box)]
+        return tuple(sheet for sheet in sheets if len(sheet.triangles))
+
+    @cached_property
+    def box(self) -> tuple[Floats, Floats]:
+        """Corners of the mesh, m."""
+        points = self.fields.mesh.points
+        return points.min(axis=0), points.max(axis=0)
+
+    @cached_property
+    def last_fitted(self) -> int:
+        """State of the last stage whose readings were used; the last of all where none was."""
+        used = np.flatnonzero(self.result.gauges.used.any(axis=0))
+        return 1 + int(used.max()) if used.size else self.n_states - 1
+
+    @property
+    def since(self) -> str:
+        """From when on displacements count."""
+        present = self.fields.present
+        placed = bool((present & ~present[0]).any() or (present[1:] & ~present[:-1]).any())
+        return "since the virgin state" + (", or since the place was filled" if placed else "")
+
+    @property
+    def n_states(self) -> int:
+        """The virgin state and those after every stage."""
+        return len(self.fields.displacement)
+
+    @cached_property
+    def states(self) -> tuple[int, ...]:
+        """States after stages that are shown one by one."""
+        states = self.reached
+        if len(states) > MOST_STAGES:
+            chosen = np.linspace(0, len(states) - 1, MOST_STAGES).round().astype(int)
+            states = states[np.unique(chosen)]
+        return tuple(int(state) for state in states)
+
+    @cached_property
+    def reached(self) -> Ints:
+        """States after stages; those that collapse, and what builds on them, are not there."""
+        unknown = np.isnan(self.fields.displacement.sum(axis=(1, 2)))
+        return np.flatnonzero(~unknown[1:]) + 1
+
+    @property
+    def key_states(self) -> tuple[int, ...]:
+        """The last fitted state and the last of all."""
+        return tuple(sorted({self.last_fitted, int(self.reached[-1])} & set(self.reached.tolist())))
+
+    def stage(self, state: int) -> str:
+        """The name of a state."""
+        return self.result.gauges.stages[state - 1] if state else "virgin state"
+
+    def predicted(self, state: int) -> bool:
+        """Whether the state comes after the last fitted one."""
+        return state > self.last_fitted
+
+    def displacement(self, state: int) -> Floats:
+        """(n_nodes, dim) since the virgin state, m."""
+        return np.asarray(self.fields.displacement[state] - self.fields.displacement[0])
+
+    @cached_property
+    def principal(self) -> Floats:
+        """(n_states, n_elements, 3) principal stresses, ascending: compression first."""
+        xx, yy, zz, xy, yz, xz = np.moveaxis(np.nan_to_num(self.fields.stress), -1, 0)
+        rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
+        tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        return np.asarray(np.linalg.eigvalsh(tensor))
+
+    def stress_at(self, sheet: Sheet, state: int, which: int) -> Floats:
+        """A principal stress at the points of a sheet, Pa; NaN where nothing is present."""
+        present = self.fields.present[state]
+        corners = sheet.corners.average(self.principal[state, :, which], present)
+        return sheet.of_corners(corners)
+
+    @cached_property
+    def moved(self) -> Bools:
+        """(n_elements,) excavated or placed at some stage."""
+        present = self.fields.present
+        return np.asarray((present != present[0]).any(axis=0))
+
+    def borders_label(self, state: int) -> Ints:
+        """Labels of elements for `Sheet.borders`: groups among those present, -1 for the others."""
+        return np.where(self.fields.present[state], self._maker.label, -1)
+
+    def window(self, sheet: Sheet) -> Window:
+        """The part of a sheet with the gauges and the construction, and a margin, in the mesh."""
+        axes = list(sheet.axes)
+        points = [gauge_points(self.result.gauges)[:, axes]]
+        points.append(element_centres(self.fields.mesh)[self.moved][:, axes])
+        near = np.vstack(points)
+        low, high = self.box[0][axes], self.box[1][axes]
+        if not len(near) or not np.all(np.ptp(near, axis=0) > 0):
+            return Window(low, high)
+        margin = _MARGIN * float(np.ptp(near, axis=0).max())
+        return Window(
+            np.maximum(low, near.min(axis=0) - margin), np.minimum(high, near.max(axis=0) + margin)
+        )
+
+    def magnification(self, sheet_size: float, *, share: float = 0.05) -> float:
+        """A round factor that makes the largest displacement a share of a size (m)."""
+        largest = max(
+            float(np.linalg.norm(self.displacement(s), axis=1).max()) for s in self.key_states
+        )
+        return round_down(share * sheet_size / largest) if largest > 0 else 1.0
+
+    @cached_property
+    def gauge_motion(self) -> tuple[Floats, Floats]:
+        """Gauge points (k, dim), m, and displacements (n_states, k, dim); NaN where absent."""
+        points = np.unique(gauge_points(self.result.gauges).round(6), axis=0)
+        locator = Locator(self.fields.mesh)
+        motion = np.full((self.n_states, *points.shape), np.nan)
+        for k, point in enumerate(points):
+            sites = locator.sites(tuple(float(x) for x in point))
+            for state in range(self.n_states):
+                here = [site for site in sites if self.fields.present[state, site.element]]
+                if here:
+                    motion[state, k] = here[0].shapes @ self.displacement(state)[here[0].nodes]
+        return points, motion
+
+
+def scene_of(result: Result) -> Scene | None:
+    """The scene of a result; None if it has no fields, or none after a stage."""
+    fields = result.fields
+    return Scene(result, fields) if fields is not None and len(fields.displacement) > 1 else None
+
+
+def gauge_points(gauges: GaugeTable) -> Floats:
+    """(k, dim) points of all gauges, m."""
+    ends = np.vstack([gauges.first, gauges.second])
+    return np.asarray(ends[np.isfinite(ends).all(axis=1)])
+
+
+def gauge_planes(gauges: GaugeTable, box: tuple[Floats, Floats]) -> tuple[Plane, ...]:
+    """For up to two coordinates, the plane across it that holds most gauge points.
+
+    Args:
+        gauges: with points in three dimensions.
+        box: corners of the mesh; planes on its border are moved inside by a hair.
+    """
+    points = gauge_points(gauges)
+    if not len(points):
+        points = np.mean(box, axis=0)[None]
+    found = []
+    for axis in range(3):
+        values, counts = np.unique(points[:, axis].round(3), return_counts=True)
+        found.append((int(counts.max()), axis, float(values[np.argmax(counts)])))
+    best = sorted(found, key=lambda each: (-each[0], each[1]))[:2]
+    return tuple(Plane(axis, _inside(value, axis, box)) for _, axis, value in best)
+
+
+def _inside(value: float, axis: int, box: tuple[Floats, Floats]) -> float:
+    low, high = float(box[0][axis]), float(box[1][axis])
+    inset = 1e-6 * (high - low)
+    return min(max(value, low + inset), high - inset)
+
+
+def round_down(value: float) -> float:
+    """The next 1, 2 or 5 times a power of ten below.
+
+    >>> round_down(730.0), round_down(0.03)
+    (500.0, 0.02)
+    """
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(n for n in _NICE if n * power <= value * (1 + 1e-12)) * power)

@@ -1,0 +1,86 @@
+"""All figures of a result, in the order of the page, drawn only when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from geoident.model.result import Result
+from geoident.report.drawing.compare import comparison_pictures
+from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.overview import overview_pictures
+from geoident.report.drawing.parameters import parameter_pictures, scan_pictures
+from geoident.report.drawing.quality import quality_pictures
+from geoident.report.drawing.readings import profile_pictures, reading_pictures
+from geoident.report.drawing.scene import scene_of
+from geoident.report.drawing.solid import solid_pictures
+from geoident.report.drawing.style import Picture, image
+
+
+@dataclass(frozen=True)
+class Album:
+    """The figures of one result by the section of the page in which they stand."""
+
+    overview: tuple[Picture, ...]
+    parameters: tuple[Picture, ...]
+    readings: tuple[Picture, ...]
+    fields: tuple[Picture, ...]
+    quality: tuple[Picture, ...]
+
+    @property
+    def all(self) -> tuple[Picture, ...]:
+        """Every figure."""
+        return (
+            *self.overview,
+            *self.parameters,
+            *self.readings,
+            *self.fields,
+            *self.quality,
+        )
+
+
+def album(result: Result, *, prefix: str = "") -> Album:
+    """The figures of a result.
+
+    Args:
+        result: what to draw.
+        prefix: put before the names of the figures, where several results share a page.
+    """
+    scene = scene_of(result)
+    fields = (*field_pictures(scene), *solid_pictures(scene)) if scene is not None else ()
+    found = (
+        overview_pictures(result, scene),
+        (*parameter_pictures(result), *scan_pictures(result)),
+        (*reading_pictures(result), *profile_pictures(result)),
+        fields,
+        quality_pictures(result),
+    )
+    return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
+
+
+def comparison(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
+    """The figures of several results together; none for a single one."""
+    return comparison_pictures(results) if len(results) > 1 else ()
+
+
+def figure_files(
+    results: Sequence[tuple[str, Result]], suffixes: Sequence[str]
+) -> dict[str, bytes]:
+    """Every figure as a file.
+
+    Args:
+        results: labels and results.
+        suffixes: formats, of ``svg``, ``png`` and ``pdf``.
+
+    Returns:
+        Name of the file, such as ``overview.svg``, to its bytes.
+    """
+    several = len(results) > 1
+    pictures = list(comparison(results))
+    for number, (_, result) in enumerate(results, start=1):
+        pictures += album(result, prefix=f"{number}-" if several else "").all
+    return {
+        f"{picture.name}.{suffix}": image(picture, suffix)
+        for picture in pictures
+        for suffix in suffixes
+    }

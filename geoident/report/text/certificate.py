@@ -1,0 +1,114 @@
+"""What is proven of identified yield limits: the planes stage by stage, the kind of answer."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from geoident.model.certificate import Certificate
+from geoident.model.result import ParameterTable
+from geoident.report.text.layout import bullets, number, table
+from geoident.report.text.quantities import in_unit, shown_unit
+
+TITLE = "Yield planes (strain points that yield on them, stage by stage)"
+
+_KINDS = {
+    "strongly stationary": "the derivatives of the discrepancy are zero, and the answer lies at no"
+    " kink of the response: no small change improves it",
+    "stationary on the active pieces": "the answer lies at a kink of the response; no change that"
+    " was tried to its sides improves it",
+    "not stationary": "a small change may improve the answer",
+    "global": "no answer in the bounds is better: that is proven",
+}
+
+
+def certificate_text(found: Certificate | None) -> str:
+    """Kind, gradient and bound in sentences, then one line for each plane."""
+    if found is None:
+        return ""
+    rows = table(header(found), plane_rows(found), right=sides(found))
+    return "\n".join([bullets(sentences(found)), rows])
+
+
+def sentences(found: Certificate) -> list[str]:
+    """What kind of answer it is."""
+    kind = found.kind[:1].upper() + found.kind[1:]
+    said = [f"{kind}: {_KINDS.get(found.kind, found.kind)} (gradient {number(found.gradient, 2)})."]
+    if math.isfinite(found.bound) and math.isfinite(found.gap):
+        said.append(
+            f"Proven: no discrepancy is below {number(found.bound)} (gap {100 * found.gap:.2g} %)."
+        )
+    return [*said, *found.remarks]
+
+
+def header(found: Certificate) -> list[str]:
+    """Titles of the columns of `plane_rows`."""
+    return ["plane", "k (MPa)", *found.activity.stages, "at a kink", ""]
+
+
+def sides(found: Certificate) -> str:
+    """Which side the columns of `plane_rows` are set to."""
+    return "lr" + "r" * len(found.activity.stages) + "rl"
+
+
+def plane_rows(found: Certificate) -> list[list[str]]:
+    """One row for each plane; for those never reached what is known of their distance."""
+    activity = found.activity
+    return [
+        [
+            name,
+            number(float(activity.distances[r]) / 1e6) if _reached(found, r) else "-",
+            *map(str, activity.points[r].tolist()),
+            str(int(activity.biactive[r].sum())),
+            "" if _reached(found, r) else _from_below(float(activity.reached[r])),
+        ]
+        for r, name in enumerate(activity.planes)
+    ]
+
+
+def _reached(found: Certificate, r: int) -> bool:
+    activity = found.activity
+    return bool(activity.points[r].any() or activity.biactive[r].any())
+
+
+def _from_below(reached: float) -> str:
+    if not np.isfinite(reached):
+        return "no strain point has the material"
+    if reached <= 0.0:
+        return "never reached"
+    return f"never reached: k >= {number(reached / 1e6)} MPa"
+
+
+def least_text(found: Certificate | None, parameters: ParameterTable, i: int) -> str:
+    """What is known of a parameter whose planes are never reached, in its unit; else nothing."""
+    value = None if found is None else found.lower_bounds.get(parameters.names[i])
+    if value is None:
+        return ""
+    unit, dimension = parameters.units[i], parameters.dimensions[i]
+    shown = shown_unit(unit, dimension)
+    return f"at least {number(in_unit(value, unit, dimension))} {shown}".rstrip()
+
+
+def certificate_object(found: Certificate) -> dict[str, Any]:
+    """The certificate for other programs, SI."""
+    activity = found.activity
+    return {
+        "kind": found.kind,
+        "gradient": found.gradient,
+        "bound": found.bound,
+        "gap": found.gap,
+        "remarks": found.remarks,
+        "at_least": found.lower_bounds,
+        "planes": [
+            {
+                "plane": name,
+                "distance": activity.distances[r] if _reached(found, r) else None,
+                "reached": activity.reached[r],
+                "points": dict(zip(activity.stages, activity.points[r], strict=True)),
+                "biactive": dict(zip(activity.stages, activity.biactive[r], strict=True)),
+            }
+            for r, name in enumerate(activity.planes)
+        ],
+    }

@@ -1,0 +1,286 @@
+"""Results as tables for spreadsheets: every table of a result, as CSV.
+
+Numbers stand in the units in which the user wrote them, readings in mm, with the unit in a column
+or in the header, to 12 digits. An empty cell is a value that does not exist or is not determined.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.model.arrays import Bools
+from geoident.model.result import Grid, ParameterTable, Result
+from geoident.report.text.influence import by_distance
+from geoident.report.text.quantities import in_unit, prior_in_unit, shown_unit
+
+Cell = str | int | float | bool
+Row = tuple[Cell, ...]
+_MM = 1e3  # mm in a metre
+_KILO = 1e3
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """One table.
+
+    Args:
+        header: names of the columns.
+        rows: the cells; NaN is an empty cell.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def csv_tables(result: Result) -> dict[str, CsvTable]:
+    """Name to table, those without rows left out."""
+    made = {name: make(result) for name, make in _TABLES.items()}
+    return {name: table for name, table in made.items() if table.rows}
+
+
+def csv_text(table: CsvTable) -> str:
+    """A table as CSV with commas, points and LF.
+
+    >>> rows = (("EX1, a5", 0.1), ("CV", math.nan))
+    >>> print(csv_text(CsvTable(("gauge", "value"), rows)), end="")
+    gauge,value
+    "EX1, a5",0.1
+    CV,
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.header)
+    writer.writerows([_text(cell) for cell in row] for row in table.rows)
+    return text.getvalue()
+
+
+def all_csv(result: Result) -> str:
+    """All tables one below the other, each under a line ``# NAME``, with an empty line between."""
+    tables = csv_tables(result).items()
+    return "\n".join(f"# {name}\n{csv_text(table)}" for name, table in tables)
+
+
+def _text(cell: Cell) -> str:
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if isinstance(cell, float):
+        return "" if math.isnan(cell) else f"{cell:.12g}"
+    return str(cell)
+
+
+def _parameters(result: Result) -> CsvTable:
+    table = result.parameters
+    header = ("parameter", "value", "sd", "lower95", "upper95", "unit", "start", "lower", "upper")
+    rows = [_parameter(table, i) for i in range(len(table.names))]
+    return CsvTable((*header, "at_bound", "determined", "prior"), tuple(rows))
+
+
+def _parameter(table: ParameterTable, i: int) -> Row:
+    value = float(table.values[i]) if table.determined[i] else math.nan
+    found = (value, *(float(column[i]) for column in (table.sd, table.lower95, table.upper95)))
+    given = (float(column[i]) for column in (table.start, table.lower, table.upper))
+    unit, dimension = table.units[i], table.dimensions[i]
+    return (
+        table.names[i],
+        *(_shown(table, i, number) for number in found),
+        _unit(table, i),
+        *(_shown(table, i, number) for number in given),
+        bool(table.at_bound[i]),
+        bool(table.determined[i]),
+        prior_in_unit(table.priors[i], unit, dimension),
+    )
+
+
+def _shown(table: ParameterTable, i: int, value: float) -> float:
+    return in_unit(value, table.units[i], table.dimensions[i])
+
+
+def _unit(table: ParameterTable, i: int) -> str:
+    return shown_unit(table.units[i], table.dimensions[i])
+
+
+def _correlation(result: Result) -> CsvTable:
+    table = result.parameters
+    known = np.isfinite(table.correlation).any()
+    lines = zip(table.names, table.correlation.tolist(), strict=True)
+    rows: list[Row] = [(name, *line) for name, line in lines]
+    return CsvTable(("parameter", *table.names), tuple(rows) if known else ())
+
+
+def _gauges(result: Result) -> CsvTable:
+    table = result.gauges
+    residual = table.measured - table.computed
+    columns = (table.measured, table.computed, residual, table.sd)
+    known = np.isfinite(table.measured) | np.isfinite(table.computed)
+    rows: list[Row] = [
+        (
+            table.channels[i],
+            table.stages[j],
+            *(_MM * float(column[i, j]) for column in columns),
+            "mm",
+            float(residual[i, j] / table.sd[i, j]),
+            bool(table.used[i, j]),
+        )
+        for i, j in _stagewise(known)
+    ]
+    header = ("measured", "computed", "residual", "sd", "unit", "residual_in_sd", "used")
+    return CsvTable(("gauge", "stage", *header), tuple(rows))
+
+
+def _diagnostics(result: Result) -> CsvTable:
+    """How each used reading bears on the answer, the one that bears most first."""
+    header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
+    found = result.diagnostics
+    if found is None:
+        return CsvTable(header, ())
+    names = result.parameters.names
+    rows: list[Row] = [
+        (
+            result.gauges.channels[i],
+            result.gauges.stages[j],
+            *(float(getattr(found, name)[i, j]) for name in header[2:]),
+            *(float(change) for change in found.influence[i, j]),
+        )
+        for i, j in by_distance(found)
+    ]
+    return CsvTable((*header, *(f"influence_{name}" for name in names)), tuple(rows))
+
+
+def _prediction(result: Result) -> CsvTable:
+    header = ("gauge", "stage", "predicted", "sd", "lower95", "upper95", "measured", "unit")
+    table, gauges = result.prediction, result.gauges
+    if table is None:
+        return CsvTable(header, ())
+    mean = np.where(np.isfinite(table.sd), table.mean, math.nan)  # else it is not determined
+    columns = (mean, table.sd, table.lower95, table.upper95, gauges.measured)
+    rows: list[Row] = [
+        (
+            gauges.channels[i],
+            gauges.stages[j],
+            *(_MM * float(column[i, j]) for column in columns),
+            "mm",
+        )
+        for i, j in _stagewise(np.isfinite(table.mean))
+    ]
+    return CsvTable(header, tuple(rows))
+
+
+def _stagewise(known: Bools) -> Iterator[tuple[int, int]]:
+    """Channel and stage of all that is known, stage by stage."""
+    for j, i in np.argwhere(known.T).tolist():
+        yield i, j
+
+
+def _history(result: Result) -> CsvTable:
+    table = result.parameters
+    names = [_with_unit(table, i) for i in range(len(table.names))]
+    rows: list[Row] = [
+        (
+            step.method,
+            step.number,
+            step.objective,
+            step.step,
+            step.counts.evaluations,
+            step.counts.factorizations,
+            step.counts.solves,
+            *(_shown(table, i, float(value)) for i, value in enumerate(step.values)),
+            step.note,
+        )
+        for step in result.history
+    ]
+    costs = ("evaluations", "factorizations", "solves")
+    header = ("method", "iteration", "objective", "step", *costs, *names, "note")
+    return CsvTable(header, tuple(rows))
+
+
+def _with_unit(table: ParameterTable, i: int) -> str:
+    unit = _unit(table, i)
+    return f"{table.names[i]} [{unit}]" if unit else table.names[i]
+
+
+def _sensitivity(result: Result) -> CsvTable:
+    header = ("gauge", "stage", "parameter", "value", "unit")
+    values, table = result.sensitivity, result.parameters
+    if values is None:
+        return CsvTable(header, ())
+    rows: list[Row] = [
+        (
+            result.gauges.channels[i],
+            result.gauges.stages[j],
+            table.names[q],
+            _MM * float(values[i, j, q]) / _shown(table, q, 1.0),
+            _mm_per_unit(table, q),
+        )
+        for j, i, q in np.argwhere(np.isfinite(values).transpose(1, 0, 2)).tolist()
+    ]
+    return CsvTable(header, tuple(rows))
+
+
+def _mm_per_unit(table: ParameterTable, i: int) -> str:
+    unit = _unit(table, i)
+    return f"mm/({unit})" if "/" in unit else f"mm/{unit}" if unit else "mm"
+
+
+def _structures(result: Result) -> CsvTable:
+    """Forces in kN and kNm, of linings per metre out of plane."""
+    header = ("structure", "number", "stage", "N", "M_first", "M_second", "Q")
+    units = ("kN", "kNm", "kNm", "kN")
+    found = result.members
+    names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
+    if found is None:
+        return CsvTable(names, ())
+    rows: list[Row] = [
+        (
+            found.structures[i],
+            int(found.numbers[i]),
+            found.stages[j],
+            *(
+                float(force) / _KILO
+                for force in (found.axial[i, j], *found.moment[i, :, j], found.shear[i, j])
+            ),
+        )
+        for j, i in np.argwhere(np.isfinite(found.axial.T)).tolist()
+    ]
+    return CsvTable(names, tuple(rows))
+
+
+def _grid(result: Result) -> CsvTable:
+    grid, table = result.grid, result.parameters
+    if grid is None:
+        return CsvTable(("objective",), ())
+    positions = [table.names.index(name) for name in grid.names]
+    header = (*(_with_unit(table, i) for i in positions), "objective")
+    return CsvTable(header, tuple(_grid_rows(grid, table, positions)))
+
+
+def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> Iterator[Row]:
+    """One row a point; without an objective where the model has no solution."""
+    for place in np.ndindex(grid.objective.shape):
+        coordinates = (
+            _shown(table, i, float(axis[k]))
+            for i, axis, k in zip(positions, grid.axes, place, strict=True)
+        )
+        phi = float(grid.objective[place])
+        yield (*coordinates, phi if math.isfinite(phi) else math.nan)
+
+
+_TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
+    "parameters": _parameters,
+    "gauges": _gauges,
+    "diagnostics": _diagnostics,
+    "prediction": _prediction,
+    "history": _history,
+    "correlation": _correlation,
+    "sensitivity": _sensitivity,
+    "structures": _structures,
+    "grid": _grid,
+}
+
+CSV_TABLES = tuple(_TABLES)
+"""Names of all tables that a result may have."""

@@ -1,0 +1,212 @@
+"""Results as objects for other programs: the contract of ``--json``. All values in SI.
+
+JSON knows no NaN and no infinity: both become null. A parameter that is not determined has the
+value null.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from geoident.errors import Fault, GeoidentError, InputError, ModelError
+from geoident.model.gauges import Reading
+from geoident.model.result import Grid, ParameterTable, Prediction, Result
+from geoident.model.summary import CaseSummary, Identifiability
+from geoident.report.text.certificate import certificate_object
+from geoident.report.text.influence import diagnostics_object
+from geoident.report.text.members import members_list
+from geoident.report.text.quantities import si_unit
+
+
+def dumps(value: Mapping[str, Any]) -> str:
+    """One object on one line."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """The same without what JSON does not know."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
+    """A result.
+
+    Args:
+        result: what was found.
+        case: path of the case, as seen from here.
+        output: path of the result file.
+    """
+    proof = result.certificate
+    return {
+        "case": case,
+        "kind": result.kind,
+        "status": result.status,
+        "exit_code": int(result.exit_code),
+        "method": result.method,
+        "reason": result.reason,
+        "output": output,
+        "objective": result.objective,
+        "parameters": parameters_object(result.parameters),
+        "gauges": gauges_list(result),
+        "predictions": predictions_list(result),
+        "findings": result.findings,
+        "notes": result.notes,
+        "singular_values": result.singular_values,
+        "diagnostics": diagnostics_object(result),
+        "counts": asdict(result.counts),
+        **({"certificate": certificate_object(proof)} if proof is not None else {}),
+        **({"structures": members_list(result.members)} if result.members is not None else {}),
+        **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
+    }
+
+
+def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
+    """What planned gauges could determine, at the start values."""
+    return {
+        "case": case,
+        "readings": plan.readings,
+        "parameters": parameters_object(plan.parameters),
+        "findings": plan.findings,
+        "singular_values": plan.singular_values,
+    }
+
+
+def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
+    """Name to value, interval and what else is known."""
+    return {name: _parameter(parameters, i) for i, name in enumerate(parameters.names)}
+
+
+def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
+    determined = bool(parameters.determined[i])
+    return {
+        "value": parameters.values[i] if determined else None,
+        "unit": si_unit(parameters.dimensions[i]),
+        "sd": parameters.sd[i],
+        "lower95": parameters.lower95[i],
+        "upper95": parameters.upper95[i],
+        "at_bound": bool(parameters.at_bound[i]),
+        "determined": determined,
+        "prior": parameters.priors[i] or None,
+    }
+
+
+def gauges_list(result: Result) -> list[dict[str, Any]]:
+    """One object for every reading that is measured or computed, stage by stage."""
+    gauges = result.gauges
+    known = np.isfinite(gauges.measured) | np.isfinite(gauges.computed)
+    return [
+        {
+            "gauge": gauges.channels[i],
+            "stage": gauges.stages[j],
+            "measured": gauges.measured[i, j],
+            "computed": gauges.computed[i, j],
+            "sd": gauges.sd[i, j],
+            "used": bool(gauges.used[i, j]),
+            "bad": bool(gauges.bad[i, j]),
+        }
+        for j, i in np.argwhere(known.T)
+    ]
+
+
+def predictions_list(result: Result) -> list[dict[str, Any]]:
+    """One object for every predicted reading, stage by stage; sd null where not determined."""
+    prediction = result.prediction
+    if prediction is None:
+        return []
+    return [
+        _prediction(result, prediction, i, j)
+        for j, i in np.argwhere(np.isfinite(prediction.mean).T)
+    ]
+
+
+def _prediction(result: Result, prediction: Prediction, i: int, j: int) -> dict[str, Any]:
+    determined = bool(np.isfinite(prediction.sd[i, j]))
+    return {
+        "gauge": result.gauges.channels[i],
+        "stage": result.gauges.stages[j],
+        "mean": prediction.mean[i, j] if determined else None,
+        "sd": prediction.sd[i, j],
+        "lower95": prediction.lower95[i, j],
+        "upper95": prediction.upper95[i, j],
+        "measured": result.gauges.measured[i, j],
+        "determined": determined,
+    }
+
+
+def grid_object(grid: Grid) -> dict[str, Any]:
+    """A scan: null where the model has no solution."""
+    return {
+        "axes": dict(zip(grid.names, grid.axes, strict=True)),
+        "objective": grid.objective,
+    }
+
+
+def simulation_object(
+    readings: Sequence[Reading], *, case: str, output: str | None
+) -> dict[str, Any]:
+    """Readings of the model, m."""
+    return {
+        "case": case,
+        "kind": "simulate",
+        "status": "done",
+        "exit_code": 0,
+        "output": output,
+        "readings": [
+            {"gauge": reading.channel, "stage": reading.stage, "value": reading.value, "unit": "m"}
+            for reading in readings
+        ],
+    }
+
+
+def failure_object(error: GeoidentError, *, case: str) -> dict[str, Any]:
+    """A command that ended without a result: the keys of one, and what was wrong."""
+    faults = _faults(error)
+    return {
+        "case": case,
+        "status": "failed",
+        "exit_code": int(error.exit_code),
+        "method": None,
+        "reason": str(error),
+        "output": None,
+        "objective": None,
+        "parameters": {},
+        "gauges": [],
+        "counts": {},
+        "faults": [fault_object(fault) for fault in faults],
+    }
+
+
+def _faults(error: GeoidentError) -> tuple[Fault, ...]:
+    if isinstance(error, ModelError):
+        return (error.fault,)
+    return error.faults if isinstance(error, InputError) else ()
+
+
+def fault_object(fault: Fault) -> dict[str, Any]:
+    """One thing that is wrong with the input."""
+    return {
+        "code": fault.code,
+        "message": fault.message,
+        "hint": fault.hint,
+        "file": fault.location.file,
+        "line": fault.location.line,
+        "column": fault.location.column,
+        "path": fault.path,
+    }
+
+
+def summary_object(summary: CaseSummary) -> dict[str, Any]:
+    """A case that was checked."""
+    return {"status": "valid", "exit_code": 0, **asdict(summary), "unused": dict(summary.unused)}

@@ -1,0 +1,1 @@
+"""What the commands share: inputs, outputs, jobs, logs of evaluations, tables."""

@@ -1,0 +1,139 @@
+"""How each reading bears on a fit: tables and sentences from `identify.diagnostics`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.identify.assessment.diagnostics import Influence, diagnose, effective_sd
+from geoident.identify.assessment.uncertainty import Assessment, assess
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Floats
+from geoident.model.methods import loss_text
+from geoident.model.result import Diagnostics, GaugeTable
+from geoident.workflow.running.selection import Selection
+from geoident.workflow.running.tables import places
+
+FAR_OFF = 3.5
+"""Studentized residual from which on a reading is named: one in 2000 by chance."""
+
+AGAINST = 0.6
+"""Share of the clear readings that go the other way than the model from which on it is said."""
+
+WORTH_SAYING = 0.1
+"""Influence, in standard deviations of a parameter, below which no reading is named for it."""
+
+SCATTER = 2.0
+"""Scatter of the residuals, in stated accuracies, from which on it is said."""
+
+
+def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
+    """How well the parameters are known, each reading with the weight that the loss leaves it.
+
+    Args:
+        problem: readings, model and loss.
+        p: (n,) the estimate, SI.
+        readings: (g,) v there, SI.
+        jacobian: (g, n) its derivative.
+    """
+    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian)
+
+
+def diagnostics_table(
+    problem: Problem,
+    selection: Selection,
+    p: Floats,
+    assessment: Assessment,
+    readings: Floats,
+    jacobian: Floats,
+) -> Diagnostics:
+    """The diagnostics of the used readings as (n_channels, n_stages) tables; see `diagnose`."""
+    distinct = {pair: k for k, pair in enumerate(dict.fromkeys(selection.pairs))}
+    sets = np.array([distinct[pair] for pair in selection.pairs], dtype=np.int64)
+    found = diagnose(problem, assessment, readings, jacobian, sets)
+    place = places(selection.case)
+    rows, columns = np.array([place[pair] for pair in distinct], dtype=np.int64).reshape(-1, 2).T
+    shape = len(selection.case.channels), len(selection.case.stages)
+
+    def spread(values: Floats) -> Floats:
+        table = np.full((*shape, *values.shape[1:]), np.nan)
+        table[rows, columns] = values
+        return table
+
+    return Diagnostics(
+        loss=loss_text(problem.loss),
+        squares=Discrepancy(problem).squares(p, readings),
+        scale=found.scale,
+        **{name: spread(getattr(found, name)) for name in _TABLES},
+    )
+
+
+_TABLES = tuple(name for name in Influence.__dataclass_fields__ if name != "scale")
+
+
+def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
+    """Sentences on readings that are far off or bear most, and on the stated accuracies."""
+    sentences = [
+        *_against(gauges),
+        *_bears_most(found, gauges, parameters),
+        *_far_off(found, gauges),
+        *_scatter(found),
+    ]
+    return tuple(sentences)
+
+
+def _against(gauges: GaugeTable) -> list[str]:
+    """Most readings go the other way than the model: their sign is wrong, or that of the stress."""
+    clear = gauges.used & (np.minimum(np.abs(gauges.measured), np.abs(gauges.computed)) > gauges.sd)
+    against = clear & (gauges.measured * gauges.computed < 0.0)
+    total, count = np.count_nonzero(clear), np.count_nonzero(against)
+    if total < 3 or count <= AGAINST * total:
+        return []
+    return [
+        f"{count} of {total} readings go the other way than the model: check their sign (positive: "
+        "the two points move apart; a settlement: downwards) and that of the in-situ stress."
+    ]
+
+
+def _bears_most(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> list[str]:
+    """The reading whose removal changes the answer most."""
+    if np.count_nonzero(np.isfinite(found.standardized)) < 2:
+        return []
+    i, j = np.unravel_index(int(np.nanargmax(found.distance)), found.distance.shape)
+    name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", found.influence[i, j]
+    alone = [
+        parameter for parameter, part in zip(parameters, change, strict=True) if np.isinf(part)
+    ]
+    if alone:
+        return [f"Without the reading {name} nothing would determine {' and '.join(alone)}."]
+    k = int(np.argmax(np.abs(change)))
+    if not abs(change[k]) >= WORTH_SAYING:
+        return []
+    moved = f"{parameters[k]} would be {abs(change[k]):.2g} of its standard deviations "
+    moved += "lower" if change[k] > 0.0 else "higher"
+    return [f"The reading that bears most on the answer is {name}: without it {moved}."]
+
+
+def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
+    size = np.abs(found.studentized)
+    size[~(size > FAR_OFF)] = np.nan
+    order = np.argsort(-np.nan_to_num(size), axis=None)[: np.count_nonzero(np.isfinite(size))]
+    named = [
+        f"{gauges.channels[i]} at {gauges.stages[j]} ({found.studentized[i, j]:+.1f})"
+        for i, j in zip(*np.unravel_index(order[:5], size.shape), strict=True)
+    ]
+    rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
+    what = "Readings far from the model, in standard deviations of their residual:"
+    return [f"{what} {', '.join(named)}{rest}."] if named else []
+
+
+def _scatter(found: Diagnostics) -> list[str]:
+    if not found.scale > SCATTER:
+        return []
+    return [
+        f"The residuals scatter {found.scale:.1f} times as much as the accuracies of the gauges "
+        "say: the accuracies are too good, or the model is not; the intervals are too narrow then."
+    ]

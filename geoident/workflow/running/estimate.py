@@ -1,0 +1,158 @@
+"""The search for the parameters, kept in a checkpoint as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import InputError, Interrupted, ModelError
+from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.response import StagedResponse
+from geoident.identify import identify, refusals
+from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.protocols import Response
+from geoident.io.result.checkpoint import EvaluationLog
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
+from geoident.model.methods import MethodOptions
+from geoident.model.result import Counts
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Remembered
+from geoident.workflow.running.inputs import build_model
+from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.selection import Selection, require_enough, select_readings
+from geoident.workflow.running.tables import places
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A model and the readings that it is to meet.
+
+    Args:
+        model: the staged model of the case.
+        selection: which readings take part.
+    """
+
+    model: CaseModel
+    selection: Selection
+
+
+def prepare(job: Job) -> Setup:
+    """Build the model of a job and select its readings.
+
+    Raises:
+        InputError: the case does not fit its mesh, or there are too few readings.
+        ModelError: the model moves freely somewhere.
+    """
+    model = build_model(job.inputs, solver=job.request.solver)
+    selection = select_readings(job.inputs.case, model)
+    require_enough(selection)
+    require_possible(model, job.inputs.case, job.methods)
+    return Setup(model, selection)
+
+
+def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
+    """Raise `InputError` where a method needs what the model cannot offer."""
+    response, loss = model.response(()), case.fit.loss
+    faults = [
+        case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
+        for reason in refusals(response, methods, loss)
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+@contextmanager
+def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
+    """The log of a job's evaluations; kept if the run is cut short, removed when it is done."""
+    if job.request.fresh:
+        job.place.checkpoint.unlink(missing_ok=True)
+    log = EvaluationLog.open(str(job.place.checkpoint), job.identity)
+    if log.trouble:
+        control.monitor.warn(log.trouble)
+    elif len(log):
+        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} evaluations")
+    try:
+        yield log
+    except Interrupted as stop:
+        log.close()
+        raise Interrupted(_how_to_go_on(job), exit_code=stop.exit_code) from stop
+    except (InputError, ModelError):
+        log.remove()  # it would end the same way again
+        raise
+    except BaseException:
+        log.close()
+        raise
+    if control.out_of_time:
+        log.close()
+    else:
+        log.remove()
+
+
+def _how_to_go_on(job: Job) -> str:
+    same = "The same command without --fresh" if job.request.fresh else "The same command"
+    return (
+        f"Interrupted. What was computed is kept in {job.place.checkpoint}.\n"
+        f"    {same} goes on from there."
+    )
+
+
+def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
+    """The readings of a setup and its model, whose evaluations are logged."""
+    selection = setup.selection
+    names = selection.case.stage_names
+    setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
+    staged = setup.model.response(selection.pairs, selection.times)
+    # the closed form costs nothing: there is nothing to remember
+    response: Response = staged
+    if isinstance(staged, StagedResponse):
+        response = Remembered(staged, log, before=control.stop.check)
+    parameters = selection.case.parameters
+    loss = selection.case.fit.loss
+    return Problem(response, selection.measured, selection.sd, parameters, loss)
+
+
+def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
+    """Run the identifiers, one after the other.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    outcome = identify(problem, methods, control.observe)
+    control.stop.check()
+    return outcome
+
+
+def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floats]:
+    """The used readings (g,) and their derivatives (g, n) at p (n,), from those of the survey.
+
+    The survey has one reading of a gauge in a stage. What drift adds between that and the times of
+    several is added here.
+    """
+    place = places(setup.selection.case)
+    at = [place[pair] for pair in setup.selection.pairs]
+    rows, columns = np.array(at, dtype=np.int64).reshape(len(at), 2).T
+    model = setup.model
+    times = np.array([np.nan if t is None else t for t in setup.selection.times])
+    own, common = (
+        model.instruments.added(model.values(p), model.names, rows, columns + 1, each)
+        for each in (times, None)
+    )
+    more = own - common
+    return (
+        survey.computed[rows, columns] + more[:, 0],
+        survey.sensitivity[rows, columns] + more[:, 1:],
+    )
+
+
+def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:
+    """Counts of the search and of what the model did besides, between two of its counts."""
+    return Counts(
+        evaluations=search_counts.evaluations + after.evaluations - before.evaluations,
+        analyses=max(search_counts.analyses, after.analyses),
+        factorizations=search_counts.factorizations + after.factorizations - before.factorizations,
+        solves=search_counts.solves + after.solves - before.solves,
+    )

@@ -1,0 +1,224 @@
+"""A model that remembers its answers, so that an interrupted run goes on where it was.
+
+Every evaluation is written to a log the moment it is known. An identifier started again asks for
+the same parameter vectors in the same order, is answered from the log, and arrives at the point of
+interruption with the same numbers and the same counts as if it had never stopped.
+
+Of the counts, evaluations, factorizations and solves are sums over the evaluations that this run
+asked for, whether computed now or remembered. Symbolic analyses are made once a process: the
+largest count that any process saw is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from geoident.identify.problem.protocols import (
+    AffineElastic,
+    ComplementaritySystem,
+    Condensed,
+    HasOpening,
+    OpeningForm,
+    StagedSystem,
+    YieldSystem,
+)
+from geoident.model.arrays import Floats
+from geoident.model.certificate import Activity
+from geoident.model.result import Counts
+
+Arrays = Mapping[str, Floats]
+
+_ACTIVITY = ("points", "biactive", "distances", "reached", "slopes")
+_NAMES = ("planes", "stages")
+
+
+class Log(Protocol):
+    """Where evaluations are kept: `io.result.checkpoint.EvaluationLog`, or a toy in tests."""
+
+    def find(self, kind: str, p: Floats) -> Arrays | None:
+        """What was kept for this kind of evaluation at p (n,), or None."""
+
+    def add(self, kind: str, p: Floats, arrays: Arrays) -> None:
+        """Keep an evaluation."""
+
+
+class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
+    """All that the identifiers may ask of the staged model."""
+
+
+class Remembered:
+    """A response whose evaluations are logged, and answered from the log when they come again.
+
+    Args:
+        inner: the model.
+        log: of evaluations of the same problem.
+        before: called before every evaluation that must be computed; raises to stop the run.
+    """
+
+    def __init__(self, inner: Staged, log: Log, *, before: Callable[[], None]) -> None:
+        self._inner = inner
+        self._log = log
+        self._before = before
+        self._counts = inner.counts
+        self._seen: set[tuple[str, bytes]] = set()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+        return self._inner.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far, those of remembered evaluations among them."""
+        return self._counts
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain of the model, or None."""
+        return self._inner.admissible(p)
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, or None."""
+        return self._inner.obstacle()
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """The closed form, whose evaluations cost nothing and are not kept, or why none is."""
+        return self._inner.opening(centre, radius)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,)."""
+        known = self._recall("readings", p) or self._recall("evaluate", p)
+        if known is None:
+            known = self._compute("readings", p, lambda: {"v": self._inner.readings(p)})
+        return np.array(known["v"])
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        known = self._recall("evaluate", p)
+        if known is None:
+            known = self._compute("evaluate", p, lambda: self._evaluate(p))
+        return np.array(known["v"]), np.array(known["dv_dp"])
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """Condensed equations at p for the measured readings (g,), the same in the whole run."""
+        known = self._recall("condense", p)
+        if known is None:
+            known = self._compute("condense", p, lambda: self._condense(p, measured, sd))
+        return Condensed(
+            readings=np.array(known["v"]),
+            flexibility=np.array(known["flexibility"]),
+            matrix=np.array(known["matrix"]),
+            vector=np.array(known["vector"]),
+        )
+
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+        return self._inner.yields()
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,), logged: to find them again costs a whole analysis."""
+        known = self._recall("activity", p)
+        if known is None:
+            known = self._compute("activity", p, lambda: _stored(self._inner.activity(p)))
+        return _restored(known)
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        inner = self._inner
+        if not isinstance(inner, ComplementaritySystem):
+            return "the model does not show its equations"
+        return inner.system_obstacle()
+
+    def system(self) -> StagedSystem:
+        """The equations of all stages as arrays; not logged, they cost no analysis."""
+        inner = self._inner
+        assert isinstance(inner, ComplementaritySystem)
+        return inner.system()
+
+    def _evaluate(self, p: Floats) -> Arrays:
+        v, dv_dp = self._inner.evaluate(p)
+        return {"v": v, "dv_dp": dv_dp}
+
+    def _condense(self, p: Floats, measured: Floats, sd: Floats) -> Arrays:
+        found = self._inner.condense(p, measured, sd)
+        return {
+            "v": found.readings,
+            "flexibility": found.flexibility,
+            "matrix": found.matrix,
+            "vector": found.vector,
+        }
+
+    def _recall(self, kind: str, p: Floats) -> Arrays | None:
+        known = self._log.find(kind, p)
+        if known is not None and (kind, p.tobytes()) not in self._seen:
+            self._seen.add((kind, p.tobytes()))
+            self._spend(known["cost"])
+        return known
+
+    def _compute(self, kind: str, p: Floats, work: Callable[[], Arrays]) -> Arrays:
+        self._before()
+        before = self._inner.counts
+        try:
+            arrays = work()
+        except Exception:
+            self._spend(_cost(before, self._inner.counts))
+            raise
+        cost = _cost(before, self._inner.counts)
+        self._log.add(kind, p, {**arrays, "cost": cost})
+        self._seen.add((kind, p.tobytes()))
+        self._spend(cost)
+        return arrays
+
+    def _spend(self, cost: Floats) -> None:
+        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
+        self._counts = replace(
+            self._counts,
+            evaluations=self._counts.evaluations + evaluations,
+            factorizations=self._counts.factorizations + factorizations,
+            solves=self._counts.solves + solves,
+            analyses=max(self._counts.analyses, analyses),
+        )
+
+
+def _stored(found: Activity) -> Arrays:
+    """The planes as arrays of numbers, names as code points."""
+    numbers = {name: np.asarray(getattr(found, name), dtype=float) for name in _ACTIVITY}
+    texts = {name: _code("\n".join(getattr(found, name))) for name in _NAMES}
+    return {**numbers, **texts}
+
+
+def _code(text: str) -> Floats:
+    return np.array([ord(letter) for letter in text], dtype=np.float64)
+
+
+def _restored(known: Arrays) -> Activity:
+    """The planes that `_stored` made arrays of."""
+    texts = {name: "".join(chr(int(code)) for code in known[name]) for name in _NAMES}
+    planes, stages = (tuple(texts[name].split("\n")) for name in _NAMES)
+    return Activity(
+        planes=planes,
+        stages=stages,
+        points=np.asarray(known["points"], dtype=np.int64),
+        biactive=np.asarray(known["biactive"], dtype=np.int64),
+        distances=np.array(known["distances"]),
+        reached=np.array(known["reached"]),
+        slopes=np.array(known["slopes"]),
+    )
+
+
+def _cost(before: Counts, after: Counts) -> Floats:
+    """Evaluations, factorizations and solves between two counts; analyses up to the second."""
+    return np.array(
+        [
+            after.evaluations - before.evaluations,
+            after.factorizations - before.factorizations,
+            after.solves - before.solves,
+            after.analyses,
+        ],
+        dtype=np.float64,
+    )

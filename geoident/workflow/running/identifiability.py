@@ -1,0 +1,70 @@
+"""``geoident check --identifiability``: what planned gauges could determine, before any reading.
+
+The sensitivities of the model at the start values and the accuracies of the gauges are all that
+theory 6 needs: covariance and singular values do not depend on what is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
+from geoident.model.summary import Identifiability
+from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.running.tables import parameter_table
+from geoident.workflow.simulate import start_values
+
+
+def identifiability(
+    path: str, *, overrides: Sequence[str] = (), solver: str = "auto"
+) -> Identifiability:
+    """Assess the gauges of a case at its start values. Readings need not exist.
+
+    Every channel counts as read at every stage of ``fit.stages`` (all stages, if not given) after
+    the one at which it is zeroed, with its stated accuracy.
+
+    Raises:
+        InputError: the case is faulty, or no gauge can be read in the stages of the fit.
+        ModelError: the model has no solution at the start values.
+    """
+    inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
+    case = inputs.case
+    model = build_model(inputs, solver=solver)
+    p = start_values(case, model)
+    survey = model.survey(p, fields=False)
+    rows = planned_readings(case, survey.computed)
+    sd = np.array([case.channels[i].accuracy for i in rows[:, 0]])
+    problem = Problem(model.response(()), survey.computed[*rows.T], sd, case.parameters)
+    known = assess(problem, p, survey.sensitivity[*rows.T])
+    table = parameter_table(case.parameters, p, known)
+    return Identifiability(table, known.findings, known.singular_values, len(rows))
+
+
+def planned_readings(case: Case, computed: Floats) -> Ints:
+    """(g, 2) rows and columns of the channels and stages that would be read."""
+    rows = [
+        (i, j)
+        for j, stage in enumerate(case.stages)
+        for i, channel in enumerate(case.channels)
+        if np.isfinite(computed[i, j])
+        and stage.name != channel.zero
+        and (case.fit.stages is None or stage.name in case.fit.stages)
+    ]
+    if not rows:
+        raise InputError(
+            [
+                case.source.fault(
+                    ("gauges",),
+                    code="no-planned-readings",
+                    message="no gauge can be read in the stages of the fit",
+                    hint="add gauges, zero them earlier, or extend 'fit.stages'",
+                )
+            ]
+        )
+    return np.array(rows, dtype=np.int64)

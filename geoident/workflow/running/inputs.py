@@ -1,0 +1,187 @@
+"""Reading what a command is given, and the hashes that name it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from geoident import __version__
+from geoident.errors import Fault, InputError, Location
+from geoident.fem.solvers import pick_solver
+from geoident.forward.model import StagedModel
+from geoident.forward.openings.model import OpeningModel, opening_model
+from geoident.io.case.file import LoadedCase, parse_case, read_case
+from geoident.io.mesh.file import read_mesh
+from geoident.model.case import Case, Source
+from geoident.model.gauges import Reading
+from geoident.model.mesh import Mesh
+from geoident.model.methods import MethodOptions, method_name
+from geoident.model.result import GaugeTable, Result
+
+STDIN = "-"
+
+NO_READINGS = "readings=[]"
+"""Override for a case whose readings are not asked for; their file need not be there."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A case that was read, and the hashes of all that it consists of.
+
+    Args:
+        path: the case as the user named it.
+        loaded: the case, its text, and the files that it names.
+        case_sha256: of the case after overrides.
+        mesh_sha256: of the bytes of the mesh; empty if there is none.
+        readings_sha256: of the bytes of the readings; empty if there is no file of them.
+    """
+
+    path: str
+    loaded: LoadedCase
+    case_sha256: str
+    mesh_sha256: str
+    readings_sha256: str
+
+    @property
+    def case(self) -> Case:
+        """The case."""
+        return self.loaded.case
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Paths of the case and its mesh: what no output may replace."""
+        mesh = self.loaded.mesh_path
+        return (self.path,) if mesh is None else (self.path, mesh)
+
+    def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
+        """Hash of everything that the result of a command depends on."""
+        parts = {
+            "command": command,
+            "case": self.case_sha256,
+            "mesh": self.mesh_sha256,
+            "readings": self.readings_sha256,
+            "version": __version__,
+            "seed": seed,
+            "methods": [[method_name(options), asdict(options)] for options in methods],
+        }
+        return sha256(json.dumps(parts, sort_keys=True).encode())
+
+
+def load_inputs(path: str, *, overrides: Sequence[str] = ()) -> Inputs:
+    """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
+
+    The mesh and the readings are hashed, the mesh is not parsed yet.
+
+    Raises:
+        InputError: with all faults of the case.
+    """
+    return _hashed(path, read_case(path, overrides=tuple(overrides)))
+
+
+def inputs_of_result(result: Result, path: str) -> Inputs:
+    """The case of a result, from what the result holds; only the mesh is looked for where it was.
+
+    Args:
+        result: holds the case and its readings.
+        path: where the case stood.
+    """
+    try:
+        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+    except InputError as error:
+        unplaced = [replace(fault, location=Location(path)) for fault in error.faults]
+        raise InputError(unplaced) from error
+    nowhere = Source(path)  # the lines of the resolved case are not those of the file
+    loaded = replace(
+        loaded,
+        case=replace(loaded.case, readings=readings_of(result.gauges), source=nowhere),
+        text=result.case_text,
+        resolved=result.case_resolved,
+    )
+    hashes = result.provenance
+    return replace(
+        _hashed(path, loaded),
+        case_sha256=hashes.case_sha256,
+        readings_sha256=hashes.readings_sha256,
+    )
+
+
+def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:
+    """The readings that a table holds, stage by stage."""
+    return tuple(
+        Reading(
+            gauges.channels[i],
+            gauges.stages[j],
+            float(gauges.measured[i, j]),
+            float(gauges.sd[i, j]),
+            bad="in the fit" if gauges.bad[i, j] else "",
+        )
+        for j, i in np.argwhere(np.isfinite(gauges.measured).T)
+    )
+
+
+def _hashed(path: str, loaded: LoadedCase) -> Inputs:
+    return Inputs(
+        path,
+        loaded,
+        case_sha256=sha256(loaded.resolved.encode()),
+        mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
+        readings_sha256=_hash_readings(loaded.readings_paths),
+    )
+
+
+def _hash_readings(paths: Sequence[str]) -> str:
+    """Of the one file of readings, of the hashes of several, of nothing."""
+    hashes = [_hash_file(path, "readings") for path in paths]
+    return hashes[0] if len(hashes) == 1 else sha256("".join(hashes).encode()) if hashes else ""
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 as hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _hash_file(path: str, what: str) -> str:
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        message = f"The {what} file cannot be read: {error.strerror or error}."
+        raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
+
+
+def load_mesh(inputs: Inputs, path: str) -> Mesh:
+    """Parse the mesh of a case that stands at a path.
+
+    Raises:
+        InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
+            file, is placed where the case names the mesh.
+    """
+    try:
+        return read_mesh(path, dim=inputs.case.analysis.dim)
+    except InputError as error:
+        raise InputError(_in_case(fault, inputs.case) for fault in error.faults) from error
+
+
+def _in_case(fault: Fault, case: Case) -> Fault:
+    if fault.location.line:
+        return fault
+    message = f"{fault.location.file}: {fault.message}"
+    return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
+
+
+def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | OpeningModel:
+    """The staged model of a case, the closed form where it has no mesh.
+
+    Raises:
+        InputError: what the case says does not fit the mesh.
+        ModelError: the model moves freely somewhere.
+    """
+    path = inputs.loaded.mesh_path
+    if path is None:
+        return opening_model(inputs.case)
+    return StagedModel(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))

@@ -1,0 +1,64 @@
+"""How a job ends: its result, where it stands, and what is said of the readings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from geoident.io.result.file import read_result, write_result
+from geoident.model.result import Result
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.estimate import Setup
+from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.selection import Selection
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A result and where it stands.
+
+    Args:
+        result: what was found, now or before.
+        paths: the files that hold it, the result file first.
+        up_to_date: it stood there already and was not computed again.
+    """
+
+    result: Result
+    paths: tuple[str, ...]
+    up_to_date: bool = False
+
+
+def keep(job: Job) -> Finished:
+    """The result of a job that is up to date."""
+    return Finished(read_result(job.place.path), (str(job.place.path),), up_to_date=True)
+
+
+def write(job: Job, result: Result) -> Finished:
+    """Put the result of a job in its place."""
+    overwrite = job.found is not Standing.NOTHING
+    return Finished(result, write_result(result, job.place.path, overwrite=overwrite))
+
+
+def tell_readings(setup: Setup, control: Control) -> None:
+    """Say how many readings are used, which are not, and why."""
+    selection = setup.selection
+    control.monitor.detail(f"{len(selection.used)} readings are used")
+    for unused in selection.unused_by_stage():
+        control.monitor.detail(f"not used: {unused}")
+
+
+def unused_notes(selection: Selection) -> tuple[str, ...]:
+    """One sentence for every reason for which readings are not used."""
+    reasons = Counter(u.reason for u in selection.unused if not u.reading.bad)
+    counted = (f"{number} readings are not used: {why}." for why, number in reasons.items())
+    return (*counted, *bad_notes(selection))
+
+
+def bad_notes(selection: Selection) -> tuple[str, ...]:
+    """One sentence for every reading that is known to be wrong, with the reason."""
+    return tuple(
+        f"{unused.reading.channel} at {unused.reading.stage} is not used, {unused.reason}."
+        for unused in selection.unused
+        if unused.reading.bad and unused.reading.value is not None
+    )

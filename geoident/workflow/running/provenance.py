@@ -1,0 +1,66 @@
+"""Where a result comes from, in words that its reader can check."""
+
+from __future__ import annotations
+
+import os
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from geoident import __version__
+from geoident.model.result import Provenance
+from geoident.workflow.running.inputs import STDIN, Inputs
+from geoident.workflow.running.jobs import Job
+
+LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
+
+
+def provenance(
+    inputs: Inputs, *, command: str, identity: str, seed: int, output: Path
+) -> Provenance:
+    """The provenance of a result that goes to ``output``."""
+    return Provenance(
+        command=command,
+        versions=versions(),
+        seed=seed,
+        case_file=_beside(inputs.path, output),
+        case_sha256=inputs.case_sha256,
+        mesh_sha256=inputs.mesh_sha256,
+        readings_sha256=inputs.readings_sha256,
+        identity=identity,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def job_provenance(job: Job) -> Provenance:
+    """The provenance of the result of a job."""
+    return provenance(
+        job.inputs,
+        command=job.command,
+        identity=job.identity,
+        seed=job.request.seed,
+        output=job.place.path,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of geoident, of Python and of the libraries that numbers go through."""
+    found = {"geoident": __version__, "python": platform.python_version()}
+    return found | {name: version(name) for name in LIBRARIES}
+
+
+def case_path(output: Path | str, case_file: str) -> str:
+    """The case that a result was made from, as seen from here."""
+    if Path(case_file).is_absolute():
+        return case_file
+    return os.path.normpath(Path(output).parent / case_file)
+
+
+def _beside(case: str, output: Path) -> str:
+    """The path of the case, relative to the folder of the result, so that both may move."""
+    place = Path("stdin") if case == STDIN else Path(case)
+    try:
+        return Path(os.path.relpath(place.absolute(), output.absolute().parent)).as_posix()
+    except ValueError:  # another drive
+        return str(place.absolute())

@@ -1,0 +1,213 @@
+"""Projection on polyhedra: an independent solver, optimality, derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.hardening import harden, harden_slopes
+from support.plastic import definite, projection_by_piqp, random_planes
+
+from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+
+SHAPES = [(4, 3), (8, 4), (16, 4), (12, 6), (100, 6)]
+
+
+def problem(count, size, *, points, hardening=0.0, spread=2.0):
+    rng = np.random.default_rng([count, size, points])
+    planes = random_planes(rng, count, size, hardening=hardening)
+    elasticity = definite(rng, size)
+    trial = spread * rng.normal(size=(size, points))
+    hardened = rng.uniform(0.0, 0.2, (count, points)) if hardening else None
+    return rng, elasticity, planes, trial, hardened
+
+
+def whole(projection, count):
+    """Multipliers of all points (y, m)."""
+    full = np.zeros((count, projection.stress.shape[1]))
+    full[:, projection.yielded] = projection.multipliers.T
+    return full
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.3])
+@pytest.mark.parametrize(("count", "size"), SHAPES)
+def test_stresses_are_those_of_an_independent_solver(count, size, hardening):
+    points = 120 if count > 50 else 600
+    _, elasticity, planes, trial, hardened = problem(
+        count, size, points=points, hardening=hardening
+    )
+    stress = PolyhedralLaw(elasticity, planes).project(trial, hardened).stress
+    for point in range(points):
+        before = None if hardened is None else hardened[:, point]
+        expected = projection_by_piqp(elasticity, planes, trial[:, point], before)
+        np.testing.assert_allclose(
+            stress[:, point], expected, rtol=0, atol=1e-8 * np.abs(trial[:, point]).max()
+        )
+
+
+@pytest.mark.parametrize("spread", [1.0, 3.0, 1e6])
+@pytest.mark.parametrize("hardening", [0.0, 0.3])
+@pytest.mark.parametrize(("count", "size"), SHAPES)
+def test_conditions_hold_to_rounding(count, size, hardening, spread):
+    _, elasticity, planes, trial, hardened = problem(
+        count, size, points=300 if count > 50 else 4000, hardening=hardening, spread=spread
+    )
+    law = PolyhedralLaw(elasticity, planes)
+    projection = law.project(trial, hardened)
+    lam = whole(projection, count)
+    total = lam if hardened is None else lam + hardened
+    excess = law.excess(projection.stress, total)
+    scale = np.abs(planes.normals).sum(axis=1).max() * np.abs(trial).max(axis=0) + 1.5
+    # The scale of a multiplier is what takes all of the trial stress away.
+    strains = np.abs(lam).max(axis=0) + 1e-300
+    np.testing.assert_array_less(excess.max(axis=0) / scale, 1e-12)
+    np.testing.assert_array_less(np.abs(excess * lam).max(axis=0) / (scale * strains), 1e-12)
+    assert lam.min() >= 0.0
+    rest = trial - projection.stress - elasticity @ planes.normals.T @ lam
+    np.testing.assert_array_less(np.abs(rest).max(axis=0) / scale, 1e-11)
+    assert np.array_equal(np.flatnonzero(lam.any(axis=0)), projection.yielded)
+
+
+@pytest.mark.parametrize(("count", "size"), SHAPES)
+def test_projection_brings_no_two_points_apart(count, size):
+    rng, elasticity, planes, trial, _ = problem(count, size, points=2000)
+    law = PolyhedralLaw(elasticity, planes)
+    other = trial + rng.normal(size=trial.shape) * rng.choice([1e-3, 1.0], trial.shape[1])
+
+    def square(difference):
+        return np.einsum("sm,sm->m", difference, np.linalg.solve(elasticity, difference))
+
+    after = law.project(trial).stress - law.project(other).stress
+    assert np.all(square(after) <= square(trial - other) * (1 + 1e-10))
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.3])
+def test_plastic_work_is_not_negative_and_reserve_is_its_potential(hardening):
+    _, elasticity, planes, trial, hardened = problem(12, 4, points=2000, hardening=hardening)
+    projection = PolyhedralLaw(elasticity, planes).project(trial, hardened)
+    points = projection.yielded
+    stress = projection.stress[:, points]
+    plastic = np.linalg.solve(elasticity, trial[:, points] - stress)
+    assert np.all(np.einsum("sq,sq->q", stress, plastic) >= 0.0)
+    stored = 0.0
+    if hardening:
+        lam = projection.multipliers
+        stored = np.einsum("qi,ij,qj->q", lam, planes.hardening, lam)
+    expected = 0.5 * (np.einsum("sq,sq->q", trial[:, points] - stress, plastic) + stored)
+    np.testing.assert_allclose(projection.reserve, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.3])
+@pytest.mark.parametrize(("count", "size"), [(8, 3), (16, 4), (14, 6)])
+def test_tangent_is_symmetric_and_semidefinite(count, size, hardening):
+    _, elasticity, planes, trial, hardened = problem(count, size, points=500, hardening=hardening)
+    projection = PolyhedralLaw(elasticity, planes).project(trial, hardened)
+    tangent = projection.reduction @ elasticity
+    largest = np.abs(elasticity).max()
+    assert np.abs(tangent - tangent.swapaxes(1, 2)).max() < 1e-11 * largest
+    assert np.linalg.eigvalsh(0.5 * (tangent + tangent.swapaxes(1, 2))).min() > -1e-11 * largest
+
+
+def derivative_case(hardening):
+    rng, elasticity, planes, trial, hardened = problem(9, 4, points=500, hardening=hardening)
+    stiffer, harder = definite(rng, 4), definite(rng, 9)
+    change = {
+        "elasticity": stiffer,
+        "normals": rng.normal(size=planes.normals.shape),
+        "distances": rng.normal(size=9),
+        "trial": rng.normal(size=trial.shape),
+    }
+    if hardening:
+        change |= {"hardening": harder, "hardened": rng.normal(size=(9, trial.shape[1]))}
+    return elasticity, planes, trial, hardened, change
+
+
+@pytest.mark.parametrize("what", ["elasticity", "normals", "distances", "trial", "all"])
+def test_slopes_without_hardening(what):
+    check_slopes(derivative_case(0.0), what)
+
+
+@pytest.mark.parametrize(
+    "what", ["elasticity", "normals", "distances", "trial", "hardening", "hardened", "all"]
+)
+def test_slopes_with_hardening(what):
+    check_slopes(derivative_case(0.3), what)
+
+
+def check_slopes(case, what):
+    elasticity, planes, trial, hardened, change = case
+    change = change if what == "all" else {what: change[what]}
+
+    def at(step):
+        def moved(name, value):
+            return value if name not in change else value + step * change[name]
+
+        law = PolyhedralLaw(
+            moved("elasticity", elasticity),
+            Planes(
+                moved("normals", planes.normals),
+                moved("distances", planes.distances),
+                hardening=moved("hardening", planes.hardening),
+            ),
+        )
+        projection = law.project(moved("trial", trial), moved("hardened", hardened))
+        return projection.stress, whole(projection, 9), projection
+
+    base = at(0.0)[2]
+    points = base.yielded
+    forward, backward = at(1e-6), at(-1e-6)
+    names = ("elasticity", "normals", "distances", "hardening")
+    columns = [
+        change.get("trial", np.zeros_like(trial))[:, points, None],
+        [LawSlopes(**{name: change[name] for name in names if name in change})],
+        change["hardened"][:, points, None] if "hardened" in change else None,
+    ]
+    for place, found in enumerate(base.slopes(*columns)):
+        expected = ((forward[place] - backward[place]) / 2e-6)[:, points]
+        error = np.abs(found[:, :, 0] - expected).max(axis=0) / np.abs(found).max()
+        # No point of these lies at a kink.
+        assert error.max() < 1e-6
+
+
+def test_slopes_of_the_trial_stress_alone_are_the_reduction():
+    rng, elasticity, planes, trial, _ = problem(9, 4, points=100)
+    projection = PolyhedralLaw(elasticity, planes).project(trial)
+    change = rng.normal(size=(4, projection.yielded.size, 3))
+    stress, _ = projection.slopes(change)
+    expected = np.einsum("qst,tqn->sqn", projection.reduction, change)
+    np.testing.assert_allclose(stress, expected, atol=1e-10)
+
+
+def test_hardening_of_all_planes_and_its_slope():
+    rng, elasticity, planes, _, _ = problem(5, 4, points=1, hardening=0.2)
+    slopes = LawSlopes(
+        elasticity=definite(rng, 4), normals=rng.normal(size=(5, 4)), hardening=definite(rng, 5)
+    )
+
+    def hardened(step):
+        return harden(
+            Planes(
+                planes.normals + step * slopes.normals,
+                planes.distances,
+                hardening=planes.hardening + step * slopes.hardening,
+            ),
+            elasticity + step * slopes.elasticity,
+            0.1,
+        ).hardening
+
+    own = np.einsum("yi,ij,yj->y", planes.normals, elasticity, planes.normals)
+    np.testing.assert_allclose(hardened(0.0), planes.hardening + 0.1 * np.diag(own))
+    expected = (hardened(1e-5) - hardened(-1e-5)) / 2e-5
+    found = harden_slopes(slopes, planes, elasticity, 0.1).hardening
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+
+
+def test_a_law_is_refused_that_makes_no_sense():
+    with pytest.raises(ValueError, match="positive definite"):
+        PolyhedralLaw(-np.eye(3), Planes(np.eye(3), np.ones(3)))
+    with pytest.raises(ValueError, match="plane 2 has no normal"):
+        PolyhedralLaw(np.eye(3), Planes(np.diag([1.0, 0.0, 1.0]), np.ones(3)))
+    with pytest.raises(ValueError, match="finite"):
+        PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.array([1.0, np.inf, 1.0])))
+    with pytest.raises(ValueError, match="along their normals"):
+        PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.ones(3), flow=np.eye(3)))

@@ -1,0 +1,277 @@
+"""Smooth Mohr-Coulomb: independent returns, edges, apex, tangents and derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.hardening import harden
+from support.plastic import brute_force_return, coulomb, images, isotropic, matrix_of
+
+from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.principal import PrincipalLaw
+
+LAME, SHEAR = 1.3, 0.9
+FRICTION, COHESION = 0.6, 0.8
+FLOWS = [None, 0.0, 0.2]
+CUTS = [None, 0.3]
+
+
+def trials(size, count, *, spread=2.0, seed=0):
+    """Random stresses, and such with two or three equal principal values."""
+    rng = np.random.default_rng([size, count, seed])
+    stress = spread * rng.normal(size=(size, count))
+    stress[3:, : count // 10] = 0.0
+    stress[1, : count // 20] = stress[0, : count // 20]
+    stress[:3, : count // 40] = stress[0, : count // 40]
+    return stress
+
+
+def turned_back(trial, values):
+    """Stresses (s,) with the axes of a trial stress and other descending principal values."""
+    _, axes = np.linalg.eigh(matrix_of(trial))
+    full = (axes[:, ::-1] * values) @ axes[:, ::-1].T
+    some = np.array([full[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))])
+    return some[: len(trial)]
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize("dilation", FLOWS)
+@pytest.mark.parametrize("size", [4, 6])
+def test_stresses_are_those_of_all_active_sets_tried_one_by_one(size, dilation, cut):
+    planes = coulomb(FRICTION, COHESION, tension=cut, dilation=dilation)
+    elasticity = isotropic(LAME, SHEAR, size)
+    trial = trials(size, 80)
+    projection = PrincipalLaw(elasticity, planes).project(trial)
+    apex = COHESION / np.tan(FRICTION)
+    for point in range(trial.shape[1]):
+        values = np.linalg.eigvalsh(matrix_of(trial[:, point]))[::-1]
+        ends = brute_force_return(elasticity[:3, :3], planes, values)
+        if ends is None:
+            # Only a flow with too little dilation leaves tensions to the apex, where it is free.
+            assert dilation is not None
+            assert cut is None
+            assert values.mean() > apex
+            ends = np.full(3, apex)
+        expected = turned_back(trial[:, point], ends)
+        np.testing.assert_allclose(projection.stress[:, point], expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize("dilation", FLOWS)
+@pytest.mark.parametrize("hardening", [0.0, 0.1])
+@pytest.mark.parametrize("size", [4, 6])
+def test_conditions_hold_to_rounding(size, dilation, cut, hardening):
+    planes = coulomb(FRICTION, COHESION, tension=cut, dilation=dilation)
+    elasticity = isotropic(LAME, SHEAR, size)
+    planes = harden(planes, elasticity, hardening) if hardening else planes
+    law = PrincipalLaw(elasticity, planes)
+    trial = trials(size, 3000, spread=3.0)
+    before = np.random.default_rng(1).uniform(0, 0.1, (law.n_planes, trial.shape[1]))
+    projection = law.project(trial, before if hardening else None)
+    lam = np.zeros_like(before)
+    lam[:, projection.yielded] = projection.multipliers.T
+    excess = law.excess(projection.stress, lam + before if hardening else None)
+    assert projection.multipliers.min() >= 0.0
+    assert excess.max() < 1e-12 * np.abs(trial).max()
+    assert np.abs(excess * lam).max() < 1e-12 * np.abs(trial).max() * max(1.0, lam.max())
+    plastic = np.linalg.solve(elasticity, trial - projection.stress)
+    work = np.einsum("sm,sm->m", projection.stress, plastic)
+    # The plastic work of one step is what the planes take: k lam, and H (Lam + lam) lam on top.
+    limits = planes.distances[:, None]
+    limits = limits + planes.hardening @ (before + lam) if hardening else limits
+    if dilation is None or cut is not None:
+        expected = np.einsum("ym,ym->m", limits, lam)
+        if dilation is None:
+            np.testing.assert_allclose(work, expected, rtol=0, atol=1e-10 * work.max())
+    assert work.min() > -1e-12 * work.max()
+
+
+def test_stress_without_dilation_keeps_its_volume_but_at_the_apex():
+    law = PrincipalLaw(isotropic(LAME, SHEAR, 6), coulomb(FRICTION, COHESION, dilation=0.0))
+    trial = trials(6, 3000)
+    projection = law.project(trial)
+    apex = COHESION / np.tan(FRICTION)
+    below = trial[:3].mean(axis=0) < apex
+    change = (projection.stress - trial)[:3].sum(axis=0)
+    assert np.abs(change[below]).max() < 1e-12 * np.abs(trial).max()
+    ends = np.array([apex] * 3 + [0.0] * 3)[:, None]
+    np.testing.assert_allclose(
+        projection.stress[:, ~below], ends + 0 * trial[:, ~below], atol=1e-12
+    )
+    # The multiplier of the apex carries the plastic volume and so the dissipation k lam.
+    volume = 3 * (trial[:3].mean(axis=0) - apex) / (3 * LAME + 2 * SHEAR)
+    at_apex = ~below[projection.yielded]
+    np.testing.assert_allclose(
+        projection.multipliers[at_apex, 0],
+        (volume / (2 * np.sin(FRICTION)))[~below],
+        rtol=1e-9,
+    )
+    assert np.abs(projection.reduction[at_apex]).max() < 1e-12
+
+
+@pytest.mark.parametrize("size", [4, 6])
+def test_tangent_is_symmetric_and_semidefinite(size):
+    elasticity = isotropic(LAME, SHEAR, size)
+    law = PrincipalLaw(elasticity, coulomb(FRICTION, COHESION, tension=0.3))
+    tangent = law.project(trials(size, 3000)).reduction @ elasticity
+    assert np.abs(tangent - tangent.swapaxes(1, 2)).max() < 1e-9
+    assert np.linalg.eigvalsh(0.5 * (tangent + tangent.swapaxes(1, 2))).min() > -1e-9
+
+
+def slopes_case(dilation, cut, hardening):
+    """Planes of c, phi, psi, T and h, and their slopes by each."""
+
+    def planes(step, name):
+        def at(key, value):
+            return value + step if key == name else value
+
+        made = coulomb(
+            at("friction", FRICTION),
+            at("cohesion", COHESION),
+            tension=None if cut is None else at("tension", cut),
+            dilation=None if dilation is None else at("dilation", dilation),
+        )
+        matrix = at("hardening", hardening) * np.eye(len(made.normals))
+        return Planes(made.normals, made.distances, made.flow, matrix if hardening else None)
+
+    def slopes(name):
+        over, under = planes(1e-5, name), planes(-1e-5, name)
+
+        def by(one, two):
+            return None if one is None else (one - two) / 2e-5
+
+        return LawSlopes(
+            elasticity=None,
+            normals=by(over.normals, under.normals),
+            distances=by(over.distances, under.distances),
+            flow=by(over.flow, under.flow),
+            hardening=by(over.hardening, under.hardening),
+        )
+
+    return planes, slopes
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize("dilation", FLOWS)
+@pytest.mark.parametrize("hardening", [0.0, 0.4])
+@pytest.mark.parametrize("size", [4, 6])
+def test_slopes_are_those_of_central_differences(size, dilation, cut, hardening):
+    planes, slopes = slopes_case(dilation, cut, hardening)
+    rng = np.random.default_rng(3)
+    elasticity, stiffer = isotropic(LAME, SHEAR, size), isotropic(0.3, -0.4, size)
+    trial = 2.0 * rng.normal(size=(size, 400))
+    count = len(planes(0, "").normals)
+    before = rng.uniform(0, 0.2, (count, 400)) if hardening else None
+    moves = {"trial": rng.normal(size=trial.shape), "before": rng.normal(size=(count, 400))}
+    step = 1e-6
+
+    def at(name, h):
+        law = PrincipalLaw(
+            elasticity + (h * stiffer if name == "elasticity" else 0.0), planes(h, name)
+        )
+        moved = trial + (h * moves["trial"] if name == "trial" else 0.0)
+        history = None if before is None else before + (h * moves["before"] * (name == "before"))
+        projection = law.project(moved, history)
+        lam = np.zeros((count, 400))
+        lam[:, projection.yielded] = projection.multipliers.T
+        return projection.stress, lam, projection
+
+    base = at("", 0.0)[2]
+    points = base.yielded
+    # zz lies at the ends of the principal stresses and between them.
+    assert points.size > 300
+    names = ["elasticity", "trial", "friction", "cohesion"]
+    names += ["before", "hardening"] if hardening else []
+    names += [] if cut is None else ["tension"]
+    # The multipliers of the apex are another matter with the least dilation than with none.
+    names += [] if dilation is None or (dilation == 0.0 and cut is None) else ["dilation"]
+    for name in names:
+        law_slopes = LawSlopes(elasticity=stiffer) if name == "elasticity" else slopes(name)
+        trial_slope = (moves["trial"] * (name == "trial"))[:, points, None]
+        history = moves["before"][:, points, None] if name == "before" else None
+        found = base.slopes(trial_slope, [law_slopes], history)
+        over, under = at(name, step), at(name, -step)
+        for place in (0, 1):
+            expected = ((over[place] - under[place]) / (2 * step))[:, points]
+            error = np.abs(found[place][:, :, 0] - expected).max(axis=0)
+            assert error.max() < 1e-6 * max(1.0, np.abs(expected).max()), name
+
+
+@pytest.mark.parametrize("size", [4, 6])
+@pytest.mark.parametrize("dilation", FLOWS)
+def test_repeated_principal_values_have_the_tangent_of_their_limit(size, dilation):
+    law = PrincipalLaw(isotropic(LAME, SHEAR, size), coulomb(FRICTION, COHESION, dilation=dilation))
+    shears = [0.0] * (size - 3)
+    cases = np.array([[1.0, 1.0, -4.0], [1.0, -4.0, -4.0], [1.0, -4.0, 1.0], [-4.0, -4.0, 1.0]])
+    cases = np.concatenate([cases, cases + 1e-13 * np.arange(3)])
+    trial = np.array([[*case, *shears] for case in cases]).T
+    rng = np.random.default_rng(0)
+    found = law.project(trial).reduction
+    for _ in range(5):
+        change = rng.normal(size=trial.shape)
+        step = 1e-5
+        difference = law.project(trial + step * change).stress
+        difference = (difference - law.project(trial - step * change).stress) / (2 * step)
+        np.testing.assert_allclose(
+            np.einsum("qst,tq->sq", found, change), difference, rtol=0, atol=1e-6
+        )
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.1])
+def test_images_as_planes_of_the_stress_space_agree_on_principal_axes(hardening):
+    planes = coulomb(FRICTION, COHESION, tension=0.3)
+    elasticity = isotropic(LAME, SHEAR, 4)
+    planes = harden(planes, elasticity, hardening) if hardening else planes
+    normals, _, distances, owner = images(planes)
+    matrix = None if planes.hardening is None else planes.hardening[np.ix_(owner, owner)]
+    flat = Planes(np.column_stack([normals, np.zeros(len(normals))]), distances, hardening=matrix)
+    trial = trials(4, 500)
+    trial[3] = 0.0
+    np.testing.assert_allclose(
+        PrincipalLaw(elasticity, planes).project(trial).stress,
+        PolyhedralLaw(elasticity, flat).project(trial).stress,
+        rtol=0,
+        atol=1e-10,
+    )
+
+
+def test_planes_in_all_directions_come_near_the_smooth_surface():
+    # n sigma n over pairs of directions in the plane: tangent planes of the smooth surface.
+    planes = coulomb(FRICTION, COHESION)
+    elasticity = isotropic(LAME, SHEAR, 4)
+    trial = trials(4, 400)
+    law = PrincipalLaw(elasticity, planes)
+    smooth, reach = law.project(trial).stress, law.excess(trial)[0]
+    largest, smallest = planes.normals[0, 0], planes.normals[0, 2]
+
+    def error(count):
+        angle = np.pi * np.arange(count) / count
+        axes = [
+            np.array([np.cos(angle) ** 2, np.sin(angle) ** 2, 0 * angle, np.sin(2 * angle)]),
+            np.array([np.sin(angle) ** 2, np.cos(angle) ** 2, 0 * angle, -np.sin(2 * angle)]),
+            np.array([0 * angle, 0 * angle, 1 + 0 * angle, 0 * angle]),
+        ]
+        pairs = [(i, j) for i in range(3) for j in range(3) if i != j]
+        normals = np.hstack([largest * axes[i] + smallest * axes[j] for i, j in pairs]).T
+        law = PolyhedralLaw(elasticity, Planes(normals, np.full(len(normals), planes.distances[0])))
+        gap = reach - law.excess(trial).max(axis=0)
+        return np.abs(law.project(trial).stress - smooth).max(), np.abs(gap).max()
+
+    found = np.array([error(count) for count in (16, 32, 64)])
+    # A far stress goes to the nearest corner of the facets, half a facet off: first order. The
+    # surfaces themselves approach each other with the second.
+    assert found[-1, 0] < 0.1
+    assert np.all(found[:-1, 0] / found[1:, 0] > 1.8)
+    assert np.all(found[:-1, 1] / found[1:, 1] > 3.7)
+
+
+def test_a_law_is_refused_that_makes_no_sense():
+    elasticity = isotropic(LAME, SHEAR, 4)
+    with pytest.raises(ValueError, match="isotropic"):
+        PrincipalLaw(np.diag([1.0, 2.0, 3.0, 4.0]), coulomb(FRICTION, COHESION))
+    with pytest.raises(ValueError, match="descend"):
+        PrincipalLaw(elasticity, Planes(np.array([[0.0, 1.0, 0.0]]), np.ones(1)))
+    with pytest.raises(EmptyDomain, match="planes 1"):
+        PrincipalLaw(elasticity, coulomb(0.0, -1.0))

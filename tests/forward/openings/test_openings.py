@@ -1,0 +1,348 @@
+"""Closed forms of a circular opening, against integration of the equations and published values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from geoident.forward.openings.closed_forms import (
+    BeyondClosedForm,
+    Opening,
+    Rock,
+    State,
+    mohr_coulomb,
+)
+from geoident.forward.openings.divided_differences import exp_divided, log_divided
+from geoident.model.dual import Jet
+from tests.support.closed_forms import (
+    lame_cylinder,
+    plastic_sphere,
+    salencon_wall,
+    tresca_cylinder,
+)
+from tests.support.derivatives import assert_exact, richardson
+
+MPa = 1e6
+
+
+@dataclass(frozen=True)
+class Site:
+    """Numbers of a problem: SI, angles in rad, pressures positive in compression."""
+
+    E: float = 6.7776e9
+    nu: float = 0.21034
+    p0: float = 30 * MPa
+    z0: float = 30 * MPa
+    c: float = 3.45 * MPa
+    phi: float = np.pi / 6
+    psi: float = np.pi / 6
+    p: float = 0.0
+
+    def opening(self, radius: float = 1.0) -> Opening:
+        rock = Rock(*(number(x) for x in (self.E, self.nu, self.p0, self.z0)))
+        return Opening(radius, rock, mohr_coulomb(*map(number, (self.c, self.phi, self.psi))))
+
+    def state(self, radius: float = 1.0) -> State:
+        return self.opening(radius).under(number(self.p))
+
+
+def number(x: float) -> Jet:
+    return Jet(np.array([x]))
+
+
+SITES = {
+    "manual, associated": Site(),
+    "manual, psi = 0": Site(psi=0.0),
+    "dilation between": Site(psi=0.2, p=2 * MPa),
+    "no edge zone": Site(nu=0.45, c=8 * MPa),
+    "stiff out of the plane": Site(nu=0.05),
+    "nearly Tresca": Site(phi=1e-9, psi=1e-9, c=12 * MPa),
+    "Tresca": Site(phi=0.0, psi=0.0, c=12 * MPa),
+    "steep friction": Site(phi=0.9, psi=0.4, p=0.5 * MPa, c=0.3 * MPa),
+    "expansion": Site(p=120 * MPa),
+    "expansion with little dilation": Site(p=150 * MPa, psi=0.1),
+    "expansion of Tresca": Site(p=90 * MPa, phi=0.0, psi=0.0, c=12 * MPa),
+    "expansion to the edge": Site(p=120 * MPa, phi=0.2, psi=0.1),
+    "own stress out of the plane": Site(z0=26 * MPa),
+}
+
+
+def integrated(site: Site) -> tuple[float, np.ndarray, np.ndarray]:
+    """Plastic radius, radii and [sigma_r, sigma_t, sigma_z, u] by integrating from outside inwards.
+
+    Unknowns are sigma_r and u over ln r; the law is evaluated point by point: elastic trial out of
+    the plane, and sigma_z brought back to sigma_t if it is beyond. Written without any formula of
+    the program, in the strains of each principal direction.
+    """
+    sense = 1.0 if site.p < site.p0 else -1.0  # contraction, expansion
+    N, K = ((1 + np.sin(x)) / (1 - np.sin(x)) for x in (site.phi, site.psi))
+    Y = 2 * site.c * np.cos(site.phi) / (1 - np.sin(site.phi))
+    G = site.E / (2 * (1 + site.nu))
+
+    def stresses(radial: float) -> tuple[float, float, float]:
+        hoop = N * radial + Y if sense > 0 else (radial - Y) / N
+        axial = site.z0 + site.nu * (radial + hoop - 2 * site.p0)
+        return radial, hoop, axial if sense * (hoop - axial) > 0 else hoop
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        sigma = np.array(stresses(y[0]))
+        change = sigma - [site.p0, site.p0, site.z0]
+        e = ((1 + site.nu) * change - site.nu * change.sum()) / site.E
+        plastic_hoop, plastic_axial = -y[1] / y[2] - e[1], -e[2]
+        # all that flows along the hoop and the axis is paid for radially
+        plastic_radial = -(plastic_hoop + plastic_axial) * (K if sense > 0 else 1 / K)
+        return [sigma[1] - sigma[0], -y[2] * (e[0] + plastic_radial), y[2]]
+
+    edge = (2 * site.p0 - Y) / (N + 1) if sense > 0 else (2 * N * site.p0 + Y) / (N + 1)
+    start = [edge, (edge - site.p0) / (2 * G), 1.0]
+
+    def wall(_: float, y: np.ndarray) -> float:
+        return float(y[0] - site.p)
+
+    wall.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(rates, (0.0, -8.0), start, rtol=1e-12, atol=1e-12, events=wall)
+    radii = found.y[2]
+    table = np.array([[*stresses(s), u] for s, u in found.y[:2].T])
+    table[:, 3] /= radii[-1]
+    return 1.0 / radii[-1], radii / radii[-1], table
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_solution_is_that_of_the_differential_equations(name: str) -> None:
+    site = SITES[name]
+    R, r, table = integrated(site)
+    state = site.state()
+    r = np.maximum(r, 1.0)
+    assert state.plastic_radius is not None
+    assert float(state.plastic_radius.value) == pytest.approx(R, rel=1e-8)
+    for jet, column in zip(state.stresses(r), table.T, strict=False):
+        np.testing.assert_allclose(jet.value, column, atol=1e-7 * site.p0)
+    scale = np.abs(table[:, 3]).max()
+    np.testing.assert_allclose(state.displacement(r).value, table[:, 3], atol=1e-7 * scale)
+
+
+def test_sites_reach_the_edge_zone_and_stay_clear_of_it() -> None:
+    assert SITES["manual, associated"].state().edge_radius is not None
+    assert SITES["no edge zone"].state().edge_radius is None
+    assert SITES["expansion"].state().edge_radius is None
+    assert SITES["expansion to the edge"].state().edge_radius is not None
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_plastic_multipliers_are_never_negative(name: str) -> None:
+    """What flows along the hoop and the axis has the sign of the plane that is active there."""
+    site, state = SITES[name], SITES[name].state()
+    assert state.plastic_radius is not None
+    r = np.linspace(1.0, 0.999 * float(state.plastic_radius.value), 40)
+    sigma = np.stack([jet.value for jet in state.stresses(r)])
+    change = sigma - np.array([site.p0, site.p0, site.z0])[:, None]
+    e = ((1 + site.nu) * change - site.nu * change.sum(axis=0)) / site.E
+    sense = 1.0 if site.p < site.p0 else -1.0
+    assert np.all(sense * (-state.displacement(r).value / r - e[1]) > 0)
+    assert np.all(sense * -e[2] > -1e-12)
+
+
+@pytest.mark.parametrize("psi", [0.0, 30.0])
+def test_example_of_the_manuals(psi: float) -> None:
+    """FLAC, RS2 and 3DEC verify with a = 1 m, p0 = 30 MPa, c = 3.45 MPa, phi = 30 degrees.
+
+    They print R = 1.734 m and sigma_R = 12.013 MPa. Their wall displacement is Salencon's.
+    """
+    site = Site(psi=np.deg2rad(psi))
+    state, given = site.state(), {"c": site.c, "phi": site.phi, "psi": site.psi}
+    R, wall = salencon_wall(pressure=site.p0, inner=0.0, E=site.E, nu=site.nu, **given)
+    assert state.plastic_radius is not None
+    assert state.edge_radius is not None
+    assert float(state.plastic_radius.value) == pytest.approx(1.734, abs=1.1e-3)
+    assert float(state.plastic_radius.value) == pytest.approx(R, rel=1e-12)
+    assert state.opening.critical is not None
+    assert float(state.opening.critical[0].value) == pytest.approx(12.013 * MPa, rel=2e-4)
+    ours = -float(state.displacement(np.array([1.0])).value[0])
+    assert 1.005 < ours / wall < 1.02  # the edge zone, which Salencon leaves out
+
+
+def test_salencons_displacement_where_the_axial_stress_is_in_the_middle() -> None:
+    site = replace(SITES["no edge zone"], psi=0.3)
+    given = {"c": site.c, "phi": site.phi, "psi": site.psi}
+    _, wall = salencon_wall(pressure=site.p0, inner=0.0, E=site.E, nu=site.nu, **given)
+    found = site.state(2.5).displacement(np.array([2.5])).value[0]
+    assert found == pytest.approx(-2.5 * wall, rel=1e-12)
+
+
+def test_elastic_ground_moves_as_lames_cylinder() -> None:
+    site = Site(p=45 * MPa, c=1e12)
+    r = np.array([2.0, 3.0, 10.0])
+    thick = lame_cylinder(r, inner=2.0, outer=1e6, pressure=site.p - site.p0, E=site.E, nu=site.nu)
+    np.testing.assert_allclose(site.state(2.0).displacement(r).value, thick, rtol=1e-9)
+
+
+def test_yielding_begins_continuously() -> None:
+    site = Site()
+    below, above = site.opening().critical or pytest.fail("there is a limit")
+    for critical in (float(below.value), float(above.value)):
+        r = np.array([1.0, 1.5])
+        elastic, plastic = (
+            replace(site, p=critical * (1 + s)).state().displacement(r).value for s in (-1e-9, 1e-9)
+        )
+        np.testing.assert_allclose(elastic, plastic, rtol=1e-7)
+
+
+def test_tresca_is_the_limit_of_small_friction() -> None:
+    r = np.array([1.0, 1.3, 4.0])
+    tresca, near = SITES["Tresca"], SITES["nearly Tresca"]
+    found = tresca.state().displacement(r).value
+    np.testing.assert_allclose(found, near.state().displacement(r).value, rtol=1e-7)
+    # sigma_r = 2 c ln(r / a): the edge of the plastic zone
+    R = np.exp((tresca.p0 - tresca.c) / (2 * tresca.c))
+    assert float(tresca.state().plastic_radius.value) == pytest.approx(R, rel=1e-12)
+
+
+def test_edge_of_hills_cylinder_is_that_of_the_opening() -> None:
+    """A very thick cylinder under inner pressure, and an opening in ground free of stress."""
+    site = Site(phi=0.0, psi=0.0, p0=0.0, z0=0.0, c=1 * MPa, nu=0.49999)
+    pressure, _ = tresca_cylinder(inner=1.0, outer=1e5, edge=3.0, c=site.c, E=site.E, nu=site.nu)
+    found = replace(site, p=pressure).state()
+    assert float(found.plastic_radius.value) == pytest.approx(3.0, rel=1e-6)
+
+
+def test_limit_pressure_of_hills_cylinder() -> None:
+    pressure, _ = tresca_cylinder(inner=1.0, outer=2.0, edge=2.0, c=MPa, E=1e9, nu=0.3)
+    assert pressure == pytest.approx(2 * MPa * np.log(2.0))
+
+
+@pytest.mark.parametrize(("phi", "psi"), [(0.5, 0.5), (0.5, 0.0), (1e-6, 1e-6)])
+def test_sphere_is_that_of_the_differential_equations(phi: float, psi: float) -> None:
+    site = Site(phi=phi, psi=psi, c=5 * MPa)
+    N, K = ((1 + np.sin(x)) / (1 - np.sin(x)) for x in (phi, psi))
+    Y, G = 2 * site.c * np.sqrt(N), site.E / (2 * (1 + site.nu))
+    given = {"radius": 1.0, "pressure": site.p0, "inner": 0.0, "E": site.E, "nu": site.nu}
+    R, _ = plastic_sphere(np.ones(1), c=site.c, phi=phi, psi=psi, **given)
+    edge = (3 * site.p0 - 2 * Y) / (1 + 2 * N)
+
+    def rates(r: float, y: np.ndarray) -> list[float]:
+        hoop = N * y[0] + Y
+        e_r = (y[0] - site.p0 - 2 * site.nu * (hoop - site.p0)) / site.E
+        e_t = ((1 - site.nu) * (hoop - site.p0) - site.nu * (y[0] - site.p0)) / site.E
+        flow = -2 * K * (-y[1] / r - e_t)
+        return [2 * (hoop - y[0]) / r, -(e_r + flow)]
+
+    start = [edge, (edge - site.p0) * R / (4 * G)]
+    found = solve_ivp(rates, (R, 1.0), start, rtol=1e-11, atol=1e-13, dense_output=True)
+    assert abs(found.y[0, -1]) < 1e-6 * site.p0
+    r = np.linspace(1.0, R, 7)
+    _, ours = plastic_sphere(r, c=site.c, phi=phi, psi=psi, **given)
+    np.testing.assert_allclose(ours, found.sol(r)[1], rtol=1e-6)
+
+
+def test_elastic_unloading_and_reloading() -> None:
+    site, r = Site(), np.array([1.0, 1.5, 6.0])
+    pressures = [number(x * MPa) for x in (2.0, 6.0, 2.0, 1.0)]
+    states = list(site.opening().history(pressures))
+    first, back, again, further = (state.displacement(r).value for state in states)
+    G = site.E / (2 * (1 + site.nu))
+    np.testing.assert_allclose(back - first, 4 * MPa / (2 * G * r), rtol=1e-12)
+    np.testing.assert_allclose(again, first, rtol=1e-14)
+    np.testing.assert_allclose(further, replace(site, p=MPa).state().displacement(r).value)
+    radial, hoop, _ = states[1].stresses(r)
+    assert float(radial.value[0]) == pytest.approx(6 * MPa)
+    N, Y = 3.0, 2 * site.c * np.sqrt(3.0)
+    assert float(hoop.value[0]) == pytest.approx(N * 2 * MPa + Y - 4 * MPa)
+
+
+def test_elastic_path_forgets_nothing_and_keeps_nothing() -> None:
+    states = Site(c=40 * MPa).opening().history([number(0.0), number(40 * MPa), number(0.0)])
+    first, _, last = (state.displacement(np.ones(1)).value for state in states)
+    np.testing.assert_allclose(first, last, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("site", "pressures", "words"),
+    [
+        (Site(c=0.0), (0.0,), "cannot carry"),
+        (Site(), (0.0, 40.0), "in contraction and in expansion"),
+        (Site(z0=70 * MPa), (0.0,), "out of the plane"),
+        (Site(z0=1 * MPa), (0.0,), "out of the plane"),
+        (Site(z0=200 * MPa), (29.0,), "out of the plane"),
+    ],
+)
+def test_what_the_closed_form_does_not_cover(
+    site: Site, pressures: tuple[float, ...], words: str
+) -> None:
+    with pytest.raises(BeyondClosedForm, match=words):
+        list(site.opening().history([number(p * MPa) for p in pressures]))
+
+
+class _Displacements:
+    """Displacements as a response in E, nu, p0, z0, c, phi, psi, p."""
+
+    def __init__(self, radii: tuple[float, ...]) -> None:
+        self._radii = np.array(radii)
+
+    def readings(self, p: np.ndarray) -> np.ndarray:
+        return self._jet(p).value
+
+    def evaluate(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        columns = self._jet(p).columns
+        return columns[:, 0], columns[:, 1:]
+
+    def _jet(self, p: np.ndarray) -> Jet:
+        E, nu, p0, z0, c, phi, psi, inner = (
+            Jet(np.concatenate([[x], row])) for x, row in zip(p, np.eye(8), strict=True)
+        )
+        opening = Opening(1.0, Rock(E, nu, p0, z0), mohr_coulomb(c, phi, psi))
+        return opening.under(inner).displacement(self._radii)
+
+
+NAMES = ("E", "nu", "p0", "z0", "c", "phi", "psi", "p")
+
+
+@pytest.mark.parametrize(
+    "site",
+    [
+        Site(p=3 * MPa, psi=0.2),
+        Site(nu=0.45, c=8 * MPa, p=0.1 * MPa, psi=0.3),
+        Site(p=120 * MPa, psi=0.2),
+        Site(p=120 * MPa, phi=0.2, psi=0.1),
+        Site(phi=0.02, psi=0.01, c=12 * MPa, p=1 * MPa),
+    ],
+)
+def test_derivatives_are_exact(site: Site) -> None:
+    p = np.array([getattr(site, name) for name in NAMES])
+    response = _Displacements((1.0, 1.2, 1.5, 2.0, 8.0))
+    if site.state().edge_radius is not None:  # else z0 acts on nothing
+        assert_exact(response, p, NAMES)
+        return
+    _, jacobian = response.evaluate(p)
+    for k, name in enumerate(NAMES):
+        numeric = richardson(response.readings, p, k, 2e-3 * p[k])
+        scale = np.abs(jacobian[:, k]).max()
+        np.testing.assert_allclose(jacobian[:, k], numeric, atol=1e-7 * scale, err_msg=name)
+
+
+def test_derivatives_by_the_angles_where_they_are_zero() -> None:
+    """Tresca: the quotients by N - 1 are smooth there, seen by one-sided differences."""
+    p = np.array([6.8e9, 0.2, 30 * MPa, 30 * MPa, 12 * MPa, 0.0, 0.0, 1 * MPa])
+    response = _Displacements((1.0, 1.3, 4.0))
+    v, jacobian = response.evaluate(p)
+    for k in (5, 6):
+        h = 1e-4 * np.eye(8)[k]
+        numeric = (-3 * v + 4 * response.readings(p + h) - response.readings(p + 2 * h)) / 2e-4
+        scale = np.abs(jacobian[:, k]).max()
+        np.testing.assert_allclose(jacobian[:, k], numeric, atol=1e-5 * scale)
+
+
+def test_divided_differences_against_their_definition() -> None:
+    a, b = Jet(np.array([-1.3, 1.0, 0.0])), Jet(np.array([0.7, 0.0, 1.0]))
+    first, second = (np.expm1(x) / x for x in (-1.3, 0.7))
+    both = exp_divided(a, b)
+    assert float(both.value) == pytest.approx((second - first) / 2.0, rel=1e-13)
+    assert float(exp_divided(b).value) == pytest.approx(second, rel=1e-14)
+    for x in (-0.6, -1e-12, 0.0, 1e-9, 0.4999, 0.5001, 7.0):
+        jet = log_divided(Jet(np.array([x, 1.0])))
+        exact = np.log1p(x) / x if x else 1.0
+        assert float(jet.value) == pytest.approx(exact, rel=1e-14)
+    near, far = (log_divided(Jet(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
+    assert near == pytest.approx(far, rel=1e-10)

@@ -1,0 +1,310 @@
+"""Yield planes against the smooth surfaces that they stand for, and their derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from support.derivatives import richardson
+
+from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.yielding.laws import facets_of, law_slopes, plane_names, yield_law
+from geoident.model.case import Material
+from geoident.model.dual import Point
+from geoident.model.ground import Attitude, Axes, Isotropic
+from geoident.model.parameter import Scalar
+from geoident.model.yielding import (
+    DruckerPrager,
+    GivenPlanes,
+    MohrCoulomb,
+    WeakPlane,
+    YieldPlane,
+    YieldSurface,
+)
+
+ROCK = Isotropic(Scalar(1.0, "E"), Scalar(0.25))
+VALUES = {
+    "E": 9e9,
+    "c": 1e6,
+    "phi": 0.6,
+    "psi": 0.3,
+    "T": 3e5,
+    "k": 2e6,
+    "h": 1e8,
+    "dip": 0.7,
+    "direction": 1.1,
+}
+FITS = ("inscribed", "best", "circumscribed")
+
+
+def tied(name):
+    return Scalar(1.0, name)
+
+
+def planes_of(*surfaces: YieldSurface, n_strain: int = 4, values=VALUES):
+    rock = Material("rock", ROCK, yields=surfaces)
+    return facets_of(rock, Point(values, ()), n_strain).planes()
+
+
+def stresses(n_strain, count=20_000):
+    draw = np.random.default_rng(3)
+    stress = 1e6 * draw.normal(size=(n_strain, count))
+    stress[:3] -= 2e6 * draw.uniform(size=count)
+    return stress
+
+
+def principal(stress):
+    """Principal stresses (m, 3), ascending."""
+    tensor = np.zeros((stress.shape[1], 3, 3))
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+    for component, (i, j) in zip(stress, pairs, strict=False):
+        tensor[:, i, j] = tensor[:, j, i] = component
+    return np.linalg.eigvalsh(tensor)
+
+
+def coulomb(stress, c=1e6, phi=0.6):
+    low, _, high = principal(stress).T
+    return (1 + sin(phi)) * high - (1 - sin(phi)) * low - 2 * c * cos(phi)
+
+
+def drucker(stress, alpha, k):
+    main = principal(stress)
+    mean = main.mean(axis=1)
+    return 3 * alpha * mean + np.sqrt(0.5 * ((main - mean[:, None]) ** 2).sum(axis=1)) - k
+
+
+def excess(planes, stress):
+    return (planes.normals @ stress - planes.distances[:, None]).max(axis=0)
+
+
+SMOOTH = {
+    "mohr-coulomb": (MohrCoulomb(tied("c"), tied("phi"), planes=48), coulomb),
+    "tresca": (
+        MohrCoulomb(Scalar(1.5e6), Scalar(0.0), planes=48),
+        lambda stress: coulomb(stress, c=1.5e6, phi=0.0),
+    ),
+    "cut-off": (
+        MohrCoulomb(tied("c"), tied("phi"), tension=tied("T"), planes=48),
+        lambda stress: np.maximum(coulomb(stress), principal(stress)[:, 2] - 3e5),
+    ),
+    "drucker-prager": (
+        DruckerPrager(tied("c"), tied("phi"), "outer", planes=48),
+        lambda stress: drucker(
+            stress,
+            2 * sin(0.6) / (sqrt(3) * (3 - sin(0.6))),
+            6e6 * cos(0.6) / (sqrt(3) * (3 - sin(0.6))),
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("n_strain", [4, 6])
+@pytest.mark.parametrize("name", SMOOTH)
+def test_inscribed_lies_inside_circumscribed_outside_and_best_between(name, n_strain):
+    surface, smooth = SMOOTH[name]
+    surface = replace(surface, planes=16 if n_strain == 4 else 48)
+    stress = stresses(n_strain)
+    beyond = smooth(stress) > 1.0
+    outside = {
+        fit: excess(planes_of(replace(surface, fit=fit), n_strain=n_strain), stress) > 0
+        for fit in FITS
+    }
+    assert 0.1 < beyond.mean() < 0.9
+    assert not np.any(beyond & ~outside["inscribed"])
+    assert not np.any(~beyond & outside["circumscribed"])
+    assert np.any(~beyond & outside["best"])
+    assert np.any(beyond & ~outside["best"])
+
+
+def reach(planes, deviators, pressure=1e6):
+    """How far the deviators (s, m) can be added to a pressure."""
+    rising = planes.normals @ deviators
+    left = planes.distances + pressure * planes.normals[:, :3].sum(axis=1)
+    return 1 / (rising / left[:, None]).max(axis=0)
+
+
+def misfit(surface, n_strain):
+    """Mean difference of what the polyhedron bears, relative to Mohr-Coulomb."""
+    deviators = np.random.default_rng(5).normal(size=(n_strain, 4000))
+    deviators[:3] -= deviators[:3].mean(axis=0)
+    low, _, high = principal(deviators).T
+    exact = 2 * (1e6 * cos(0.6) + 1e6 * sin(0.6)) / ((1 + sin(0.6)) * high - (1 - sin(0.6)) * low)
+    return np.abs(reach(planes_of(surface, n_strain=n_strain), deviators) / exact - 1).mean()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 0.6])
+def test_the_worst_deviators_just_touch_what_is_inscribed_in_a_solid(friction):
+    axes = np.linalg.qr(np.random.default_rng(6).normal(size=(40_000, 3, 3)))[0]
+    tensor = axes @ np.diag([1.0, 0.0, -1.0]) @ axes.transpose(0, 2, 1)
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+    deviators = np.stack([tensor[:, i, j] for i, j in pairs])
+    surface = MohrCoulomb(tied("c"), Scalar(friction), planes=108, fit="inscribed")
+    exact = 1e6 * (cos(friction) + sin(friction))  # half the difference of 1 and -1 is 1
+    borne = reach(planes_of(surface, n_strain=6), deviators) / exact
+    assert 0.95 < borne.max() < 1.0
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_polygons_converge_with_the_square_of_their_sides(fit):
+    surface = MohrCoulomb(tied("c"), tied("phi"), fit=fit)
+    wrong = [misfit(replace(surface, planes=sides), 4) for sides in (8, 16, 32, 64)]
+    np.testing.assert_allclose(np.log2(np.array(wrong[:-1]) / wrong[1:]), 2.0, atol=0.15)
+    assert wrong[1] < 0.02
+
+
+def test_planes_in_a_solid_converge_as_frames_fill_the_rotations():
+    surface = MohrCoulomb(tied("c"), tied("phi"))
+    wrong = [misfit(replace(surface, planes=planes), 6) for planes in (60, 480)]
+    assert np.log2(wrong[0] / wrong[1]) == pytest.approx(2.0, abs=0.3)  # y^(-2/3): a quarter
+
+
+def test_normals_have_unit_length():
+    for surface, _ in SMOOTH.values():
+        for n_strain in (4, 6):
+            normals = planes_of(surface, n_strain=n_strain).normals
+            np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-14)
+
+
+def test_a_weak_plane_in_a_section_is_coulomb_on_it():
+    stress = stresses(4)
+    for dip in (0.0, 0.3, 0.7, pi / 2):
+        surface = WeakPlane(Attitude(Scalar(dip), Scalar(pi / 2)), tied("c"), tied("phi"))
+        xx, yy, _, xy = stress
+        normal = xx * sin(dip) ** 2 + yy * cos(dip) ** 2 + xy * sin(2 * dip)  # falls towards +x
+        slip = (yy - xx) * sin(dip) * cos(dip) - xy * cos(2 * dip)
+        psi = np.abs(slip) + normal * tan(0.6) - 1e6
+        planes = planes_of(surface)
+        assert len(planes.normals) == 2
+        found = excess(planes, stress)
+        np.testing.assert_array_equal(found > 0, psi > 0)
+
+
+def test_a_weak_plane_in_a_solid_opens_and_slides():
+    flat = WeakPlane(
+        Attitude(Scalar(0.0), Scalar(0.0)), tied("c"), tied("phi"), tied("T"), planes=64
+    )
+    tilted = replace(flat, frame=Axes((0.0, 0.6, 0.8), (1.0, 0.0, 0.0)))  # normal (0, 0.8, -0.6)
+    stress = stresses(6)
+    tensor = np.zeros((3, 3, stress.shape[1]))
+    for component, (i, j) in zip(
+        stress, ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)), strict=True
+    ):
+        tensor[i, j] = tensor[j, i] = component
+    for surface, normal in ((flat, [0.0, 0.0, 1.0]), (tilted, [0.0, 0.8, -0.6])):
+        traction = np.einsum("ijm,j->im", tensor, normal)
+        pull = np.array(normal) @ traction
+        slide = np.linalg.norm(traction - np.outer(normal, pull), axis=0)
+        psi = np.maximum(slide + pull * tan(0.6) - 1e6, pull - 3e5)
+        sure = np.abs(psi) > 2e-3 * np.abs(stress).max(axis=0)
+        found = excess(planes_of(surface, n_strain=6), stress)
+        np.testing.assert_array_equal(found[sure] > 0, psi[sure] > 0)
+
+
+def test_drucker_prager_meets_mohr_coulomb_where_it_says():
+    phi, c = 0.6, 1e6
+    fine = {
+        match: planes_of(DruckerPrager(tied("c"), tied("phi"), match, planes=2000, fit="best"))
+        for match in ("outer", "inner", "plane-strain")
+    }
+    compression = np.array([[1.0], [1.0], [-2.0], [0.0]])  # axial
+    edges = {"outer": compression, "inner": -compression}
+    for match, deviator in edges.items():
+        low, _, high = principal(deviator)[0]
+        exact = 2 * (c * cos(phi) + c * sin(phi)) / ((1 + sin(phi)) * high - (1 - sin(phi)) * low)
+        assert reach(fine[match], deviator)[0] == pytest.approx(exact, rel=2e-3)
+    # In plane strain associated flow lets the stress out of plane settle where most is borne.
+    mean, radius = -1e6, []
+    for axial in np.linspace(-3e6, 0.0, 301):
+        left = fine["plane-strain"].distances - fine["plane-strain"].normals[:, :3] @ [
+            mean,
+            mean,
+            axial,
+        ]
+        radius.append(1 / (fine["plane-strain"].normals @ [1.0, -1.0, 0.0, 0.0] / left).max())
+    assert max(radius) == pytest.approx(c * cos(phi) - mean * sin(phi), rel=3e-3)
+
+
+LIMITED: dict[str, tuple[YieldSurface, ...]] = {
+    "given": (
+        GivenPlanes(
+            (
+                YieldPlane("a", (0.6, 0.0, 0.0, 0.8, 0.0, 0.0), tied("k")),
+                YieldPlane("b", (0.0, -1.0, 0.0, 0.0, 0.0, 0.0), Scalar(2.0, "k")),
+            ),
+            hardening=tied("h"),
+        ),
+    ),
+    "smooth": (MohrCoulomb(tied("c"), tied("phi"), tied("psi"), tied("T")),),
+    "smooth, associated": (MohrCoulomb(tied("c"), tied("phi")),),
+    "polyhedra": (
+        MohrCoulomb(tied("c"), tied("phi"), tension=tied("T"), planes=8, fit="inscribed"),
+        DruckerPrager(tied("c"), tied("phi"), "outer", tied("T"), 12),
+        DruckerPrager(tied("c"), tied("phi"), "inner", planes=12),
+        DruckerPrager(tied("c"), Scalar(1.2, "phi"), "plane-strain"),
+        WeakPlane(Attitude(tied("dip"), tied("direction")), tied("c"), tied("phi"), tied("T")),
+    ),
+}
+SOME = {
+    "given": ("k", "h"),
+    "smooth": ("c", "phi", "psi", "T"),
+    "smooth, associated": ("c", "phi"),
+    "polyhedra": ("c", "phi", "T", "dip", "direction"),
+}
+
+
+PARTS = ("normals", "distances", "flow", "hardening")
+
+
+@pytest.mark.parametrize("n_strain", [4, 6])
+@pytest.mark.parametrize("name", LIMITED)
+def test_slopes_agree_with_differences(name, n_strain):
+    rock = Material("rock", ROCK, yields=LIMITED[name])
+    slopes = law_slopes(rock, VALUES, tuple(VALUES), n_strain)
+    assert set(slopes) == {"E", *SOME[name]}
+    here = parts_of(rock, VALUES, n_strain)
+    for parameter, found in slopes.items():
+        numeric = richardson(
+            lambda p, name=parameter: stretched(parts_of(rock, {**VALUES, name: p[0]}, n_strain)),
+            np.array([VALUES[parameter]]),
+            0,
+            1e-2 * VALUES[parameter],
+        )
+        at = 0
+        for part, size in here.items():
+            exact = getattr(found, part)
+            exact = np.zeros(size.size) if exact is None else exact.ravel()
+            scale = np.abs(size).max() / VALUES[parameter]
+            np.testing.assert_allclose(
+                exact, numeric[at : at + size.size], rtol=1e-6, atol=1e-8 * scale
+            )
+            at += size.size
+
+
+def parts_of(material, values, n_strain):
+    """What a law is made of, by the names of its slopes."""
+    law = yield_law(material, values, elasticity(material, values, n_strain))
+    found = {part: getattr(law.planes, part) for part in PARTS}
+    return {part: array for part, array in found.items() if array is not None}
+
+
+def stretched(parts):
+    return np.concatenate([array.ravel() for array in parts.values()])
+
+
+def test_every_plane_has_its_own_name():
+    for surfaces in LIMITED.values():
+        for n_strain in (4, 6):
+            rock = Material("rock", ROCK, yields=surfaces)
+            names = plane_names(rock, n_strain)
+            law = yield_law(rock, VALUES, elasticity(rock, VALUES, n_strain))
+            assert len(names) == law.n_planes
+            assert len(set(names)) == len(names)
+    assert plane_names(Material("steel", ROCK), 4) == ()
+
+
+def test_what_does_not_yield_has_no_law():
+    steel = Material("steel", ROCK)
+    assert yield_law(steel, VALUES, elasticity(steel, VALUES, 4)) is None
+    assert law_slopes(steel, VALUES, ("E",), 4) == {}

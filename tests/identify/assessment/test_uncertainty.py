@@ -1,0 +1,215 @@
+import numpy as np
+import pytest
+
+from geoident.identify.assessment.directions import join
+from geoident.identify.assessment.spectrum import sparse_basis
+from geoident.identify.assessment.uncertainty import NORMAL_95, assess, predict_band
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.problem import Problem
+from geoident.model.methods import GaussNewtonOptions
+from geoident.model.parameter import Parameter, Prior
+
+G = 6
+SHAPE = np.linspace(1.0, 2.0, G)
+VALUES = np.array([15e9, 8e6, 1.0, 0.25])
+NAMES = ("E", "sigma_v", "K0", "nu")
+
+
+def tunnel(p):
+    """Readings of an elastic ground: only sigma_v / E and K0 are seen, nu is not."""
+    return SHAPE * p[1] / p[0] * (1.0 + np.linspace(-0.3, 0.5, len(SHAPE)) * p[2])
+
+
+def parameters(prior=None):
+    return (
+        Parameter("E", 15e9, 2e9, 80e9, "log"),
+        Parameter("sigma_v", 8e6, 2e6, 20e6, prior=prior),
+        Parameter("K0", 1.0, 0.3, 3.0),
+        Parameter("nu", 0.25, 0.05, 0.45),
+    )
+
+
+@pytest.fixture
+def assessed(make_problem):
+    def make(prior=None, values=VALUES):
+        v = tunnel(values)
+        problem = make_problem(tunnel, parameters(prior), v, 0.01 * v.mean())
+        return problem, assess(problem, values, problem.response.evaluate(values)[1])
+
+    return make
+
+
+# Against closed forms
+
+
+def linear(rng, n=3, g=7, prior=None):
+    A, s = rng.normal(size=(g, n)), rng.uniform(0.1, 0.3, g)
+    q = tuple(Parameter(f"x{i}", 1.0, -100.0, 100.0, prior=prior) for i in range(n))
+    return A, s, q
+
+
+@pytest.mark.parametrize("prior", [None, Prior(0.5, 0.4)])
+def test_covariance_of_a_linear_model_is_that_of_bayesian_regression(prior):
+    A, s, q = linear(np.random.default_rng(1), prior=prior)
+    found = assess(Problem(None, np.zeros(7), s, q), np.ones(3), A)
+    precision = A.T @ np.diag(s**-2) @ A + (np.eye(3) / 0.16 if prior else 0.0)
+    expected = np.linalg.inv(precision)
+    sd = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-10)
+    np.testing.assert_allclose(found.sd, sd, rtol=1e-10)
+    np.testing.assert_allclose(found.correlation, expected / np.outer(sd, sd), rtol=1e-10)
+    np.testing.assert_allclose(found.upper95 - found.lower95, 2 * NORMAL_95 * sd, rtol=1e-10)
+    later = np.random.default_rng(2).normal(size=(2, 3))
+    band = predict_band(found, later, np.array([0.1, 0.2]))
+    variance = np.diag(later @ expected @ later.T) + np.array([0.1, 0.2]) ** 2
+    np.testing.assert_allclose(band, np.sqrt(variance), rtol=1e-10)
+
+
+def test_the_scale_of_a_parameter_changes_its_interval_but_not_its_standard_deviation():
+    s, jacobian, value = np.array([0.1]), np.array([[1.0]]), np.array([1.0])
+    log, lin = (
+        assess(Problem(None, np.zeros(1), s, (Parameter("E", 1.0, 0.01, 9.0, k),)), value, jacobian)
+        for k in ("log", "linear")
+    )
+    np.testing.assert_allclose(log.sd, lin.sd, rtol=1e-12)
+    np.testing.assert_allclose(lin.lower95, 1.0 - 0.1959964)
+    np.testing.assert_allclose([log.lower95, log.upper95], np.exp([[-0.1959964], [0.1959964]]))
+
+
+def test_an_interval_beyond_a_bound_is_flagged_and_not_cut():
+    q = (Parameter("K0", 0.4, 0.3, 3.0),)
+    found = assess(Problem(None, np.zeros(1), np.array([0.1]), q), np.array([0.4]), np.ones((1, 1)))
+    assert found.beyond_bounds.tolist() == [True]
+    np.testing.assert_allclose(found.lower95, 0.4 - 0.1959964)
+
+
+def test_intervals_hold_the_truth_in_95_of_100_replicates(make_problem):
+    t = np.linspace(0.2, 3.0, 12)
+    true, s = np.array([2.0, 1.0]), 0.02
+
+    def decay(p):
+        return p[0] * np.exp(-p[1] * t)
+
+    rng = np.random.default_rng(5)
+    q = (Parameter("a", 1.5, 0.1, 10.0, "log"), Parameter("k", 1.5, 0.1, 10.0, "log"))
+    inside = np.zeros(2)
+    for _ in range(1000):
+        problem = make_problem(decay, q, decay(true) + s * rng.normal(size=12), s)
+        values = gauss_newton(problem, GaussNewtonOptions(), lambda it: None).values
+        found = assess(problem, values, problem.response.evaluate(values)[1])
+        inside += (found.lower95 <= true) & (true <= found.upper95)
+    # four standard deviations of a binomial proportion
+    np.testing.assert_allclose(inside / 1000.0, 0.95, atol=4.0 * np.sqrt(0.95 * 0.05 / 1000.0))
+
+
+# What is not determined
+
+
+def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(assessed):
+    _, found = assessed()
+    assert found.determined.tolist() == [False, False, True, False]
+    assert np.isnan(found.sd).tolist() == [True, True, False, True]
+    gap = next(text for text in found.findings if "E and sigma_v scale together" in text)
+    assert "sigma_v / E is determined: 0.0005333" in gap
+    assert "The readings do not determine nu." in found.findings
+    assert len(found.findings) == 2
+
+
+def test_a_determined_parameter_keeps_its_number_whatever_others_lack(assessed, make_problem):
+    problem, found = assessed()
+    J = problem.response.evaluate(VALUES)[1]
+    columns = J[:, [0, 2]] / problem.sd[:, None]
+    alone = np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1])
+    np.testing.assert_allclose(found.sd[2], alone, rtol=1e-9)
+
+
+def test_a_prior_separates_what_the_readings_do_not(assessed):
+    _, found = assessed(Prior(8e6, 1e6))
+    assert found.determined.tolist() == [True, False, True, False]
+    assert found.sd[0] == pytest.approx(15e9 / 8.0, rel=1e-2)
+    text = " ".join(found.findings)
+    assert "E and sigma_v scale together; only the prior of sigma_v separates them" in text
+    assert "sigma_v is known only from its prior" in text
+
+
+def test_a_parameter_of_which_only_the_prior_tells_is_not_determined():
+    q = (
+        Parameter("E", 1.0, 0.1, 10.0, "log"),
+        Parameter("nu", 0.25, 0.0, 0.5, prior=Prior(0.25, 0.02)),
+    )
+    J = np.array([[1.0, 0.0], [2.0, 0.0]])
+    found = assess(Problem(None, np.zeros(2), np.full(2, 0.01), q), np.array([1.0, 0.25]), J)
+    assert found.determined.tolist() == [True, False]
+    assert found.findings == (
+        "The readings do not determine nu; what is known is the prior of nu.",
+    )
+
+
+def test_parameters_that_trade_off_are_named_with_their_product():
+    q = tuple(Parameter(n, 1.0, 0.1, 10.0, "log") for n in ("E", "t"))
+    J = np.outer([1.0, 2.0, 3.0], [1.0, 1.0])
+    found = assess(Problem(None, np.zeros(3), np.full(3, 0.01), q), np.ones(2), J)
+    assert not found.determined.any()
+    assert "E and t trade off (one up, the other down)" in found.findings[0]
+    assert "E * t is determined: 1 " in found.findings[0]
+
+
+def test_readings_that_say_nothing_determine_nothing():
+    found = assess(Problem(None, np.zeros(2), np.ones(2), parameters()), VALUES, np.zeros((2, 4)))
+    assert not found.determined.any()
+    assert len(found.findings) == 4
+    assert np.all(np.isinf(predict_band(found, np.ones((1, 4)), np.array([1e-4]))))
+
+
+def test_a_weak_reading_that_says_less_than_the_bounds_determines_nothing():
+    q = (Parameter("nu", 0.25, 0.05, 0.45),)
+    for s, determined in ((0.09, True), (0.11, False)):
+        found = assess(Problem(None, np.zeros(1), np.array([s]), q), np.array([0.25]), np.eye(1))
+        assert found.determined.tolist() == [determined]
+        said = () if determined else ("The readings do not determine nu.",)
+        assert found.findings == said
+
+
+def test_a_bound_does_not_hide_that_two_parameters_cannot_be_told_apart(assessed):
+    values = VALUES.copy()
+    values[1] = 20e6
+    _, found = assessed(values=values)
+    assert found.at_bound.tolist() == [False, True, False, False]
+    assert found.determined.tolist() == [False, False, True, False]
+    assert any("sigma_v ends on its upper bound" in text for text in found.findings)
+
+
+def test_a_parameter_on_its_bound_is_fixed_for_the_others():
+    A, s, q = linear(np.random.default_rng(1))
+    found = assess(Problem(None, np.zeros(7), s, q), np.array([1.0, 100.0, 1.0]), A)
+    B = A[:, [0, 2]] / s[:, None]
+    assert np.isnan(found.sd[1])
+    np.testing.assert_allclose(found.sd[[0, 2]], np.sqrt(np.diag(np.linalg.inv(B.T @ B))))
+
+
+def test_a_prediction_that_depends_on_the_ratio_only_keeps_its_band(assessed):
+    problem, found = assessed()
+    J = problem.response.evaluate(VALUES)[1]
+    reduced = J[:, [0, 2]] / problem.sd[:, None]
+    variance = np.diag(J[:, [0, 2]] @ np.linalg.inv(reduced.T @ reduced) @ J[:, [0, 2]].T)
+    band = predict_band(found, J, problem.sd)
+    np.testing.assert_allclose(band, np.sqrt(variance + problem.sd**2), rtol=1e-6)
+
+
+@pytest.mark.parametrize("blind", [0, 1, 3])
+def test_a_prediction_that_depends_on_what_is_unseen_has_no_band(assessed, blind):
+    problem, found = assessed()
+    rows = np.zeros((1, 4))
+    rows[0, blind] = tunnel(VALUES).mean() / VALUES[blind]
+    assert np.isinf(predict_band(found, rows, problem.sd[:1]))[0]
+
+
+def test_independent_gaps_are_not_mixed_into_one_another():
+    apart = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    turned = apart @ np.array([[0.8, -0.6], [0.6, 0.8]])
+    basis = sparse_basis(turned)
+    assert sorted(np.sum(np.abs(basis) > 1e-12, axis=0)) == [1, 2]
+
+
+def test_lists_read_as_sentences():
+    assert [join(NAMES[:k]) for k in (1, 2, 3)] == ["E", "E and sigma_v", "E, sigma_v and K0"]

@@ -1,0 +1,176 @@
+"""Condensation: how it ends, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from geoident.errors import InputError, ModelError
+from geoident.identify.least_squares.condensation import condensation, condensation_faults
+from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.protocols import Condensed
+from geoident.model.arrays import Floats
+from geoident.model.methods import CondensationOptions
+from geoident.model.parameter import Parameter, Prior
+from geoident.model.result import Counts, Iteration
+
+EQUATION = CondensationOptions(weighting="equation")
+OUTPUT = CondensationOptions(weighting="output")
+
+
+def go_on(_: Iteration) -> None:
+    return None
+
+
+# --- how it ends ---
+
+
+@dataclass
+class Map:
+    """A model whose condensed equations lead from p to f(p): for the ways an iteration can go."""
+
+    f: Callable[[Floats], Floats]
+    limit: float = np.inf
+    names: tuple[str, ...] = ("p1",)
+    why_not: str | None = None
+    flexibility: Floats = field(default_factory=lambda: np.eye(1))
+
+    @property
+    def counts(self) -> Counts:
+        return Counts()
+
+    def obstacle(self) -> str | None:
+        return self.why_not
+
+    def admissible(self, p: Floats) -> str | None:
+        return "too large" if p[0] > self.limit else None
+
+    def readings(self, p: Floats) -> Floats:
+        return p
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        raise NotImplementedError
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        S = self.flexibility
+        return Condensed(p, S, np.ones((len(S), 1)), self.f(p))
+
+
+def problem(model: Map, *, start: float = 2.0, prior: Prior | None = None) -> Problem:
+    parameter = Parameter("p1", start=start, lower=1e-3, upper=1e12, scale="log", prior=prior)
+    return Problem(model, np.ones(1), np.ones(1), (parameter,))
+
+
+def iterate(model: Map, *, start: float = 2.0, options: CondensationOptions = OUTPUT) -> Outcome:
+    return condensation(problem(model, start=start), options, go_on)
+
+
+def test_cycle_is_said() -> None:
+    outcome = iterate(Map(lambda p: 4.5 / p))
+    assert outcome.status == "not-converged"
+    assert "cycle" in outcome.reason
+    assert "gauss-newton" in outcome.reason
+    assert len(outcome.iterations) < 6
+    assert outcome.values == pytest.approx([2.0])
+
+
+def test_approach_to_a_cycle_is_said() -> None:
+    outcome = iterate(Map(lambda p: 3.2 * p * (1.0 - p)), start=0.45)
+    assert "cycle" in outcome.reason
+    assert len(outcome.iterations) < 30
+
+
+def test_divergence_is_said_and_the_best_iterate_returned() -> None:
+    outcome = iterate(Map(lambda p: p**1.5), start=1.1)
+    assert outcome.status == "not-converged"
+    assert "diverges" in outcome.reason
+    assert outcome.values == pytest.approx([1.1])
+
+
+def test_slow_iteration_is_said() -> None:
+    outcome = iterate(Map(lambda p: 0.9 * p + 0.1), options=replace(OUTPUT, max_iterations=7))
+    assert outcome.status == "not-converged"
+    assert "in 7 steps" in outcome.reason
+    assert "max_iterations" in outcome.reason
+    assert len(outcome.iterations) == 8
+    assert outcome.values == pytest.approx([1.0 + 0.9**7])
+
+
+def test_rounding_is_rest() -> None:
+    outcome = iterate(Map(lambda p: 1.0 + 1e-6 * np.sin(1e9 * p)))
+    assert outcome.status == "converged"
+    assert "rounding" in outcome.reason
+
+
+def test_step_to_parameters_without_solution_is_shortened() -> None:
+    outcome = iterate(Map(lambda p: 3.0 + 0.5 * (3.0 - p), limit=3.2))
+    assert outcome.status == "converged"
+    assert outcome.values == pytest.approx([3.0], rel=1e-7)
+    assert "shortened" in outcome.iterations[1].note
+    nowhere = iterate(Map(lambda p: p + 1e6, limit=2.0))
+    assert nowhere.status == "not-converged"
+    assert "no solution" in nowhere.reason
+
+
+def test_start_without_solution_is_an_error() -> None:
+    with pytest.raises(ModelError, match="too large"):
+        iterate(Map(lambda p: p, limit=1.0))
+
+
+def test_observer_stops_it() -> None:
+    case = problem(Map(lambda p: 0.9 * p + 0.1))
+    outcome = condensation(case, OUTPUT, lambda at: "enough" if at.number == 2 else None)
+    assert (outcome.status, outcome.reason) == ("out-of-budget", "enough")
+    assert len(outcome.iterations) == 3
+    assert outcome.objective == min(at.objective for at in outcome.iterations)
+
+
+def test_flexibility_that_cannot_be_inverted_names_the_remedy() -> None:
+    S = np.array([[0.0, 0.0], [1.0, 0.0]])
+    model = Map(lambda p: np.ones(2), flexibility=S)
+    with pytest.raises(ModelError, match="weighting: output"):
+        iterate(model, options=EQUATION)
+
+
+# --- what it refuses ---
+
+
+class Answers:
+    """A model that offers readings only."""
+
+    names = ("p1",)
+    counts = Counts()
+
+    def admissible(self, p: Floats) -> str | None:
+        return None
+
+    def readings(self, p: Floats) -> Floats:
+        raise AssertionError("Nothing is computed before the refusal.")
+
+    evaluate = readings
+
+
+def test_model_without_affine_equations_is_refused() -> None:
+    parameters = (Parameter("p1", start=1.0, lower=0.1, upper=10.0),)
+    with pytest.raises(InputError, match="no equations that are affine") as refusal:
+        condensation(Problem(Answers(), np.ones(1), np.ones(1), parameters), OUTPUT, go_on)  # type: ignore[arg-type]
+    (fault,) = refusal.value.faults
+    assert fault.code == "method-not-possible"
+    assert "gauss-newton or simplex" in fault.hint
+
+
+def test_obstacle_of_the_model_is_passed_on() -> None:
+    with pytest.raises(InputError, match="not possible: Poisson's ratio is a parameter"):
+        iterate(Map(lambda p: p, why_not="Poisson's ratio is a parameter."))
+
+
+def test_prior_is_refused_with_errors_in_forces() -> None:
+    case = problem(Map(lambda p: p), prior=Prior(1.0, 0.1))
+    (fault,) = condensation_faults(case.response, case.parameters, EQUATION)
+    assert "takes no priors (p1)" in fault.message
+    assert condensation_faults(case.response, case.parameters, OUTPUT) == ()
+    with pytest.raises(InputError, match="takes no priors"):
+        condensation(case, EQUATION, go_on)

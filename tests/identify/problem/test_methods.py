@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+
+from geoident.errors import InputError
+from geoident.identify import METHODS, identify, refusal
+from geoident.identify.direct.scan import grid_axes, scan
+from geoident.identify.problem.protocols import Response
+from geoident.model.methods import (
+    METHOD_OPTIONS,
+    CondensationOptions,
+    GaussNewtonOptions,
+    ScanAxis,
+    ScanOptions,
+    SimplexOptions,
+)
+from geoident.model.parameter import Parameter
+
+TRUE = np.array([4.0, 0.5])
+QUESTION = (Parameter("E", 30.0, 1.0, 100.0, "log"), Parameter("K0", 1.0, 0.0, 2.0))
+
+
+def model(p):
+    return np.array([p[1] / p[0], (1.0 - p[1]) / p[0], 1.0 / p[0]])
+
+
+def go_on(iteration):
+    return None
+
+
+@pytest.fixture
+def problem(make_problem):
+    return make_problem(model, QUESTION, model(TRUE), 1e-3)
+
+
+def test_the_table_has_the_names_and_options_that_users_can_write():
+    assert {name: method.options for name, method in METHODS.items()} == dict(METHOD_OPTIONS)
+    for name, method in METHODS.items():
+        assert method.name == name
+        assert callable(method.function())
+        assert method.help
+
+
+def test_the_toy_is_a_response(problem):
+    assert isinstance(problem.response, Response)
+
+
+def test_a_chain_goes_on_where_the_method_before_ended(problem):
+    chain = (ScanOptions(points=5), SimplexOptions(max_evaluations=30), GaussNewtonOptions())
+    outcome = identify(problem, chain, go_on)
+    assert outcome.status == "converged"
+    np.testing.assert_allclose(outcome.values, TRUE, rtol=1e-8)
+    methods = [it.method for it in outcome.iterations]
+    assert list(dict.fromkeys(methods)) == ["scan", "simplex", "gauss-newton"]
+    assert outcome.grid is not None
+    first = methods.index("gauss-newton")
+    best = min(outcome.iterations[:first], key=lambda it: it.objective)
+    np.testing.assert_allclose(outcome.iterations[first].values, best.values, rtol=1e-12)
+
+
+def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(problem):
+    with pytest.raises(InputError, match="Possible are gauss-newton, simplex, scan") as caught:
+        identify(problem, (GaussNewtonOptions(), CondensationOptions()), go_on)
+    assert [fault.code for fault in caught.value.faults] == ["method-not-possible"]
+    assert problem.response.evaluations == 0
+    assert refusal(problem.response, "gauss-newton") is None
+
+
+def test_the_obstacle_of_the_model_is_the_reason(problem):
+    problem.response.obstacle = lambda: "Its ground yields."
+    problem.response.condense = lambda p, measured, sd: None
+    assert "Its ground yields." in refusal(problem.response, "condensation")
+    problem.response.obstacle = lambda: None
+    assert refusal(problem.response, "condensation") is None
+
+
+def test_a_stopped_chain_gives_the_best_point_so_far(problem):
+    def observe(iteration):
+        return "Time is up." if iteration.method == "gauss-newton" else None
+
+    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), observe)
+    assert (outcome.status, outcome.reason) == ("out-of-budget", "Time is up.")
+    assert outcome.objective == min(it.objective for it in outcome.iterations)
+
+
+# Scan
+
+
+def test_a_scan_finds_the_lowest_point_of_its_grid(problem):
+    grid = {"E": ScanAxis(1.0, 16.0, 5), "K0": ScanAxis(0.0, 1.0, 3)}
+    outcome = scan(problem, ScanOptions(grid), go_on)
+    np.testing.assert_allclose(outcome.grid.axes[0], [1.0, 2.0, 4.0, 8.0, 16.0])
+    np.testing.assert_allclose(outcome.grid.axes[1], [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(outcome.values, TRUE)
+    assert outcome.grid.objective.shape == (5, 3)
+    assert outcome.objective == pytest.approx(0.0, abs=1e-20)
+    expected = np.sum((model(np.array([8.0, 1.0])) - model(TRUE)) ** 2) * 1e6
+    assert outcome.grid.objective[3, 2] == pytest.approx(expected)
+    assert problem.response.evaluations == 15
+
+
+def test_a_scan_along_one_parameter_keeps_the_others_at_their_start(problem):
+    outcome = scan(problem, ScanOptions({"K0": ScanAxis(0.1, 0.9, 5)}), go_on)
+    assert outcome.grid.names == ("K0",)
+    assert {it.values[0] for it in outcome.iterations} == {30.0}
+
+
+def test_a_scan_without_a_grid_spans_the_bounds():
+    axes = grid_axes(QUESTION, ScanOptions(points=3))
+    np.testing.assert_allclose(axes["E"], [1.0, 10.0, 100.0])
+    np.testing.assert_allclose(axes["K0"], [0.0, 1.0, 2.0])
+
+
+def test_points_without_a_solution_are_infinite(make_problem):
+    def refuse(p):
+        return "E is too low." if p[0] < 3.0 else None
+
+    problem = make_problem(model, QUESTION, model(TRUE), 1e-3, refuse)
+    outcome = scan(problem, ScanOptions({"E": ScanAxis(1.0, 16.0, 5)}), go_on)
+    assert np.isinf(outcome.grid.objective).tolist() == [True, True, False, False, False]
+    nowhere = scan(problem, ScanOptions({"E": ScanAxis(1.0, 2.0, 3)}), go_on)
+    assert nowhere.status == "not-converged"
+    np.testing.assert_array_equal(nowhere.values, [30.0, 1.0])
+
+
+def test_a_stopped_scan_keeps_what_it_has(problem):
+    stop = scan(problem, ScanOptions(points=4), lambda it: "Enough." if it.number == 5 else None)
+    assert (stop.status, stop.reason) == ("out-of-budget", "Enough.")
+    assert int(np.isnan(stop.grid.objective).sum()) == 10
+
+
+@pytest.mark.parametrize(
+    ("grid", "code"),
+    [
+        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter"),
+        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis"),
+        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis"),
+    ],
+)
+def test_an_axis_that_cannot_be_is_refused(grid, code):
+    with pytest.raises(InputError) as caught:
+        grid_axes(QUESTION, ScanOptions(grid))
+    assert [fault.code for fault in caught.value.faults] == [code]

@@ -1,0 +1,243 @@
+"""Every kind of element, from every format: the nodes stand where VTK's order says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+import vtk
+
+from geoident.io.mesh.file import read_mesh
+from geoident.io.mesh.order import EDGES, GMSH_HEX20, GMSH_TET10, ORDERS
+from geoident.model.mesh import Mesh
+
+VTK_CELLS = {
+    "tri3": vtk.vtkTriangle,
+    "tri6": vtk.vtkQuadraticTriangle,
+    "quad4": vtk.vtkQuad,
+    "quad8": vtk.vtkQuadraticQuad,
+    "tet4": vtk.vtkTetra,
+    "tet10": vtk.vtkQuadraticTetra,
+    "hex8": vtk.vtkHexahedron,
+    "hex20": vtk.vtkQuadraticHexahedron,
+}
+DIM = {kind: 2 if kind[:3] in ("tri", "qua") else 3 for kind in VTK_CELLS}
+FACETS = {
+    "tri3": "line2",
+    "tri6": "line3",
+    "quad4": "line2",
+    "quad8": "line3",
+    "tet4": "tri3",
+    "tet10": "tri6",
+    "hex8": "quad4",
+    "hex20": "quad8",
+}
+MESHIO_KINDS = {
+    "tri3": "triangle",
+    "tri6": "triangle6",
+    "quad4": "quad",
+    "quad8": "quad8",
+    "tet4": "tetra",
+    "tet10": "tetra10",
+    "hex8": "hexahedron",
+    "hex20": "hexahedron20",
+}
+BY_GMSH = ("msh2", "msh2-binary", "msh4", "msh4-binary", "inp", "vtk", "bdf", "med")
+CASES = [(kind, form) for kind in VTK_CELLS for form in BY_GMSH]
+
+
+def build(kind: str, *, straight: bool = True) -> None:
+    """A sheared block of one kind of element in gmsh's current model, group rock, facets floor."""
+    geo, option = gmsh.model.geo, gmsh.option.setNumber
+    corners = [(0, 0), (2, 0.1), (2.3, 1.5), (0.3, 1.4)]
+    points = [geo.addPoint(*p, 0) for p in corners]
+    lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
+    if not straight:
+        middle = geo.addPoint(1.0, -0.3, 0)
+        lines[0] = geo.addBSpline([points[0], middle, points[1]])
+    surface = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    blocks = kind.startswith(("quad", "hex"))
+    if blocks:
+        for line in lines:
+            geo.mesh.setTransfiniteCurve(line, 3)
+        geo.mesh.setTransfiniteSurface(surface)
+        geo.mesh.setRecombine(2, surface)
+    if DIM[kind] == 3:
+        geo.extrude(
+            [(2, surface)], 0.3, 0.2, 1, numElements=[2] if blocks else [], recombine=blocks
+        )
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(DIM[kind], [1], 9, "rock")
+    gmsh.model.addPhysicalGroup(DIM[kind] - 1, [1], 4, "floor")
+    option("Mesh.MeshSizeMin", 0.8)
+    option("Mesh.MeshSizeMax", 0.8)
+    option("Mesh.SecondOrderIncomplete", 1)
+    option("Mesh.ElementOrder", 1 if kind in ("tri3", "quad4", "tet4", "hex8") else 2)
+    gmsh.model.mesh.generate(DIM[kind])
+
+
+def save(path: Path, form: str) -> Path:
+    """Write gmsh's current model."""
+    gmsh.option.setNumber("Mesh.MshFileVersion", 2.2 if form.startswith("msh2") else 4.1)
+    gmsh.option.setNumber("Mesh.Binary", int(form.endswith("binary")))
+    gmsh.option.setNumber("Mesh.SaveGroupsOfElements", 1)
+    file = path / ("mesh." + ("msh" if form.startswith("msh") else form))
+    gmsh.write(str(file))
+    return file
+
+
+@pytest.fixture(autouse=True)
+def _model():
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    yield
+    gmsh.finalize()
+
+
+def interpolation_error(mesh: Mesh, f: Callable[[np.ndarray], np.ndarray]) -> float:
+    """Largest error of f, interpolated from the nodes by VTK's own shape functions."""
+    random = np.random.default_rng(1)
+    worst = 0.0
+    points = np.column_stack([mesh.points, np.zeros((mesh.n_nodes, 3 - mesh.dim))])
+    for block in mesh.blocks:
+        cell = VTK_CELLS[block.kind]()
+        weights = np.zeros(block.nodes.shape[1])
+        for row in block.nodes:
+            at = random.uniform(0, 0.3, size=3)
+            cell.InterpolateFunctions(at, weights)
+            inside = weights @ points[row]
+            worst = max(worst, float(abs(weights @ f(points[row]) - f(inside[None])[0])))
+    return worst
+
+
+def quadratic(x: np.ndarray) -> np.ndarray:
+    return 1 + x @ [1.0, -2, 3] + x[:, 0] * x[:, 1] - 2 * x[:, 2] ** 2 + x[:, 0] * x[:, 2]
+
+
+def linear(x: np.ndarray) -> np.ndarray:
+    return 1 + x @ [1.0, -2, 3]
+
+
+def middle_error(mesh: Mesh) -> float:
+    """Largest distance of a node from the middle of its edge, over elements and facets."""
+    worst = 0.0
+    for block in (*mesh.blocks, *mesh.facets):
+        for edge, (a, b) in enumerate(EDGES.get(block.kind, ())):
+            place = block.nodes.shape[1] - len(EDGES[block.kind]) + edge
+            ends = mesh.points[block.nodes[:, [a, b]]].mean(axis=1)
+            away = np.linalg.norm(mesh.points[block.nodes[:, place]] - ends, axis=1)
+            worst = max(worst, float(away.max()))
+    return worst
+
+
+@pytest.mark.parametrize(("kind", "form"), CASES)
+def test_a_file_of_gmsh_opens_with_nodes_in_vtk_order(kind, form, tmp_path):
+    build(kind)
+    mesh = read_mesh(str(save(tmp_path, form)), dim=DIM[kind])
+    assert [block.kind for block in mesh.blocks] == [kind]
+    facets = [block.kind for block in mesh.facets]
+    assert facets == [FACETS[kind]] or (form == "bdf" and DIM[kind] == 2)
+    rock = {"vtk": "9", "bdf": "1"}.get(form, "rock")
+    floor = {"vtk": "4", "bdf": "1"}.get(form, "floor")
+    assert len(mesh.groups[rock]) == mesh.n_elements
+    assert len(mesh.facet_groups[floor]) == sum(map(len, mesh.facets))
+    tolerance = 2e-5 if form == "bdf" else 1e-11
+    assert middle_error(mesh) < tolerance
+    assert interpolation_error(mesh, linear) < 1e-11
+    if kind in ("tri6", "tet10"):
+        assert interpolation_error(mesh, quadratic) < tolerance
+
+
+@pytest.mark.parametrize("suffix", ["vtu", "vtk"])
+@pytest.mark.parametrize("kind", VTK_CELLS)
+def test_a_file_of_vtk_opens_as_vtk_wrote_it(kind, suffix, tmp_path):
+    build(kind)
+    mesh = read_mesh(str(save(tmp_path, "msh4")), dim=DIM[kind])
+    grid = vtk.vtkUnstructuredGrid()
+    points = vtk.vtkPoints()
+    points.SetDataTypeToDouble()
+    for point in mesh.points:
+        points.InsertNextPoint(*point, *[0.0] * (3 - mesh.dim))
+    grid.SetPoints(points)
+    for row in mesh.blocks[0].nodes:
+        grid.InsertNextCell(VTK_CELLS[kind]().GetCellType(), len(row), row.tolist())
+    material = vtk.vtkIntArray()
+    material.SetName("MaterialIDs")
+    for k in range(mesh.n_elements):
+        material.InsertNextValue(k % 2)
+    grid.GetCellData().AddArray(material)
+    vtu = suffix == "vtu"
+    writer = vtk.vtkXMLUnstructuredGridWriter() if vtu else vtk.vtkUnstructuredGridWriter()
+    writer.SetFileName(str(tmp_path / f"vtk.{suffix}"))
+    writer.SetInputData(grid)
+    writer.Write()
+    copy = read_mesh(str(tmp_path / f"vtk.{suffix}"), dim=DIM[kind])
+    np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
+    np.testing.assert_allclose(copy.points, mesh.points, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(copy.groups["1"], np.arange(1, mesh.n_elements, 2))
+
+
+@pytest.mark.parametrize("suffix", ["xdmf", "vtu", "vtk", "med", "bdf"])
+@pytest.mark.parametrize("kind", VTK_CELLS)
+def test_a_file_of_meshio_opens_with_nodes_in_vtk_order(kind, suffix, tmp_path):
+    build(kind)
+    mesh = read_mesh(str(save(tmp_path, "msh4")), dim=DIM[kind])
+    points = np.column_stack([mesh.points, np.zeros((mesh.n_nodes, 3 - mesh.dim))])
+    cells = [(MESHIO_KINDS[kind], mesh.blocks[0].nodes)]
+    meshio.write_points_cells(tmp_path / f"m.{suffix}", points, cells)
+    copy = read_mesh(str(tmp_path / f"m.{suffix}"), dim=DIM[kind])
+    np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [
+        (kind, k)
+        for kind in ("tri6", "quad8", "tet10", "hex20")
+        for k in range(1, len(ORDERS[kind]))
+    ],
+)
+@pytest.mark.parametrize("straight", [True, False])
+def test_a_wrong_order_is_found_and_put_right(kind, order, straight, tmp_path):
+    build(kind, straight=straight)
+    mesh = read_mesh(str(save(tmp_path, "msh4")), dim=DIM[kind])
+    wrong = np.empty_like(mesh.blocks[0].nodes)
+    wrong[:, list(ORDERS[kind][order])] = mesh.blocks[0].nodes
+    points = np.column_stack([mesh.points, np.zeros((mesh.n_nodes, 3 - mesh.dim))])
+    meshio.write_points_cells(tmp_path / "m.vtu", points, [(MESHIO_KINDS[kind], wrong)])
+    copy = read_mesh(str(tmp_path / "m.vtu"), dim=DIM[kind])
+    np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
+
+
+def test_orders_of_gmsh_are_permutations():
+    assert sorted(GMSH_TET10) == list(range(10))
+    assert sorted(GMSH_HEX20) == list(range(20))
+
+
+def test_triangles_and_quadrangles_mix(tmp_path):
+    occ = gmsh.model.occ
+    occ.addRectangle(0, 0, 0, 1, 1)
+    occ.addRectangle(1, 0, 0, 1, 1)
+    occ.fragment([(2, 1)], [(2, 2)])
+    occ.synchronize()
+    gmsh.model.mesh.setRecombine(2, 1)
+    gmsh.model.addPhysicalGroup(2, [1, 2], 1, "all of it")
+    gmsh.model.addPhysicalGroup(2, [2], 2, "right")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.4)
+    gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 2)
+    gmsh.model.mesh.generate(2)
+    for form in ("msh2", "msh4", "msh2-binary", "msh4-binary"):
+        mesh = read_mesh(str(save(tmp_path, form)), dim=2)
+        sizes = {block.kind: len(block) for block in mesh.blocks}
+        assert set(sizes) == {"tri3", "quad4"}
+        np.testing.assert_array_equal(mesh.groups["all of it"], np.arange(mesh.n_elements))
+        start = 0
+        for block in mesh.blocks:
+            for row, nodes in enumerate(block.nodes):
+                inside = mesh.points[nodes].mean(axis=0)[0] > 1
+                assert ((start + row) in mesh.groups["right"]) == inside
+            start += len(block)
