@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import GaugeTable, Result
+from geoident.model.result import NORMAL_95, GaugeTable, Result
 from geoident.report.drawing.style import (
     COLOURS,
     COMPUTED,
@@ -27,7 +27,6 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.text.quantities import NORMAL_95
 
 MM = 1e3
 _PER_FIGURE = 12

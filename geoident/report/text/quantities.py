@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from geoident.model.result import NORMAL_95
 from geoident.report.text.layout import number
 from geoident.units import DIMENSIONS, UNITS
 
@@ -56,10 +57,6 @@ def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     mean, sd = (number(in_unit(float(text), unit, dimension)) for text in match.groups()[1:])
     kind = "" if match[1] == "normal" else f" ({match[1]})"
     return f"{mean} +- {sd}{kind}"
-
-
-NORMAL_95 = 1.959963984540054
-"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 
 
 def prior_interval(prior: str) -> tuple[float, float] | None:
