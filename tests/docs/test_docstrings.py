@@ -32,7 +32,7 @@ ARRAYS = re.compile(
 TERM = r"(?:\.{2,3}|[A-Za-z_][\w']*|\d+)(?:(?: ?[-+*/^] ?| )[\w']+)*"
 SHAPE = re.compile(rf"\((?:{TERM},|{TERM}(?:, {TERM})+|\.\.\.)\)")
 MANY = 3
-DONE = ("model", "units", "errors", "io/text", "io/mesh", "report")
+DONE = ("errors", "fem", "identify", "io/mesh", "io/text", "model", "report", "units")
 
 
 @dataclass(frozen=True)
