@@ -48,7 +48,7 @@ class Checked:
 
 
 def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
-    """Read a case and build its model; no stage is computed.
+    """Read a case and build its model; no stage after the virgin state is computed.
 
     Raises:
         InputError: with all faults that are found in one go.
@@ -61,7 +61,8 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
-        next(model.run(model.values(start_values(inputs.case, model))))
+        start = model.values(start_values(inputs.case, model))
+        next(model.run(start, names=model.names))
     mesh = model.mesh if isinstance(model, StagedModel) else None
     return Checked(inputs.case, mesh, summarize(inputs, model, selection), inputs.files)
 
@@ -70,6 +71,8 @@ def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSum
     """What a case amounts to."""
     case = inputs.case
     staged = model if isinstance(model, StagedModel) else None
+    virgin = staged.virgin_notes() if staged else ()
+    notes = (*case.notes, *model.notes, *virgin, *bad_notes(selection))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -87,7 +90,7 @@ def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSum
         used=len(selection.used),
         unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
         cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
-        notes=(*case.notes, *model.notes, *bad_notes(selection)),
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
