@@ -32,11 +32,19 @@ from geoident.workflow.simulate import start_values
 
 @dataclass(frozen=True)
 class Checked:
-    """A case in which nothing wrong was found, its mesh if it has one, and what it amounts to."""
+    """A case in which nothing wrong was found.
+
+    Args:
+        case: the case.
+        mesh: its mesh, or None if it has none.
+        summary: what it amounts to.
+        files_read: paths of all that it consists of, which no output may replace.
+    """
 
     case: Case
     mesh: Mesh | None
     summary: CaseSummary
+    files_read: tuple[str, ...]
 
 
 def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
@@ -56,7 +64,7 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         start = model.values(start_values(inputs.case, model))
         next(model.run(start, names=model.names))
     mesh = model.mesh if isinstance(model, StagedModel) else None
-    return Checked(inputs.case, mesh, summarize(inputs, model, selection))
+    return Checked(inputs.case, mesh, summarize(inputs, model, selection), inputs.files)
 
 
 def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSummary:

@@ -16,13 +16,19 @@ from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.result import Counts, ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.inputs import Inputs, build_model, inputs_of_result, load_inputs
+from geoident.workflow.running.inputs import (
+    Inputs,
+    build_model,
+    case_path,
+    files_of_result,
+    inputs_of_result,
+    load_inputs,
+)
 from geoident.workflow.running.outcome import Finished
 from geoident.workflow.running.outputs import (
     Standing,
     Target,
     require_free,
-    require_writable,
     standing,
     target,
 )
@@ -33,7 +39,7 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
-from geoident.workflow.running.provenance import case_path, provenance
+from geoident.workflow.running.provenance import provenance
 from geoident.workflow.running.selection import Selection
 from geoident.workflow.running.tables import accuracies, gauge_table
 
@@ -106,6 +112,11 @@ class Task:
         return self.request.stages
 
     @property
+    def files_read(self) -> tuple[str, ...]:
+        """Paths of the fit, of the case to predict, and of what they name."""
+        return (*files_of_result(self.fit, self.request.result), *self.inputs.files)
+
+    @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
         return provenance(
@@ -141,14 +152,14 @@ def predict(task: Task, control: Control) -> Finished:
     request, place, found = task.request, task.place, task.found
     if found is Standing.UP_TO_DATE and not request.fresh:
         return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
-    require_free(found, place, force=request.force)
-    require_writable(place, inputs=[request.result, *task.inputs.files])
+    require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, known, survey, model.counts)
-    paths = write_result(result, place.path, overwrite=found is not Standing.NOTHING)
+    overwrite = found is not Standing.NOTHING
+    paths = write_result(result, place.path, overwrite=overwrite, inputs=task.files_read)
     return Finished(result, paths)
 
 

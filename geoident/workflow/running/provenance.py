@@ -50,13 +50,6 @@ def versions() -> dict[str, str]:
     return found | {name: version(name) for name in LIBRARIES}
 
 
-def case_path(output: Path | str, case_file: str) -> str:
-    """The case that a result was made from, as seen from here."""
-    if Path(case_file).is_absolute():
-        return case_file
-    return os.path.normpath(Path(output).parent / case_file)
-
-
 def _beside(case: str, output: Path) -> str:
     """The path of the case, relative to the folder of the result, so that both may move."""
     place = Path("stdin") if case == STDIN else Path(case)
