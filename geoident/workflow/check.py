@@ -50,6 +50,11 @@ class Checked:
 def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
     """Read a case and build its model; no stage after the virgin state is computed.
 
+    Args:
+        path: of the case; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        solver: name of the sparse solver, or ``auto``.
+
     Raises:
         InputError: with all faults that are found in one go.
         ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
@@ -68,7 +73,13 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
 
 
 def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSummary:
-    """What a case amounts to."""
+    """What a case amounts to.
+
+    Args:
+        inputs: the case and its mesh.
+        model: of the case.
+        selection: which readings take part.
+    """
     case = inputs.case
     staged = model if isinstance(model, StagedModel) else None
     virgin = staged.virgin_notes() if staged else ()

@@ -113,6 +113,15 @@ def _text_writer(text: str) -> Writer:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
+    Args:
+        path: of the result.
+        result: what it holds.
+        folder: where to write.
+        overwrite: replace other files.
+
+    Returns:
+        The files that were written.
+
     Raises:
         InputError: the result has no fields.
     """
@@ -143,6 +152,14 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
 
+    Args:
+        path: of the result.
+        folder: where to write.
+        overwrite: replace other files.
+
+    Returns:
+        The files that were written.
+
     Raises:
         InputError: the result has no fields.
     """
@@ -164,7 +181,11 @@ def _fields(path: str, result: Result) -> FieldSeries:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder, and take it away again if the block fails and it is empty."""
+    """Make a folder, and take it away again if the block fails and it is empty.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -180,7 +201,11 @@ def made_folder(folder: Path) -> Iterator[None]:
 
 
 def refuse_clashes(paths: tuple[str, ...], output: str | None) -> None:
-    """Raise where two results would write the same files."""
+    """Refuse results that would write the same files.
+
+    Raises:
+        UsageError: with the files.
+    """
     names = [str(export_folder(path, output) / stem(path)) for path in paths]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -23,6 +23,11 @@ SCHEMA = "case.schema.json"
 def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
     """Write a template into a folder: the case, its mesh with the geometry, its readings.
 
+    Args:
+        name: of the template.
+        folder: where to write.
+        force: replace files of these names.
+
     Returns:
         The files, the case first.
 
@@ -34,6 +39,11 @@ def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
 
 def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ...]:
     """Write a case that is to be filled in for a mesh, which stays where it is.
+
+    Args:
+        mesh_path: of the mesh.
+        folder: where to write.
+        force: replace files of these names.
 
     Returns:
         The files, the case first.

@@ -193,7 +193,11 @@ def _require_stages(stages: Sequence[str], case: Case) -> None:
 
 
 def require_identified(fit: Result, inputs: Inputs) -> None:
-    """Raise `InputError` where a case has parameters that a fit does not know."""
+    """Refuse a case with parameters that a fit does not know.
+
+    Raises:
+        InputError: with those parameters.
+    """
     known = fit.parameters.names
     faults = [
         inputs.case.source.fault(
@@ -235,7 +239,7 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
 
 
 def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
-    """Some rows of a table of parameters."""
+    """Some rows (k,) of a table of parameters."""
     columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
     flags = ("at_bound", "determined")
     words = ("names", "priors", "units", "dimensions")
@@ -251,7 +255,7 @@ def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
 
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
-    """What is known of some of the parameters, whatever the others are."""
+    """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
     columns = (*intervals, "at_bound", "determined", "from_prior")
     square = np.ix_(order, order)

@@ -35,6 +35,10 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
         paths: of the results.
         output: a file, an existing folder, or None for beside the first result.
 
+    Raises:
+        UsageError: it would go to stdout.
+        OutputError: it is one of the results.
+
     >>> page_path(["cases/cavern/case.fit.h5"], output=None)
     'cases/cavern/case.fit.html'
     """
@@ -99,6 +103,9 @@ def write_figures(
         overwrite: replace other files.
         inputs: see `files_read`; none of them is replaced.
         draw: makes the figures: name of the file to its bytes.
+
+    Raises:
+        OutputError: the folder cannot be made, or a file exists that is not to be replaced.
     """
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)

@@ -51,7 +51,14 @@ def simulate(
     """Readings of all gauges at all stages where they can be read, by stage.
 
     A gauge is left out at the stage at which it is zeroed: it reads zero there, by definition.
-    ``output`` is where they are going to be written.
+
+    Args:
+        path: of the case; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        noise: what is added.
+        seed: of the noise.
+        solver: name of the sparse solver, or ``auto``.
+        output: where they are going to be written, or None.
 
     Raises:
         OutputError: the output is the case, or a file that it names.
@@ -91,7 +98,13 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
 
 
 def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[Reading, ...]:
-    """Readings with Gaussian noise of the accuracy of their gauges added."""
+    """Readings with Gaussian noise of the accuracy of their gauges added.
+
+    Args:
+        case: with the accuracies.
+        readings: of the model.
+        seed: of the noise.
+    """
     generator = np.random.default_rng(seed)
     accuracy = {channel.name: channel.accuracy for channel in case.channels}
     return tuple(

@@ -62,7 +62,13 @@ class Inputs:
         return named if self.path == STDIN else (self.path, *named)
 
     def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
-        """Hash of everything that the result of a command depends on."""
+        """Hash of everything that the result of a command depends on.
+
+        Args:
+            command: its name.
+            methods: options of the methods, in their order.
+            seed: of random numbers.
+        """
         parts = {
             "command": command,
             "case": self.case_sha256,
@@ -92,6 +98,9 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
     Args:
         result: holds the case and its readings.
         path: where the case stood.
+
+    Raises:
+        InputError: the case cannot be read as this version reads it.
     """
     try:
         loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])

@@ -52,6 +52,9 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
         kind: ``fit``, ``scan`` or ``predict``.
         output: a file, an existing folder, or None for beside the case.
 
+    Raises:
+        UsageError: it would be stdout.
+
     >>> target("cases/cavern/case.yaml", "fit").path.as_posix()
     'cases/cavern/case.fit.h5'
     """
@@ -124,12 +127,26 @@ def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequenc
 
 
 def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str]) -> None:
-    """Write a text file, whole or not at all, and never over one of the inputs."""
+    """Write a text file, whole or not at all, and never over one of the inputs.
+
+    Args:
+        text: of the file.
+        path: of the file.
+        force: replace another file.
+        inputs: paths that are read, and so must not be written.
+    """
     write_bytes(text.encode(), path, force=force, inputs=inputs)
 
 
 def write_bytes(content: bytes, path: str, *, force: bool, inputs: Sequence[str]) -> None:
-    """Write a binary file, whole or not at all, and never over one of the inputs."""
+    """Write a binary file, whole or not at all, and never over one of the inputs.
+
+    Args:
+        content: of the file.
+        path: of the file.
+        force: replace another file.
+        inputs: paths that are read, and so must not be written.
+    """
     with atomic_output(path, overwrite=force, inputs=inputs) as temporary:
         Path(temporary).write_bytes(content)
 

@@ -19,7 +19,15 @@ LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
 def provenance(
     inputs: Inputs, *, command: str, identity: str, seed: int, output: Path
 ) -> Provenance:
-    """The provenance of a result that goes to ``output``."""
+    """The provenance of a result that goes to ``output``.
+
+    Args:
+        inputs: the case and its mesh.
+        command: its name.
+        identity: hash of all that the result depends on.
+        seed: of random numbers.
+        output: path of the result.
+    """
     return Provenance(
         command=command,
         versions=versions(),
