@@ -113,15 +113,6 @@ def _text_writer(text: str) -> Writer:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
-    Args:
-        path: of the result.
-        result: what it holds.
-        folder: where to write.
-        overwrite: replace other files.
-
-    Returns:
-        The files that were written.
-
     Raises:
         InputError: the result has no fields.
     """
@@ -151,14 +142,6 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
-
-    Args:
-        path: of the result.
-        folder: where to write.
-        overwrite: replace other files.
-
-    Returns:
-        The files that were written.
 
     Raises:
         InputError: the result has no fields.

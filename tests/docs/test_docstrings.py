@@ -32,7 +32,23 @@ ARRAYS = re.compile(
 TERM = r"(?:\.{2,3}|[A-Za-z_][\w']*|\d+)(?:(?: ?[-+*/^] ?| )[\w']+)*"
 SHAPE = re.compile(rf"\((?:{TERM},|{TERM}(?:, {TERM})+|\.\.\.)\)")
 MANY = 3
-DONE = ("errors", "fem", "identify", "io/mesh", "io/text", "model", "report", "units")
+DONE = (
+    "__",
+    "api",
+    "cli",
+    "errors",
+    "fem",
+    "identify",
+    "io/case",
+    "io/docs",
+    "io/mesh",
+    "io/schema",
+    "io/text",
+    "model",
+    "report",
+    "units",
+    "workflow",
+)
 
 
 @dataclass(frozen=True)
