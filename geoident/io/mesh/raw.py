@@ -145,9 +145,9 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
     """Node indices of the ``wanted`` (n_cells, k) node numbers.
 
     Args:
-        numbers: numbers of all nodes.
-        wanted: the nodes of each cell, by number.
-        cells: numbers of the cells, for the message.
+        numbers: (n_nodes,) numbers of all nodes.
+        wanted: (n_cells, k) the nodes of each cell, by number.
+        cells: (n_cells,) numbers of the cells, for the message.
 
     Raises:
         Refused: a cell names a node that the file does not hold.

@@ -26,7 +26,7 @@ class Part:
         label: for the legend.
         mark: for the place itself; empty for none.
         colour: red, green and blue.
-        elements: indices of the elements.
+        elements: (k,) indices of the elements.
     """
 
     label: str
