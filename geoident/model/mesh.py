@@ -92,7 +92,7 @@ def rows_in(
 
     Args:
         blocks: the elements or the facets of a mesh.
-        members: element (facet) indices, or (n_elements,) which elements.
+        members: (n,) element (facet) indices, or (n_elements,) which elements.
     """
     chosen = np.flatnonzero(members) if members.dtype == bool else members
     for block, span in spans(blocks):
@@ -100,6 +100,6 @@ def rows_in(
 
 
 def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
-    """Nodes of some elements, each once, ascending; arguments as for `rows_in`."""
+    """Nodes (n,) of some elements, each once, ascending; arguments as for `rows_in`."""
     found = [block.nodes[rows].ravel() for block, rows in rows_in(blocks, members)]
     return np.unique(np.concatenate([np.empty(0, np.int64), *found]))
