@@ -40,7 +40,13 @@ _HALO = [withStroke(linewidth=2.0, foreground="white")]
 
 
 def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
-    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes."""
+    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        suffix: of the file.
+    """
     draw = _solid_figure if mesh.dim == 3 else _plane_figure
     return image(Picture("case", case.title, "", lambda: draw(case, mesh)), suffix)
 
@@ -234,7 +240,7 @@ class Part:
         label: for the legend.
         mark: for the place itself; empty for none.
         colour: red, green and blue.
-        elements: indices of the elements.
+        elements: (k,) indices of the elements.
     """
 
     label: str
@@ -297,7 +303,16 @@ def element_centres(mesh: Mesh) -> Floats:
 
 
 def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:
-    """The box around gauges and all that is dug or placed, with a margin, inside the mesh."""
+    """The box around gauges and all that is dug or placed, with a margin, inside the mesh.
+
+    Args:
+        case: with gauges.
+        mesh: its mesh.
+        parts: what is dug, placed or neither.
+
+    Returns:
+        Its lower and its upper corner, (dim,) each, m.
+    """
     points = [line for lines in gauge_lines(case).values() for line in lines]
     moved = [part.elements for part in parts if part.mark]
     if moved:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import GaugeTable, Result
+from geoident.model.result import NORMAL_95, GaugeTable, Result
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
@@ -34,7 +34,6 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.text.parameters import NORMAL_95
 
 _PER_FIGURE = 12
 _COMPARED_PER_FIGURE = 15
@@ -148,7 +147,14 @@ def _anchor_legend(axes: Axes, gauge: Instrument) -> None:
 
 
 def draw_computed(axes: Axes, result: Result, row: int, paint: str) -> None:
-    """The computed line of a channel in a colour; dashed and in its band where predicted."""
+    """The computed line of a channel; dashed and in its band where it is predicted.
+
+    Args:
+        axes: where to draw.
+        result: of a fit.
+        row: of the channel in its table.
+        paint: colour of line and band.
+    """
     x = np.arange(len(result.gauges.stages))
     computed = _computed(result)[row]
     last = last_fitted(result.gauges)
@@ -171,7 +177,15 @@ def _computed(result: Result) -> Floats:
 
 
 def draw_measured(axes: Axes, table: GaugeTable, row: int, paint: str, dots: str) -> None:
-    """The measured dots of a channel in a colour and a marker; hollow where not used."""
+    """The measured dots of a channel; hollow where they were not used.
+
+    Args:
+        axes: where to draw.
+        table: of the readings.
+        row: of the channel.
+        paint: colour of the dots.
+        dots: their shape.
+    """
     x = np.arange(len(table.stages))
     for used, face in ((True, paint), (False, "white")):
         here = np.isfinite(table.measured[row]) & (table.used[row] == used)
@@ -226,7 +240,7 @@ def _extensometers(table: GaugeTable) -> tuple[Instrument, ...]:
 
 
 def _depths(table: GaugeTable, gauge: Instrument) -> Floats:
-    """Distances of the anchors from the head, m."""
+    """Distances (k,) of the k anchors from the head, m."""
     rows = list(gauge.rows)
     return np.asarray(np.linalg.norm(table.second[rows] - table.first[rows], axis=1))
 

@@ -13,16 +13,13 @@ import numpy as np
 
 from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter
-from geoident.model.result import Grid, Iteration, ParameterTable, Result
+from geoident.model.result import NORMAL_95, Grid, Iteration, ParameterTable, Result
 from geoident.report.text.layout import Table, number
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
 NOT_DETERMINED = "not determined"
 AS_PRIOR = "as its prior"
-
-NORMAL_95 = 1.959963984540054
-"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 
 _PRIOR = re.compile(r"(\w+)\((\S+), (\S+)\)")
 
@@ -140,6 +137,11 @@ def value_sentence(parameters: ParameterTable, i: int) -> str:
 
 def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     """The text of a prior with its numbers in a unit.
+
+    Args:
+        prior: the text.
+        unit: as the user wrote it.
+        dimension: of the parameter.
 
     >>> prior_in_unit("normal(8e+06, 1e+06)", "MPa", "pressure")
     '8 +- 1'
