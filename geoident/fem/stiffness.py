@@ -80,7 +80,7 @@ def group_blocks(
     Args:
         mesh: the mesh.
         geometries: geometry of its blocks.
-        elements: element indices of the group.
+        elements: (k,) element indices of the group.
         rank: (n_nodes,) place of each node in the elimination order.
     """
     parts = []

@@ -106,6 +106,12 @@ class StagedModel:
         ]
         return (*notes, *imbalance_notes(self.march.imbalance))
 
+    def virgin_notes(self) -> tuple[str, ...]:
+        """What to know of the in-situ stress at the start values; nothing is factorized."""
+        start = {p.name: p.start for p in self.case.parameters}
+        _, imbalance = self.march.virgin(start, self.names)
+        return tuple(imbalance_notes(imbalance))
+
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
         if not np.all(np.isfinite(p)):

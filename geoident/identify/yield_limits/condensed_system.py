@@ -68,7 +68,7 @@ class CondensedSystem:
         return int(self.slack.shape[0])
 
     def only(self, kept: Ints) -> CondensedSystem:
-        """The system in which all multipliers but those ``kept`` (k,) are zero, slacks dropped."""
+        """The system in which only the pairs (k,) may be active: other multipliers are zero."""
         square = np.ix_(kept, kept)
         return CondensedSystem(
             self.slack[kept],

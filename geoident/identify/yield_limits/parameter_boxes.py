@@ -83,7 +83,7 @@ class EnergyForm:
     convex: bool
 
     def only(self, kept: Ints) -> EnergyForm:
-        """The form in which all other multipliers are zero."""
+        """The form in which only the multipliers of the pairs (k,) are not zero."""
         return EnergyForm(self.root[:, kept], self.carried[kept], self.exact[kept], self.convex)
 
 

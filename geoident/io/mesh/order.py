@@ -55,7 +55,7 @@ def in_vtk_order(kind: str, nodes: Ints, *, points: Floats, numbers: Ints) -> In
 
     Args:
         kind: kind of the cells.
-        nodes: node indices as read, in any order of `ORDERS`.
+        nodes: (n_cells, k) node indices as read, in any order of `ORDERS`.
         points: (n_nodes, dim) coordinates, m.
         numbers: (n_cells,) numbers for the message.
 

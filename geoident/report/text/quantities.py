@@ -20,6 +20,11 @@ def si_unit(dimension: str) -> str:
 def in_unit(value: float, unit: str, dimension: str) -> float:
     """An SI value in a unit; in SI where the unit is none of the dimension.
 
+    Args:
+        value: SI.
+        unit: as the user wrote it.
+        dimension: of the value.
+
     >>> in_unit(2.5e9, "GPa", "pressure")
     2.5
     """
@@ -35,6 +40,11 @@ def shown_unit(unit: str, dimension: str) -> str:
 
 def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     """The text of a prior with its numbers in a unit.
+
+    Args:
+        prior: the text.
+        unit: as the user wrote it.
+        dimension: of the parameter.
 
     >>> prior_in_unit("normal(8e+06, 1e+06)", "MPa", "pressure")
     '8 +- 1'
