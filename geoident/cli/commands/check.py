@@ -72,7 +72,7 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 def _identifiability(case: str, options: Options) -> int:
     from geoident.report.text.json import dumps, plan_object
-    from geoident.report.text.text import plan_text
+    from geoident.report.text.result import plan_text
     from geoident.workflow.running.identifiability import identifiability
 
     with failures_as_json(case, options):
@@ -85,7 +85,7 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _check(case: str, picture: str | None, options: Options) -> int:
-    from geoident.report.text.check import summary_text
+    from geoident.report.text.case import case_text
     from geoident.report.text.json import dumps, summary_object
     from geoident.workflow.check import check
 
@@ -94,7 +94,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
     if options.as_json:
         click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:
-        click.echo(summary_text(checked.summary))
+        click.echo(case_text(checked.summary))
     if picture is not None:
         from geoident.report.drawing.case import case_picture
         from geoident.workflow.running.outputs import write_bytes

@@ -82,7 +82,7 @@ def _tolerance(rtol: float, absolute: tuple[str, ...]) -> Tolerance:
 
 
 def _diff(first: str, second: str, tolerance: Tolerance, options: Options) -> int:
-    from geoident.report.page.comparison import comparison_object, comparison_text
+    from geoident.report.text.comparison import comparison_object, comparison_text
     from geoident.report.text.json import dumps
     from geoident.workflow.diff import diff
 

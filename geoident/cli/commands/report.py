@@ -59,7 +59,7 @@ def command(
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
     _require_matplotlib()
-    from geoident.report.page.figures import figure_files
+    from geoident.report.drawing.album import figure_files
     from geoident.report.page.page import report_page
 
     place = "" if no_page else page_path(results, output=options.output)

@@ -41,7 +41,7 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
-    from geoident.report.text.text import result_text
+    from geoident.report.text.result import result_text
     from geoident.workflow.running.inputs import case_path
     from geoident.workflow.show import show
 

@@ -66,8 +66,8 @@ def command(case: str, noise: bool, options: Options) -> int:
 
 def _say(simulated: Simulated, case: str, options: Options) -> None:
     """The readings to stdout or to a file; with a file, its path to stdout."""
+    from geoident.report.text.gauges import readings_csv
     from geoident.report.text.json import dumps, simulation_object
-    from geoident.report.text.readings import readings_csv
     from geoident.workflow.running.outputs import write_text
 
     readings = simulated.readings

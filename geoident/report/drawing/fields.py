@@ -22,7 +22,6 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats
-from geoident.report.drawing.readings import MM
 from geoident.report.drawing.scene import Scene, Window, round_down
 from geoident.report.drawing.sheets import Sheet, Trace
 from geoident.report.drawing.style import (
@@ -31,6 +30,7 @@ from geoident.report.drawing.style import (
     FAINT,
     LENGTHS,
     MEASURED,
+    MM,
     SMALL,
     STRESSES,
     Picture,

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.arrays import Bools
 from geoident.model.result import Grid, ParameterTable, Result
-from geoident.report.text.influence import by_distance
-from geoident.report.text.quantities import in_unit, prior_in_unit, shown_unit
+from geoident.report.text.gauges import by_distance, by_stage
+from geoident.report.text.parameters import prior_in_unit
+from geoident.units import in_unit, shown_unit
 
 Cell = str | int | float | bool
 Row = tuple[Cell, ...]
@@ -127,7 +127,7 @@ def _gauges(result: Result) -> CsvTable:
             float(residual[i, j] / table.sd[i, j]),
             bool(table.used[i, j]),
         )
-        for i, j in _stagewise(known)
+        for i, j in by_stage(known)
     ]
     header = ("measured", "computed", "residual", "sd", "unit", "residual_in_sd", "used")
     return CsvTable(("gauge", "stage", *header), tuple(rows))
@@ -166,15 +166,9 @@ def _prediction(result: Result) -> CsvTable:
             *(_MM * float(column[i, j]) for column in columns),
             "mm",
         )
-        for i, j in _stagewise(np.isfinite(table.mean))
+        for i, j in by_stage(np.isfinite(table.mean))
     ]
     return CsvTable(header, tuple(rows))
-
-
-def _stagewise(known: Bools) -> Iterator[tuple[int, int]]:
-    """Channel and stage of all that is known, stage by stage."""
-    for j, i in np.argwhere(known.T).tolist():
-        yield i, j
 
 
 def _history(result: Result) -> CsvTable:
