@@ -16,13 +16,13 @@ from geoident.errors import ExitCode
 if TYPE_CHECKING:
     from geoident.cli.options import Options
 
-Given = Mapping[str, Any]
+Arguments = Mapping[str, Any]
 Steps = tuple[str, ...]
-Next = Callable[[Given, "Options"], Steps]
+Next = Callable[[Arguments, "Options"], Steps]
 """From a command's own parameters and the shared options to steps: commands or sentences."""
 
 
-def say_next(command: str, given: Given, options: Options, code: int) -> None:
+def say_next(command: str, given: Arguments, options: Options, code: int) -> None:
     """Say which steps make sense after a command; not with ``-q`` or ``--json``, nor after errors.
 
     Args:
@@ -48,7 +48,7 @@ def line(command: str, *words: str) -> str:
     return shlex.join(["geoident", command, *words])
 
 
-def _after_init(given: Given, options: Options) -> Steps:
+def _after_init(given: Arguments, options: Options) -> Steps:
     from pathlib import Path
 
     case = str(Path(given["folder"]) / "case.yaml")
@@ -57,34 +57,34 @@ def _after_init(given: Given, options: Options) -> Steps:
     return line("check", case), line("fit", case)
 
 
-def _after_check(given: Given, options: Options) -> Steps:
+def _after_check(given: Arguments, options: Options) -> Steps:
     return _for_one(given["cases"], lambda case: (line("fit", case, *_changes(options)),))
 
 
-def _after_simulate(given: Given, options: Options) -> Steps:
+def _after_simulate(given: Arguments, options: Options) -> Steps:
     case, file = given["case"], options.output
     if file in (None, "-"):
         return (line("simulate", case, *_changes(options), "-o", _new_name("simulated", ".csv")),)
     return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
 
 
-def _after_fit(given: Given, options: Options) -> Steps:
+def _after_fit(given: Arguments, options: Options) -> Steps:
     if options.dry_run:
         return _for_one(given["cases"], lambda case: (line("fit", case, *_changes(options)),))
     return _for_one(given["cases"], lambda case: _look_at(_result("fit", case, options), "predict"))
 
 
-def _after_predict(given: Given, options: Options) -> Steps:
+def _after_predict(given: Arguments, options: Options) -> Steps:
     return _look_at(_result("predict", given["result"], options))
 
 
-def _after_scan(given: Given, options: Options) -> Steps:
+def _after_scan(given: Arguments, options: Options) -> Steps:
     if options.dry_run:
         return (line("scan", given["case"], *_changes(options)),)
     return line("show", _result("scan", given["case"], options)), line("fit", given["case"])
 
 
-def _after_show(given: Given, options: Options) -> Steps:
+def _after_show(given: Arguments, options: Options) -> Steps:
     return line("report", *given["results"]), line("export", *given["results"])
 
 
