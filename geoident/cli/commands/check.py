@@ -8,7 +8,8 @@ from importlib.util import find_spec
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import for_one, line, overrides
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import each, failures_as_json
 
 EPILOG = """\b
@@ -21,6 +22,10 @@ Examples:
 """
 
 _SUFFIXES = (".svg", ".png", ".pdf")
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    return for_one(arguments["cases"], lambda case: (line("fit", case, *overrides(options)),))
 
 
 @click.command(epilog=EPILOG)
@@ -36,7 +41,7 @@ _SUFFIXES = (".svg", ".png", ".pdf")
     type=click.Path(),
     help="Draw mesh, stages, supports and gauges into FILE.svg, .png or .pdf.",
 )
-@takes("overrides", "solver", "force", "as_json")
+@takes("overrides", "solver", "force", "as_json", after=_next)
 def command(
     cases: tuple[str, ...], identifiability: bool, picture: str | None, options: Options
 ) -> int:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@takes("as_json")
+@takes("as_json", after=always("geoident init my-case"))
 def command(options: Options) -> int:
     """Tell versions, solvers and threads, and how to get faster ones."""
     from geoident.report.text.json import dumps

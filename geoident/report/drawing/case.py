@@ -19,13 +19,13 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.forward.actions.supports import group_nodes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
+from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, spans
 from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
 
@@ -106,20 +106,17 @@ def _draw_elements(axes: Axes, mesh: Mesh, parts: tuple[Part, ...], width: float
     colours = np.ones((mesh.n_elements, 3))
     for part in parts:
         colours[part.elements] = part.colour
-    first = 0
-    for block in mesh.blocks:
-        corners = block.nodes[:, : reference_element(block.kind).n_corners]
-        face = colours[first : first + len(block)]
+    for block, span in spans(mesh.blocks):
+        corners = block.nodes[:, : CELLS[block.kind].n_corners]
         axes.add_collection(
             PolyCollection(
                 list(mesh.points[corners]),
-                facecolors=face,
+                facecolors=colours[span],
                 edgecolors=_EDGE,
                 linewidths=width,
                 rasterized=len(block) > 3000,
             )
         )
-        first += len(block)
 
 
 def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: float) -> None:
@@ -130,7 +127,7 @@ def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: floa
     table = face_table(mesh)
     colours = np.array([part.colour for part in parts]).reshape(-1, 3)
     for patch in patches(mesh, table, table.free(owner >= 0)):
-        corners = patch.nodes[:, : reference_element(patch.kind).n_corners]
+        corners = patch.nodes[:, : CELLS[patch.kind].n_corners]
         shade = colours[owner[patch.element]] * _light(mesh.points[corners])[:, None]
         axes.add_collection3d(
             Poly3DCollection(
