@@ -35,7 +35,7 @@ def command(options: Options) -> int:
 
 
 def _text(found: Diagnosis) -> str:
-    from geoident.report.text.layout import Table, bullets, section, sections
+    from geoident.report.text.layout import TextTable, bullets, section, sections
 
     versions = [[name, version] for name, version in found.versions.items()]
     solvers = [
@@ -53,9 +53,9 @@ def _text(found: Diagnosis) -> str:
     ]
     limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
     return sections(
-        Table(("program", "version"), versions).text,
-        Table(("solver", "from", "threads", ""), solvers, right="llrl").text,
-        Table(("extra", "from"), extras).text,
+        TextTable(("program", "version"), versions).text,
+        TextTable(("solver", "from", "threads", ""), solvers, right="llrl").text,
+        TextTable(("extra", "from"), extras).text,
         f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
         section("To be faster", bullets(found.remedies)),
     )

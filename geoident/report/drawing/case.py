@@ -26,6 +26,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh, spans
+from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
 
 Colour = tuple[float, float, float]
@@ -292,11 +293,6 @@ def centre(mesh: Mesh, elements: Ints) -> Floats:
     middles = element_centres(mesh)[elements]
     nearest = np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()
     return np.asarray(middles[nearest])
-
-
-def element_centres(mesh: Mesh) -> Floats:
-    """(n_elements, dim) means of the nodes, m."""
-    return np.vstack([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
 
 
 def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Iterable
 from html import escape
 
-from geoident.report.text.layout import Table
+from geoident.report.text.layout import TextTable
 
 _VOID = ("meta", "br", "hr")
 
@@ -39,7 +39,7 @@ def joined(parts: Iterable[str], separator: str = "") -> Html:
     return Html(separator.join(p if isinstance(p, Html) else escape(p) for p in parts))
 
 
-def table(table: Table, *, caption: str = "") -> Html:
+def table(table: TextTable, *, caption: str = "") -> Html:
     """A table; nothing if it has no rows.
 
     Args:

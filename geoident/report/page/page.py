@@ -23,7 +23,7 @@ from geoident.report.text.gauges import (
     outliers,
     reading_table,
 )
-from geoident.report.text.layout import Table, number
+from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
 from geoident.report.text.result import (
     compared_outcomes,
@@ -177,7 +177,7 @@ def _provenance(result: Result) -> Html:
         ("SHA-256 of the readings", _hash(origin.readings_sha256)),
         ("identity of the result", _hash(origin.identity)),
     ]
-    return table(Table(("item", "value"), rows))
+    return table(TextTable(("item", "value"), rows))
 
 
 def _hash(text: str) -> Html:

@@ -10,7 +10,7 @@ import yaml
 from geoident.model.result import Result
 from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.layout import (
-    Table,
+    TextTable,
     bullets,
     decimals,
     number,
@@ -77,12 +77,12 @@ def _groups(summary: CaseSummary) -> str:
         [g.name, str(g.elements), number(g.volume, 5), g.material or "absent"]
         for g in summary.groups
     ]
-    return Table(("name", "elements", size, "material at the start"), rows, right="lrr").text
+    return TextTable(("name", "elements", size, "material at the start"), rows, right="lrr").text
 
 
 def _stages(stages: tuple[StageSummary, ...]) -> str:
     rows = [[s.name, str(s.dofs), str(s.used), _events(s)] for s in stages]
-    return Table(("name", "unknowns", "readings", "what happens"), rows, right="lrrl").text
+    return TextTable(("name", "unknowns", "readings", "what happens"), rows, right="lrrl").text
 
 
 def _events(stage: StageSummary) -> str:
@@ -103,7 +103,7 @@ def _gauges(summary: CaseSummary) -> str:
         for g in summary.gauges
     ]
     header = ("name", "kind", "zero", "accuracy mm", "used", "not used")
-    return Table(header, rows, right="lllrrr").text
+    return TextTable(header, rows, right="lllrrr").text
 
 
 def _places(summary: CaseSummary) -> str:
@@ -119,7 +119,7 @@ def _places(summary: CaseSummary) -> str:
         for place in summary.places
     ]
     header = ("channels", "point (m)", "element", "group", "m to excavation")
-    return Table(header, rows, right="llrlr").text
+    return TextTable(header, rows, right="llrlr").text
 
 
 def _readings(summary: CaseSummary) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import Reading
 from geoident.model.result import Diagnostics, GaugeTable, Prediction, Result
-from geoident.report.text.layout import Table, decimals, number
+from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.parameters import NOT_DETERMINED
 
 OUTLIER = 3.0
@@ -62,7 +62,7 @@ def fit_title(result: Result) -> str:
     return f"Readings (mm; {used} used{phi})"
 
 
-def fit_table(result: Result) -> Table:
+def fit_table(result: Result) -> TextTable:
     """Measured and computed readings, without those that stand among the predictions."""
     gauges = result.gauges
     shown = np.isfinite(gauges.measured) & (gauges.used | ~_has_prediction(result))
@@ -73,7 +73,7 @@ def fit_table(result: Result) -> Table:
         in_sd = decimals((measured - computed) / float(gauges.sd[i, j]), 1)
         rows.append([gauges.channels[i], gauges.stages[j], *lengths, in_sd, _use(gauges, i, j)])
     header = ("gauge", "stage", "measured", "computed", "residual", "in sd", "")
-    return Table(header, rows, right="llrrrrl")
+    return TextTable(header, rows, right="llrrrrl")
 
 
 def _has_prediction(result: Result) -> Bools:
@@ -89,14 +89,14 @@ def _use(gauges: GaugeTable, i: int, j: int) -> str:
     return "" if gauges.used[i, j] else "not used"
 
 
-def prediction_table(result: Result) -> Table:
+def prediction_table(result: Result) -> TextTable:
     """Predicted readings with their bands, and the readings where there are any."""
     header = ("gauge", "stage", "predicted", "from", "to", "measured", "")
     prediction = result.prediction
     if prediction is None:
-        return Table(header, ())
+        return TextTable(header, ())
     places = by_stage(_has_prediction(result))
-    return Table(
+    return TextTable(
         header, [_prediction_row(result, prediction, i, j) for i, j in places], right="llrrrrl"
     )
 
@@ -118,13 +118,13 @@ def _mark(measured: float, low: float, high: float) -> str:
     return "inside" if low <= measured <= high else "outside"
 
 
-def reading_table(result: Result) -> Table:
+def reading_table(result: Result) -> TextTable:
     """Every reading that is measured or predicted."""
     shown = np.isfinite(result.gauges.measured) | _has_prediction(result)
     residual = standardized(result)
     rows = [_reading_row(result, i, j, float(residual[i, j])) for i, j in by_stage(shown)]
     header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
-    return Table(header, rows, right="llrrrrrl")
+    return TextTable(header, rows, right="llrrrrrl")
 
 
 def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
@@ -220,14 +220,16 @@ def influence_title(found: Diagnostics | None) -> str:
     return title
 
 
-def influence_table(result: Result) -> Table:
+def influence_table(result: Result) -> TextTable:
     """The readings whose removal would change the answer most, and how far off they are."""
     header = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
     found = result.diagnostics
     if found is None:
-        return Table(header, ())
+        return TextTable(header, ())
     worst = by_distance(found)[:MOST_INFLUENTIAL].tolist()
-    return Table(header, [_influence_row(result, found, *each) for each in worst], right="llrrrlr")
+    return TextTable(
+        header, [_influence_row(result, found, *each) for each in worst], right="llrrrlr"
+    )
 
 
 def _influence_row(result: Result, found: Diagnostics, i: int, j: int) -> list[str]:

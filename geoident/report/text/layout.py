@@ -12,7 +12,7 @@ GAP = "  "
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Rows of text under a header, for a terminal (`text`) or for a page.
 
     Args:
@@ -34,7 +34,7 @@ class Table:
     def text(self) -> str:
         """The table with columns as wide as they need; empty without rows.
 
-        >>> print(Table(["gauge", "mm"], [["EX1", "1.5"], ["CV", "12"]], right="lr").text)
+        >>> print(TextTable(["gauge", "mm"], [["EX1", "1.5"], ["CV", "12"]], right="lr").text)
         gauge   mm
         EX1    1.5
         CV      12

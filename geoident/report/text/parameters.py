@@ -14,7 +14,7 @@ import numpy as np
 from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter
 from geoident.model.result import NORMAL_95, Grid, Iteration, ParameterTable, Result
-from geoident.report.text.layout import Table, number
+from geoident.report.text.layout import TextTable, number
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
@@ -40,7 +40,7 @@ def parameters_text(parameters: ParameterTable, proof: Certificate | None = None
         value, interval = value_cells(parameters, i, between=" .. ")
         unit = shown_unit(*unit_of(parameters, name))
         rows.append([name, value, interval, unit, _remarks(parameters, i, proof)])
-    return Table(("name", "value", "95 % interval", "unit", "remarks"), rows, right="lrl").text
+    return TextTable(("name", "value", "95 % interval", "unit", "remarks"), rows, right="lrl").text
 
 
 def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") -> tuple[str, str]:
@@ -82,11 +82,11 @@ def nearer_bound(parameters: ParameterTable, i: int) -> str:
     return "lower" if nearer_lower else "upper"
 
 
-def parameter_table(parameters: ParameterTable) -> Table:
+def parameter_table(parameters: ParameterTable) -> TextTable:
     """What was known of each parameter, and what is known now."""
     rows = [_row(parameters, i) for i in range(len(parameters.names))]
     header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds", "remark")
-    return Table(header, rows, right="llrrrrrl")
+    return TextTable(header, rows, right="llrrrrrl")
 
 
 def _row(parameters: ParameterTable, i: int) -> list[str]:
@@ -108,7 +108,7 @@ def _row(parameters: ParameterTable, i: int) -> list[str]:
     ]
 
 
-def compared_parameters(results: Sequence[tuple[str, Result]]) -> Table:
+def compared_parameters(results: Sequence[tuple[str, Result]]) -> TextTable:
     """The parameters of several results (with their labels) side by side."""
     tables = [result.parameters for _, result in results]
     rows = []
@@ -117,7 +117,7 @@ def compared_parameters(results: Sequence[tuple[str, Result]]) -> Table:
         unit = shown_unit(*unit_of(owner, name)) or "-"
         rows.append([name, unit, *(_compared_cell(table, name) for table in tables)])
     header = ("parameter", "unit", *(label for label, _ in results))
-    return Table(header, rows, right="ll" + "r" * len(results))
+    return TextTable(header, rows, right="ll" + "r" * len(results))
 
 
 def _compared_cell(parameters: ParameterTable, name: str) -> str:
@@ -203,7 +203,7 @@ def _line_text(grid: Grid, unit: Unit) -> str:
         for value, phi in zip(grid.axes[0], grid.objective, strict=True)
     ]
     axis = f"{grid.names[0]} ({unit[0]})" if unit[0] else grid.names[0]
-    return Table((axis, "discrepancy"), rows, right="rr").text
+    return TextTable((axis, "discrepancy"), rows, right="rr").text
 
 
 def _plane_text(grid: Grid, units: Sequence[Unit]) -> str:
@@ -224,7 +224,11 @@ def _plane_text(grid: Grid, units: Sequence[Unit]) -> str:
         if finite.size
         else "The model has no solution at any point."
     )
-    return Table(("axis", "from", "to", "unit", "points"), rows, right="lrrlr").text + "\n" + extent
+    return (
+        TextTable(("axis", "from", "to", "unit", "points"), rows, right="lrrlr").text
+        + "\n"
+        + extent
+    )
 
 
 def _discrepancy(phi: float) -> str:

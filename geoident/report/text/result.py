@@ -26,7 +26,7 @@ from geoident.report.text.gauges import (
     scored,
 )
 from geoident.report.text.layout import (
-    Table,
+    TextTable,
     bullets,
     decimals,
     number,
@@ -169,7 +169,7 @@ def warnings(result: Result) -> list[str]:
     return [text for text in said if text]
 
 
-def compared_outcomes(results: Sequence[tuple[str, Result]]) -> Table:
+def compared_outcomes(results: Sequence[tuple[str, Result]]) -> TextTable:
     """How several results (with their labels) ended, side by side."""
     rows = []
     for label, result in results:
@@ -196,4 +196,4 @@ def compared_outcomes(results: Sequence[tuple[str, Result]]) -> Table:
         "rms residual (sd)",
         "in 95 % band",
     )
-    return Table(header, rows, right="llllrrrr")
+    return TextTable(header, rows, right="llllrrrr")

@@ -9,17 +9,17 @@ import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.result import MemberForces
-from geoident.report.text.layout import Table, number
+from geoident.report.text.layout import TextTable, number
 
 TITLE = "Structures (kN, kNm; of linings per metre out of plane; tension positive)"
 _KILO = 1e3
 
 
-def force_table(found: MemberForces | None) -> Table:
+def force_table(found: MemberForces | None) -> TextTable:
     """The extremes of the forces of each structure at each stage at which it stands."""
     rows = [] if found is None else [_row(found, *place) for place in _present(found)]
     header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
-    return Table(header, rows, right="llrrrr")
+    return TextTable(header, rows, right="llrrrr")
 
 
 def _row(found: MemberForces, name: str, members: Ints, stage: int) -> list[str]:

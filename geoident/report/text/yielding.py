@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.model.certificate import Certificate
 from geoident.model.result import ParameterTable
-from geoident.report.text.layout import Table, bullets, number
+from geoident.report.text.layout import TextTable, bullets, number
 from geoident.units import in_unit, shown_unit
 
 TITLE = "Yield planes (strain points that yield on them, stage by stage)"
@@ -43,7 +43,7 @@ def certificate_sentences(found: Certificate) -> list[str]:
     return [*said, *found.remarks]
 
 
-def plane_table(found: Certificate) -> Table:
+def plane_table(found: Certificate) -> TextTable:
     """One row for each plane; for those never reached what is known of their distance."""
     activity = found.activity
     rows = [
@@ -57,7 +57,7 @@ def plane_table(found: Certificate) -> Table:
         for r, name in enumerate(activity.planes)
     ]
     header = ("plane", "k (MPa)", *activity.stages, "at a kink", "")
-    return Table(header, rows, right="l" + "r" * (len(header) - 2) + "l")
+    return TextTable(header, rows, right="l" + "r" * (len(header) - 2) + "l")
 
 
 def _reached(found: Certificate, r: int) -> bool:
