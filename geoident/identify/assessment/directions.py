@@ -72,20 +72,25 @@ class Direction:
         return join(self.names)
 
     def phrase(self) -> str:
-        """How the parameters change along the direction.
+        """Which change of several parameters the readings do not show.
 
         >>> Direction((0, 1), ("E", "sigma_v"), (1.0, 1.0), True).phrase()
-        'E and sigma_v scale together'
+        'multiplying both by the same factor hardly changes the readings'
         >>> Direction((0, 1), ("E", "nu"), (1.0, -0.4), True).phrase()
-        'E and nu trade off (one up, the other down)'
+        'a higher E can make up for a lower nu'
         """
         up = [name for name, a in zip(self.names, self.weights, strict=True) if a > 0.0]
         down = [name for name, a in zip(self.names, self.weights, strict=True) if a < 0.0]
         if not down:
-            return f"{self.subjects} {'scale' if self.equal else 'grow'} together"
-        if len(self.names) == 2:
-            return f"{self.subjects} trade off (one up, the other down)"
-        return f"{join(up)} up trade off with {join(down)} down"
+            every = "both" if len(up) == 2 else "all of them"
+            how = f"multiplying {every} by the same factor" if self.equal else f"raising {every}"
+            return f"{how} hardly changes the readings"
+        return f"{_some('higher', up)} can make up for {_some('lower', down)}"
+
+
+def _some(size: str, names: Sequence[str]) -> str:
+    """Parameters with a change, such as ``a higher E``."""
+    return f"a {size} {names[0]}" if len(names) == 1 else f"{size} {join(names)}"
 
 
 def join(names: Sequence[str]) -> str:

@@ -88,8 +88,8 @@ def _gap(direction: Direction, pair: str) -> str:
     if direction.single:
         return f"The readings do not determine {direction.subjects}."
     return (
-        f"The readings do not determine {direction.subjects} one by one: "
-        f"{direction.phrase()} without a change in the readings that can be seen.{pair}"
+        f"The readings do not determine {direction.subjects} separately: {direction.phrase()}."
+        f"{pair}"
     )
 
 
@@ -99,10 +99,10 @@ def _held(known: Knowledge, direction: Direction, pair: str) -> str:
     priors = "priors" if len(names) != 1 else "prior"
     prior = f"the {priors} of {join(names)}" if names else "the priors"
     if direction.single:
-        return f"The readings do not determine {direction.subjects}; what is known is {prior}."
-    separates = "separates" if len(names) == 1 else "separate"
+        return f"The readings do not determine {direction.subjects}; it is known only from {prior}."
     return (
-        f"The readings do not see that {direction.phrase()}; only {prior} {separates} them.{pair}"
+        f"The readings cannot separate {direction.subjects}: {direction.phrase()}; only {prior} "
+        f"{'separates' if len(names) == 1 else 'separate'} them.{pair}"
     )
 
 
@@ -138,10 +138,10 @@ def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
         if known.from_prior[i] and i not in said:
             leaning = _leaning_on(known, i)
             also = (
-                f" What is said of {join(leaning)} rests mainly on that prior." if leaning else ""
+                f" The estimate of {join(leaning)} rests mainly on that prior." if leaning else ""
             )
             yield (
-                f"{parameter.name} is known only from its prior: the readings hardly add to it."
+                f"{parameter.name} is known only from its prior: the readings add hardly anything."
                 + also
             )
 
@@ -169,6 +169,6 @@ def _bounds(known: Knowledge) -> Iterator[str]:
         if known.at_bound[i] and parameter.lower < parameter.upper:
             near_lower = known.values[i] - parameter.lower < parameter.upper - known.values[i]
             yield (
-                f"{parameter.name} ends on its {'lower' if near_lower else 'upper'} bound; "
-                "what is said of the other parameters holds for that value."
+                f"{parameter.name} lies on its {'lower' if near_lower else 'upper'} bound; "
+                "the other estimates hold for that value."
             )

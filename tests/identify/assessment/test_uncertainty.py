@@ -110,7 +110,7 @@ def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(asses
     _, found = assessed()
     assert found.determined.tolist() == [False, False, True, False]
     assert np.isnan(found.sd).tolist() == [True, True, False, True]
-    gap = next(text for text in found.findings if "E and sigma_v scale together" in text)
+    gap = next(text for text in found.findings if "multiplying both by the same factor" in text)
     assert "sigma_v / E is determined: 0.0005333" in gap
     assert "The readings do not determine nu." in found.findings
     assert len(found.findings) == 2
@@ -129,7 +129,10 @@ def test_a_prior_separates_what_the_readings_do_not(assessed):
     assert found.determined.tolist() == [True, False, True, False]
     assert found.sd[0] == pytest.approx(15e9 / 8.0, rel=1e-2)
     text = " ".join(found.findings)
-    assert "E and sigma_v scale together; only the prior of sigma_v separates them" in text
+    assert (
+        "cannot separate E and sigma_v: multiplying both by the same factor hardly changes the "
+        "readings; only the prior of sigma_v separates them"
+    ) in text
     assert "sigma_v is known only from its prior" in text
 
 
@@ -142,7 +145,7 @@ def test_a_parameter_of_which_only_the_prior_tells_is_not_determined():
     found = assess(Problem(None, np.zeros(2), np.full(2, 0.01), q), np.array([1.0, 0.25]), J)
     assert found.determined.tolist() == [True, False]
     assert found.findings == (
-        "The readings do not determine nu; what is known is the prior of nu.",
+        "The readings do not determine nu; it is known only from the prior of nu.",
     )
 
 
@@ -151,7 +154,7 @@ def test_parameters_that_trade_off_are_named_with_their_product():
     J = np.outer([1.0, 2.0, 3.0], [1.0, 1.0])
     found = assess(Problem(None, np.zeros(3), np.full(3, 0.01), q), np.ones(2), J)
     assert not found.determined.any()
-    assert "E and t trade off (one up, the other down)" in found.findings[0]
+    assert "a higher E can make up for a lower t" in found.findings[0]
     assert "E * t is determined: 1 " in found.findings[0]
 
 
@@ -177,7 +180,7 @@ def test_a_bound_does_not_hide_that_two_parameters_cannot_be_told_apart(assessed
     _, found = assessed(values=values)
     assert found.at_bound.tolist() == [False, True, False, False]
     assert found.determined.tolist() == [False, False, True, False]
-    assert any("sigma_v ends on its upper bound" in text for text in found.findings)
+    assert any("sigma_v lies on its upper bound" in text for text in found.findings)
 
 
 def test_a_parameter_on_its_bound_is_fixed_for_the_others():
