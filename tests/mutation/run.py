@@ -17,11 +17,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import json
 import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tomllib
@@ -33,7 +35,7 @@ from cosmic_ray.mutating import use_mutation
 from cosmic_ray.testing import run_tests
 from cosmic_ray.work_item import TestOutcome
 from selection import Selection
-from sites import Mutant, digest, draw
+from sites import Mutant, draw
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = {"identify": 40, "forward": 40, "fem": 25, "workflow": 15, "report": 30}
@@ -84,36 +86,31 @@ class Bench:
         os.environ["MUTATION_FOLDER"] = str(folder)
         if self._copy():
             self._count()
+        (folder / "state").write_text(self.state)
         os.chdir(self.tree)
         self._selection = Selection(folder, self.tree)
         self._alone: dict[str, bool] = {}
 
-    @property
-    def state(self) -> str:
-        """A short hash of the code and the tests."""
-        files = sorted(path for path in self.tree.rglob("*.py") if path.is_file())
-        return digest("".join(path.read_text() for path in files))[:8]
-
     def _copy(self) -> bool:
-        """Copy what git knows or does not ignore; whether that differs from the last copy."""
+        """Copy what git knows or does not ignore; whether the tests are to be counted again."""
         command = ["git", "ls-files", "-co", "--exclude-standard", "-z"]
         listed = subprocess.run(
             command, cwd=ROOT, capture_output=True, text=True, check=True
         ).stdout
-        names = [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
+        names = sorted({name for name in listed.split("\0") if name and (ROOT / name).is_file()})
         content = {name: (ROOT / name).read_bytes() for name in names}
-        if (self.folder / "reached.json").exists() and all(
-            (self.tree / name).is_file() and (self.tree / name).read_bytes() == what
-            for name, what in content.items()
-        ):
-            return False
-        shutil.rmtree(self.folder / "tree", ignore_errors=True)
+        state = hashlib.sha256(repr(content).encode()).hexdigest()[:8]
+        shutil.rmtree(self.tree, ignore_errors=True)
         for name, what in content.items():
             path = self.tree / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(what)
             path.chmod((ROOT / name).stat().st_mode)
-        return True
+        kept = self.folder / "state"
+        changed = not kept.exists() or kept.read_text() != state
+        kept.unlink(missing_ok=True)
+        self.state = state
+        return changed
 
     def _count(self) -> None:
         """Run the default tests and keep which lines each reaches."""
@@ -292,5 +289,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with contextlib.suppress(KeyboardInterrupt):
         main()

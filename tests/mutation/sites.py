@@ -7,8 +7,8 @@ a plus sign, which can become many things, does not count more than a number.
 The changes are those of cosmic-ray, less those that cannot tell anything:
 
 * operators of bits for those of numbers, and the other way round, `is` for `==`: they end in a
-  `TypeError` wherever the line is run;
-* annotations, `if TYPE_CHECKING`, protocols: never run, or without effect;
+  `TypeError` wherever the line is run; `<` for `==` between texts, which have no order here;
+* annotations, stars of signatures, `if TYPE_CHECKING`, protocols: never run, or without effect;
 * `frozen`, `slots`, `eq` of data classes, `strict` of `zip`, sizes of caches, and caches as such:
   promises to the reader and savings, without which every result is the same.
 
@@ -18,7 +18,6 @@ To them come numbers that are scaled (`Scaled`): 1.96 to 1.568, 3.0 to 30.0.
 from __future__ import annotations
 
 import ast
-import hashlib
 import random
 import re
 from collections import defaultdict
@@ -38,6 +37,10 @@ BITS = {"BitOr", "BitAnd", "BitXor"}
 CACHES = {"cache", "lru_cache", "cached_property"}
 PROMISES = {"frozen", "slots", "eq", "order", "kw_only", "strict", "maxsize"}
 SCALED = "Scaled"
+Position = tuple[int, int]
+_OPPOSITE = ("_Eq_NotEq", "_NotEq_Eq", "_Is_IsNot", "_IsNot_Is")
+_WIDE = 200
+"""Columns that no line has."""
 
 
 class Scaled(Operator):
@@ -96,15 +99,11 @@ def draw(root: Path, modules: list[str], count: int, seed: int) -> tuple[list[Mu
     return [chance.choice(changes) for changes in drawn], len(sites)
 
 
-def digest(text: str) -> str:
-    """A short hash of a text."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def _sites(root: Path, module: str) -> list[list[Mutant]]:
     """The changes of every site of a file."""
     source = (root / module).read_text()
-    silent = _silent(ast.parse(source))
+    seen = _Silent()
+    seen.visit(ast.parse(source))
     found: dict[tuple[Any, str], list[Mutant]] = defaultdict(list)
     nodes = list(ast_nodes(get_ast(source)))
     for name in [*sorted(operator_names()), SCALED]:
@@ -116,7 +115,9 @@ def _sites(root: Path, module: str) -> list[list[Mutant]]:
             (node, start) for node in nodes for start, _ in operator.mutation_positions(node)
         )
         for occurrence, (node, start) in enumerate(positions):
-            if start in silent or (kind == "RemoveDecorator" and _saves_only(node)):
+            if start in seen.positions or (kind == "RemoveDecorator" and _saves_only(node)):
+                continue
+            if kind == "comparison" and start in seen.texts and not name.endswith(_OPPOSITE):
                 continue
             where = ASTQuery(node).get_definition_name() or ""
             found[start, kind].append(Mutant(module, name, occurrence, start[0], where))
@@ -147,23 +148,30 @@ def _saves_only(node: Any) -> bool:
 class _Silent(ast.NodeVisitor):
     """Collects the positions whose change cannot be seen."""
 
-    def __init__(self, positions: set[tuple[int, int]]) -> None:
-        self.positions = positions
+    def __init__(self) -> None:
+        self.positions: set[Position] = set()
+        self.texts: set[Position] = set()
 
-    def _hide(self, *nodes: ast.AST | None) -> None:
+    def _hide(self, *nodes: ast.expr | None) -> None:
         for node in nodes:
-            for part in ast.walk(node) if node is not None else ():
-                if isinstance(part, ast.expr):
-                    first, last = part.lineno, part.end_lineno or part.lineno
-                    for line in range(first, last + 1):
-                        start = part.col_offset if line == first else 0
-                        end = (part.end_col_offset or 0) if line == last else 1000
-                        self.positions.update((line, column) for column in range(start, end))
+            if node is not None:
+                self.positions |= _covered(node)
+
+    def _cover(self, *span: int) -> None:
+        self.positions |= _span(*span)
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        every = node.args
-        arguments = [*every.posonlyargs, *every.args, *every.kwonlyargs, every.vararg, every.kwarg]
-        self._hide(node.returns, *(one.annotation for one in arguments if one))
+        before = set(self.positions)
+        self._cover(node.lineno, node.col_offset, node.body[0].lineno, node.body[0].col_offset)
+        for value in (*node.args.defaults, *node.args.kw_defaults):
+            if value is not None:
+                self.positions -= _covered(value) - before
+        self.generic_visit(node)
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        parts = [node.left, *node.comparators]
+        if any(isinstance(part, ast.Constant) and isinstance(part.value, str) for part in parts):
+            self.texts |= _covered(node)
         self.generic_visit(node)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
@@ -191,15 +199,21 @@ class _Silent(ast.NodeVisitor):
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         if any("Protocol" in ast.unparse(base) for base in node.bases):
-            self.positions.update(
-                (line, column)
-                for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
-                for column in range(100)
-            )
+            self._cover(node.lineno, 0, node.end_lineno or node.lineno, _WIDE)
         self.generic_visit(node)
 
 
-def _silent(tree: ast.Module) -> set[tuple[int, int]]:
-    positions: set[tuple[int, int]] = set()
-    _Silent(positions).visit(tree)
-    return positions
+def _covered(node: ast.expr) -> set[Position]:
+    """All positions of an expression."""
+    return _span(
+        node.lineno, node.col_offset, node.end_lineno or node.lineno, node.end_col_offset or 0
+    )
+
+
+def _span(first: int, start: int, last: int, end: int) -> set[Position]:
+    """Positions from one to another, the latter left out."""
+    return {
+        (line, column)
+        for line in range(first, last + 1)
+        for column in range(start if line == first else 0, end if line == last else _WIDE)
+    }
