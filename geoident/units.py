@@ -177,7 +177,16 @@ def parse_quantity(text: str, dimension: str) -> float:
 
 
 def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity:
-    """The quantity itself if it has the dimension; ``text`` is what was written."""
+    """The quantity itself if it has the dimension.
+
+    Args:
+        quantity: what was read.
+        dimension: a key of `DIMENSIONS`.
+        text: what was written, for the message.
+
+    Raises:
+        UnitError: it has another dimension, or no unit where one is needed.
+    """
     if quantity.dimension == dimension:
         return quantity
     units = unit_list(dimension)
@@ -208,6 +217,32 @@ def format_quantity(value: float, unit: str) -> str:
     """
     unit = normal_unit(unit)
     return f"{value / UNITS[unit][1]:.6g} {unit}".rstrip()
+
+
+def si_unit(dimension: str) -> str:
+    """The SI unit of a dimension; empty for a pure number."""
+    return DIMENSIONS.get(dimension, "")
+
+
+def in_unit(value: float, unit: str, dimension: str) -> float:
+    """An SI value in a unit; in SI where the unit is none of the dimension.
+
+    Args:
+        value: SI.
+        unit: as the user wrote it.
+        dimension: of the value.
+
+    >>> in_unit(2.5e9, "GPa", "pressure")
+    2.5
+    """
+    known = UNITS.get(unit)
+    return value / known[1] if known and known[0] == dimension else value
+
+
+def shown_unit(unit: str, dimension: str) -> str:
+    """The unit that `in_unit` gives."""
+    known = UNITS.get(unit)
+    return unit if known and known[0] == dimension else si_unit(dimension)
 
 
 def normal_unit(text: str) -> str:

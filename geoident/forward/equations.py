@@ -1,4 +1,4 @@
-"""The staged model as plain arrays: its complementarity system, where it has one (theory 5).
+"""The staged model as stages of arrays: its complementarity system, where it has one (theory 5).
 
 The march does not use this; the formulations of the complementarity method that solve all stages
 and parameters at once do. What is not affine in the parameters, and what is more than strain points
@@ -20,14 +20,15 @@ from geoident.forward.actions import water
 from geoident.forward.ground import elasticity as materials
 from geoident.forward.ground.elasticity import elasticity, elasticity_slopes
 from geoident.forward.in_situ import stress as in_situ
+from geoident.forward.in_situ.stress import BALANCED
 from geoident.forward.march.stage_equations import numbers
+from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.structures import members as structures
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.laws import is_smooth, law_slopes, yield_law
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Point
-from geoident.model.equations import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 
 if TYPE_CHECKING:
     from geoident.forward.model import StagedModel
@@ -132,10 +133,10 @@ class _Exporter:
     def system(self, readings: ReadingRows, last: int) -> StagedSystem:
         """All states; the virgin one only where its stress must be balanced first."""
         model = self.model
-        virgin, balanced = model.march.virgin(self.values, model.names)
+        virgin, imbalance = model.march.virgin(self.values, model.names)
         self._add_sets(virgin)
         self._add_members()
-        first = 1 if balanced else 0
+        first = 1 if imbalance <= BALANCED else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
         return StagedSystem(
             tuple(model.names),

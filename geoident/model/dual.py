@@ -99,7 +99,12 @@ class Jet:
         return Jet(np.concatenate([value[..., None], slopes], axis=-1))
 
     def through(self, value: Callable[[Floats], Floats], slope: Callable[[Floats], Floats]) -> Jet:
-        """A function of the value, by the function and its derivative."""
+        """A function of the value, by the function and its derivative.
+
+        Args:
+            value: the function, of values (...).
+            slope: its derivative (...) there.
+        """
         result = self.columns * slope(self.value)[..., None]
         result[..., 0] = value(self.value)
         return Jet(result)

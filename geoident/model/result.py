@@ -9,6 +9,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Certificate
 from geoident.model.mesh import Mesh
 
+NORMAL_95 = 1.959963984540054
+"""Half width of a normal 95 % interval, in standard deviations."""
+
 
 @dataclass(frozen=True)
 class Counts:
@@ -169,7 +172,7 @@ class Grid:
 
     Args:
         names: the parameters of the axes.
-        axes: for every axis its values, SI.
+        axes: for every axis its values (k,), SI.
         objective: (len(axes[0]), ...) discrepancy; infinite where the model has no solution.
     """
 

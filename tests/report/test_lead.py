@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from geoident.report.page import sentences
+from geoident.report.text.result import outcome_sentences
 from tests.support.results import example_result
 
 RESULT = example_result(2)
@@ -17,7 +16,7 @@ DRIFT, BENCH_1, BENCH_2 = (-1,), (1, -1, 8, 2, 1), (-1, 1, 1, -1, 0)
 
 
 def lead(**changes):
-    return re.sub("<.*?>", "", sentences.summary(replace(RESULT, **changes)))
+    return " ".join(outcome_sentences(replace(RESULT, **changes)))
 
 
 def with_used(*stages):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 from geoident.cli.several import each
 from geoident.errors import UsageError
@@ -46,7 +47,7 @@ Examples:
     type=click.Choice(TABLES),
     help="One table as CSV, to stdout or to the file -o.",
 )
-@takes("output", "force")
+@takes("output", "force", after=always("open .csv in a spreadsheet, .pvd or .vtkhdf in ParaView"))
 def command(
     results: tuple[str, ...], formats: tuple[str, ...], table: str | None, options: Options
 ) -> int:
@@ -69,10 +70,12 @@ def command(
 
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.report.text.csv_tables import csv_tables, csv_text
+    from geoident.workflow.running.inputs import files_of_result
     from geoident.workflow.running.outputs import write_text
     from geoident.workflow.show import show
 
-    found = csv_tables(show(path))
+    result = show(path)
+    found = csv_tables(result)
     if name not in found:
         msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
         raise UsageError(msg)
@@ -80,7 +83,8 @@ def _one_table(path: str, name: str, options: Options) -> int:
     if options.output in (None, "-"):
         click.echo(text, nl=False)
     else:
-        write_text(text, str(options.output), force=options.force, inputs=[path])
+        inputs = files_of_result(result, path)
+        write_text(text, str(options.output), force=options.force, inputs=inputs)
         click.echo(options.output)
     return 0
 
@@ -100,11 +104,8 @@ def _write(kind: str, path: str, result: Result, options: Options) -> tuple[str,
     from geoident.workflow import export
 
     folder = export.export_folder(path, options.output)
+    files = export.Export(path, result, folder, options.force)
     if kind == "csv":
         texts = {name: csv_text(table) for name, table in csv_tables(result).items()}
-        return export.export_texts(path, texts, folder=folder, overwrite=options.force)
-    if kind == "vtu":
-        return export.export_vtu(path, result, folder=folder, overwrite=options.force)
-    if result.fields is None:
-        raise export.no_fields(path)
-    return export.export_vtkhdf(path, folder=folder, overwrite=options.force)
+        return export.export_texts(files, texts)
+    return export.export_vtu(files) if kind == "vtu" else export.export_vtkhdf(files)

@@ -4,28 +4,46 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import line, overrides
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import failures_as_json
 
 if TYPE_CHECKING:
-    from geoident.model.gauges import Reading
+    from geoident.workflow.simulate import Simulated
 
 EPILOG = """\b
 Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
-  geoident simulate case.yaml --noise --seed 1 -o readings.csv
+  geoident simulate case.yaml --noise --seed 1 -o simulated.csv
 """
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    case, file = arguments["case"], options.output
+    if file in (None, "-"):
+        return (line("simulate", case, *overrides(options), "-o", "readings.csv"),)
+    return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
+
+
+def _seen_from(case: str, file: str) -> str:
+    """A path as a case names it."""
+    try:
+        return Path(os.path.relpath(file, Path(case).parent)).as_posix()
+    except ValueError:  # another drive
+        return str(Path(file).absolute())
 
 
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
-@takes("output", "overrides", "seed", "solver", "force", "as_json")
+@takes("output", "overrides", "seed", "solver", "force", "as_json", after=_next)
 def command(case: str, noise: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
@@ -34,7 +52,7 @@ def command(case: str, noise: bool, options: Options) -> int:
     from geoident.workflow.simulate import Noise, simulate
 
     with failures_as_json(case, options):
-        readings = simulate(
+        simulated = simulate(
             case,
             overrides=options.overrides,
             noise=Noise.ACCURACY if noise else Noise.NONE,
@@ -42,19 +60,21 @@ def command(case: str, noise: bool, options: Options) -> int:
             solver=options.solver,
             output=None if options.output == "-" else options.output,
         )
-        _say(readings, case, options)
+        _say(simulated, case, options)
     return 0
 
 
-def _say(readings: tuple[Reading, ...], case: str, options: Options) -> None:
+def _say(simulated: Simulated, case: str, options: Options) -> None:
     """The readings to stdout or to a file; with a file, its path to stdout."""
+    from geoident.report.text.gauges import readings_csv
     from geoident.report.text.json import dumps, simulation_object
-    from geoident.report.text.readings import readings_csv
     from geoident.workflow.running.outputs import write_text
 
+    readings = simulated.readings
     file = None if options.output in (None, "-") else options.output
     if file is not None:
-        write_text(readings_csv(readings), file, force=options.force)
+        text, inputs = readings_csv(readings), simulated.files_read
+        write_text(text, file, force=options.force, inputs=inputs)
     if options.as_json:
         click.echo(dumps(simulation_object(readings, case=case, output=file)))
     elif file is not None:

@@ -40,7 +40,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.in_situ.stress import InSituStress
+from geoident.forward.in_situ.stress import BALANCED, InSituStress
 from geoident.forward.march.base_states import Branches
 from geoident.forward.march.discretization import StageSystem, StageSystems
 from geoident.forward.march.elastic_step import ElasticSteps
@@ -51,9 +51,6 @@ from geoident.forward.stages import State, Timeline
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-
-_BALANCED = 1e-9
-"""Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
 
 class March:
@@ -194,16 +191,20 @@ class March:
         stress[:, ~system.present] = 0.0
         self.imbalance = self._imbalance(system, stress, forces)
         task = self._task(0, values, names, borne, forces)
-        if self.imbalance > _BALANCED:
+        if self.imbalance > BALANCED:
             self._elastic.step(task)
         self.plastic.refuse_virgin(task)
 
-    def virgin(self, values: Mapping[str, float], names: Sequence[str]) -> tuple[Floats, bool]:
-        """The in-situ stress (n_strain, n_points, 1 + n) as given, and whether it is balanced."""
+    def virgin(self, values: Mapping[str, float], names: Sequence[str]) -> tuple[Floats, float]:
+        """The in-situ stress (n_strain, n_points, 1 + n) as given, and its imbalance.
+
+        The imbalance is the largest out-of-balance force relative to the forces at work; nothing
+        is factorized.
+        """
         system, stress = self._systems[0], self._virgin.columns(values, names)
         stress[:, ~system.present] = 0.0
         forces = self._actions.forces(0, values, names)
-        return stress, self._imbalance(system, stress, forces) <= _BALANCED
+        return stress, self._imbalance(system, stress, forces)
 
     def _imbalance(self, system: StageSystem, stress: Floats, forces: Floats) -> float:
         """Largest out-of-balance force of a free unknown relative to the forces at work."""

@@ -13,10 +13,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import cast
 
-import numpy as np
-
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Observer, Outcome, Problem
 from geoident.identify.problem.protocols import (
     AffineElastic,
     ComplementaritySystem,
@@ -24,7 +22,6 @@ from geoident.identify.problem.protocols import (
     Response,
     YieldSystem,
 )
-from geoident.model.arrays import Floats
 from geoident.model.methods import (
     METHOD_OPTIONS,
     ClosedFormOptions,
@@ -42,9 +39,6 @@ SQUARED = SquaredOptions()
 
 FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
 """What the formulations of the complementarity method need beside the model's equations."""
-
-STOPPED = "out-of-budget"
-"""Status of an outcome that the observer ended."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +100,11 @@ def refusals(
     """Why the methods of a chain cannot work on a model, sentences; none if they can.
 
     A closed form in a chain is only where the rest begins: it is passed over where there is none.
+
+    Args:
+        response: the model.
+        methods: options of the methods, in their order.
+        loss: of the readings.
     """
     if len(methods) > 1:
         methods = [options for options in methods if not isinstance(options, ClosedFormOptions)]
@@ -119,7 +118,14 @@ def refusal(
     loss: LossOptions = SQUARED,
     options: MethodOptions | None = None,
 ) -> str | None:
-    """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
+    """Why a method cannot work on a model and which would do, a sentence, or None if it can.
+
+    Args:
+        response: the model.
+        name: of the method, as users write it.
+        loss: of the readings.
+        options: of the method; None for its default ones.
+    """
     why = _obstacle(response, METHODS[name], loss, options)
     if why is None:
         return None
@@ -212,7 +218,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         done.append(outcome)
         if outcome.status == STOPPED:
             break
-        problem = _restarted(problem, outcome.values)
+        problem = problem.begun_at(outcome.values)
     return _joined(done)
 
 
@@ -221,15 +227,6 @@ def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> No
     faults = [Fault("method-not-possible", reason) for reason in reasons]
     if faults:
         raise InputError(faults)
-
-
-def _restarted(problem: Problem, values: Floats) -> Problem:
-    """The problem with the values (n,), SI, clipped into the bounds, for its start."""
-    parameters = (
-        replace(q, start=float(np.clip(value, q.lower, q.upper)))
-        for q, value in zip(problem.parameters, values, strict=True)
-    )
-    return replace(problem, parameters=tuple(parameters))
 
 
 def _joined(done: Sequence[Outcome]) -> Outcome:

@@ -1,12 +1,11 @@
 """What every mesh reader delivers, before anything is known of the analysis.
 
 A reader fills a `RawMesh` with what its file says and raises `Refused` with a sentence when it
-cannot; `mesh_build` makes the `Mesh` of it and holds all the checks that formats share.
+cannot; `geoident.io.mesh.build` makes the `Mesh` of it and holds all the checks that formats share.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -14,49 +13,16 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-DIMENSIONS: Mapping[str, int] = {
-    "point": 0,
-    "line2": 1,
-    "line3": 1,
-    "tri3": 2,
-    "tri6": 2,
-    "quad4": 2,
-    "quad8": 2,
-    "quad9": 2,
-    "tet4": 3,
-    "tet10": 3,
-    "hex8": 3,
-    "hex20": 3,
-    "hex27": 3,
-    "wedge6": 3,
-    "wedge15": 3,
-    "wedge18": 3,
-    "pyramid5": 3,
-    "pyramid13": 3,
-    "pyramid14": 3,
-}
-"""Kinds of cells that readers name alike, with their dimension. Not all can be computed with."""
-
-CORNERS: Mapping[str, int] = {
-    "line2": 2,
-    "line3": 2,
-    "tri3": 3,
-    "tri6": 3,
-    "quad4": 4,
-    "quad8": 4,
-    "tet4": 4,
-    "tet10": 4,
-    "hex8": 8,
-    "hex20": 8,
-}
-"""Kinds of cells that a `Mesh` holds, with the number of their corner nodes."""
-
-NODES: Mapping[str, int] = {kind: int(re.sub(r"[a-z]+", "", kind)) for kind in CORNERS}
-"""The same kinds with the number of all their nodes, which their names end in."""
-
 
 class Refused(Exception):
-    """A mesh cannot be used: what was found, and what to do about it."""
+    """A mesh cannot be used: what was found, and what to do about it.
+
+    Args:
+        code: what kind of fault it is, for programs.
+        message: what was found.
+        hint: what to do about it; empty for nothing to say.
+        line: of the file; 0 for none.
+    """
 
     def __init__(self, code: str, message: str, hint: str = "", line: int = 0) -> None:
         super().__init__(message)
@@ -71,7 +37,7 @@ class RawCells:
     """Cells of one kind, in a row of the file.
 
     Args:
-        kind: a key of `DIMENSIONS`, or a name of the reader's own for what is not in it.
+        kind: a key of `geoident.model.cells.CELLS`, or a name of the reader's own.
         dim: dimension of the cells, 0 to 3.
         nodes: (n_cells, nodes per cell) node indices from 0, in VTK's order.
         numbers: (n_cells,) numbers under which the user knows the cells.
@@ -104,13 +70,13 @@ class RawMesh:
 
 
 def join(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
-    """Each name with the sorted union of its index arrays; names of empty sets are left out."""
+    """Each name with the sorted union (k,) of its indices; names of empty sets are left out."""
     unions = {name: np.unique(np.concatenate(parts)) for name, parts in sets.items() if parts}
     return {name: union.astype(np.int64) for name, union in unions.items() if len(union)}
 
 
 def split_by(values: Ints) -> Iterator[tuple[int, Ints]]:
-    """Each different value with the ascending indices at which it stands.
+    """Each different value (n,) with the ascending indices (k,) at which it stands.
 
     >>> [(value, where.tolist()) for value, where in split_by(np.array([7, 3, 7]))]
     [(3, [1]), (7, [0, 2])]
@@ -123,7 +89,7 @@ def split_by(values: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def indices_of(numbers: Ints, wanted: Ints) -> Ints:
-    """Positions in ``numbers`` (all different) of the ``wanted`` numbers, -1 for those absent."""
+    """Positions (k,) in different ``numbers`` (n,) of the ``wanted`` ones (k,); -1 if absent."""
     if len(numbers) == 0:
         return np.full(wanted.shape, -1, dtype=np.int64)
     if numbers[0] == 1 and numbers[-1] == len(numbers) and bool(np.all(np.diff(numbers) == 1)):
@@ -138,9 +104,9 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
     """Node indices of the ``wanted`` (n_cells, k) node numbers.
 
     Args:
-        numbers: numbers of all nodes.
-        wanted: the nodes of each cell, by number.
-        cells: numbers of the cells, for the message.
+        numbers: (n_nodes,) numbers of all nodes.
+        wanted: (n_cells, k) the nodes of each cell, by number.
+        cells: (n_cells,) numbers of the cells, for the message.
 
     Raises:
         Refused: a cell names a node that the file does not hold.
@@ -157,7 +123,11 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
 
 
 def check_unique_nodes(numbers: Ints) -> None:
-    """Refuse a node number that is given twice."""
+    """Refuse a node number, of all (n_nodes,), that is given twice.
+
+    Raises:
+        Refused: with the number.
+    """
     ordered = np.sort(numbers)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     if len(twice):
@@ -180,7 +150,7 @@ def row_keys(nodes: Ints) -> Ints:
 
 
 def first_of_equal(keys: Ints) -> tuple[Ints, Bools]:
-    """For each entry the index of the first equal one, and whether it is that one itself."""
+    """For each entry (n,) the index (n,) of the first equal one, and whether it is that (n,)."""
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     firsts = first[inverse.ravel()].astype(np.int64)
     return firsts, firsts == np.arange(len(keys))

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from geoident.identify.assessment.directions import join
 from geoident.identify.assessment.spectrum import sparse_basis
-from geoident.identify.assessment.uncertainty import NORMAL_95, assess, predict_band
+from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
@@ -58,7 +59,7 @@ def test_covariance_of_a_linear_model_is_that_of_bayesian_regression(prior):
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-10)
     np.testing.assert_allclose(found.sd, sd, rtol=1e-10)
     np.testing.assert_allclose(found.correlation, expected / np.outer(sd, sd), rtol=1e-10)
-    np.testing.assert_allclose(found.upper95 - found.lower95, 2 * NORMAL_95 * sd, rtol=1e-10)
+    np.testing.assert_allclose(found.upper95 - found.lower95, 2 * norm.ppf(0.975) * sd, rtol=1e-10)
     later = np.random.default_rng(2).normal(size=(2, 3))
     band = predict_band(found, later, np.array([0.1, 0.2]))
     variance = np.diag(later @ expected @ later.T) + np.array([0.1, 0.2]) ** 2
@@ -111,7 +112,7 @@ def test_without_bounds_half_an_interval_of_five_references_or_e_5_is_too_wide(
     scale, half, determined
 ):
     q = (Parameter("x", 2.0, 0.0 if scale == "log" else -np.inf, np.inf, scale),)
-    sd = np.array([half / NORMAL_95])
+    sd = np.array([half / norm.ppf(0.975)])
     found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[0.5]]))
     assert found.determined.tolist() == [determined]
 
@@ -122,7 +123,7 @@ def test_within_bounds_half_an_interval_of_half_the_range_is_too_wide(scale, hal
     q = (Parameter("x", 2.0, 1.0, 4.0, scale),)
     width = 3.0 if scale == "linear" else np.log(4.0)
     slope = 1.0 if scale == "linear" else 0.5  # of x or ln x with x, at 2
-    sd = np.array([half * width / slope / NORMAL_95])
+    sd = np.array([half * width / slope / norm.ppf(0.975)])
     found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[1.0]]))
     assert found.determined.tolist() == [determined]
 
