@@ -26,7 +26,7 @@ from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.laws import is_smooth, law_slopes, yield_law
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.equations import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def export(model: StagedModel, p: Floats, readings: ReadingRows, last: int) -> S
 
 
 class _Exporter:
-    """Point sets are the groups, and the axial and bending rows of every structure."""
+    """ParameterPoint sets are the groups, and the axial and bending rows of every structure."""
 
     def __init__(self, model: StagedModel, p: Floats) -> None:
         self.model, self.p = model, p
@@ -173,7 +173,7 @@ class _Exporter:
     def _add_members(self) -> None:
         """Structures: one component, the axial or the bending one, with its modulus."""
         for part in self.model.structures.parts:
-            rigidity = rigidities(part.structure, Point(self.values, self.model.names))
+            rigidity = rigidities(part.structure, ParameterPoint(self.values, self.model.names))
             for bending in (False, True):
                 chosen = np.flatnonzero(part.members.bending == bending)
                 if chosen.size:

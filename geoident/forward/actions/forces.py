@@ -22,7 +22,7 @@ from geoident.forward.stages import State, Timeline
 from geoident.model.actions import FaceLoad, PointForce, Seismic, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
 
 
@@ -58,7 +58,7 @@ class Actions:
         total = self.carried(state, current.materials.keys(), values, names)
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
-                total += self._loads[state, name].forces(Point(values, names))
+                total += self._loads[state, name].forces(ParameterPoint(values, names))
         return total
 
     def carried(
@@ -67,7 +67,7 @@ class Actions:
         """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
         current = self._timeline.states[state]
         some = replace(current, materials={g: current.materials[g] for g in groups})
-        point = Point(values, names)
+        point = ParameterPoint(values, names)
         total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
         if self._case.gravity is not None:
             total += self._weight(some, self._case.gravity, point)
@@ -81,27 +81,27 @@ class Actions:
             total += self._pore_forces(state, groups, current.water, point)
         return total
 
-    def _weight(self, state: State, gravity: Sequence[float], point: Point) -> Floats:
+    def _weight(self, state: State, gravity: Sequence[float], point: ParameterPoint) -> Floats:
         mass = self._mass(state, point).columns
         return np.asarray(np.einsum("nc,i->nic", mass, gravity).reshape(-1, point.n_columns))
 
-    def _shaking(self, state: State, load: Seismic, point: Point) -> Floats:
+    def _shaking(self, state: State, load: Seismic, point: ParameterPoint) -> Floats:
         """Parts of the weight of all ground that is there, along the axes."""
         mass = self._mass(state, point)
         size = 0.0 if self._case.gravity is None else float(np.linalg.norm(self._case.gravity))
-        along = [(mass * point.jet(factor)).times(size).columns for factor in load.factors]
+        along = [(mass * point.number(factor)).times(size).columns for factor in load.factors]
         return np.stack(along, axis=1).reshape(-1, point.n_columns)
 
-    def _mass(self, state: State, point: Point) -> Jet:
+    def _mass(self, state: State, point: ParameterPoint) -> Dual:
         """Mass (n_nodes,) that belongs to each node, kg."""
         mass = np.zeros((self._mesh.n_nodes, point.n_columns))
         for group, material in state.materials.items():
-            density = point.jet(self._case.materials[material].density)
+            density = point.number(self._case.materials[material].density)
             mass += np.outer(self._shares[group], density.columns)
-        return Jet(mass)
+        return Dual(mass)
 
     def _pore_forces(
-        self, state: int, groups: Collection[int], water: Water, point: Point
+        self, state: int, groups: Collection[int], water: Water, point: ParameterPoint
     ) -> Floats:
         """C^T V p over the points of some groups with water in their pores."""
         points = self._systems.points
@@ -137,7 +137,7 @@ class _HeldEdge:
         """Forces (n_dofs, 1 + n), N."""
         stress = self._skeleton.columns(values, names)
         if self._pores is not None:
-            pressure = self._pores.at(Point(values, names)).columns
+            pressure = self._pores.at(ParameterPoint(values, names)).columns
             stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
         return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
 

@@ -24,7 +24,7 @@ from geoident.forward.march.discretization import StageSystems
 from geoident.forward.stages import Timeline
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 
 
 class PartialRelease:
@@ -56,7 +56,7 @@ class PartialRelease:
             support[:, : carried.shape[1]] += carried
             held[group] = support
         self._held[state] = held
-        return self._still_held(state, Point(values, names), stress.shape[2])
+        return self._still_held(state, ParameterPoint(values, names), stress.shape[2])
 
     def _stress_forces(self, group: int, stress: Floats) -> Floats:
         """C_g^T V sigma, (n_dofs, 1 + n + k)."""
@@ -66,11 +66,11 @@ class PartialRelease:
         volume[mine] = points.volume[mine]
         return points.forces(stress, volume)
 
-    def _still_held(self, state: int, point: Point, n_columns: int) -> Floats:
+    def _still_held(self, state: int, point: ParameterPoint, n_columns: int) -> Floats:
         total = np.zeros((self._systems.points.compatibility.shape[1], n_columns))
         release = self._timeline.states[state].release
         for group, support in self._held[state].items():
-            fraction = point.jet(release[group]).columns
+            fraction = point.number(release[group]).columns
             total += (1.0 - fraction[0]) * support
             total[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
         return total

@@ -19,7 +19,7 @@ from geoident.forward.stages import State, Timeline
 from geoident.model.actions import Temperature, TemperatureField
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Material
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import constants
 from geoident.model.parameter import Scalar
 
@@ -43,27 +43,27 @@ class ThermalStrains:
         warmed = _changed(current, before)
         if not warmed or state == 0:
             return None
-        point = Point(values, names)
+        point = ParameterPoint(values, names)
         strain = np.zeros((self._systems.points.n_points, point.n_columns))
         for group in warmed:
-            expansion = point.jet(self._case.materials[current.materials[group]].expansion)
+            expansion = point.number(self._case.materials[current.materials[group]].expansion)
             change = self._temperature(current.temperature.get(group), group, point)
             if group not in current.placed:
                 change = change - self._temperature(before.temperature.get(group), group, point)
             strain[self._systems.points_of[group]] = (change * expansion).columns
         return strain
 
-    def _temperature(self, given: Temperature | None, group: int, point: Point) -> Jet:
+    def _temperature(self, given: Temperature | None, group: int, point: ParameterPoint) -> Dual:
         """Change of temperature at the points of a group, (k or 1,)."""
         if given is None:
-            return point.given(np.zeros(1))
+            return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
-            return Jet(point.jet(given).columns[None])
+            return Dual(point.number(given).columns[None])
         key = (id(given), group)
         if key not in self._fields:
             positions = self._systems.points.position[self._systems.points_of[group]]
             self._fields[key] = interpolate(given, positions)
-        return Jet(point.jet(given.factor).columns[None]).times(self._fields[key])
+        return Dual(point.number(given.factor).columns[None]).times(self._fields[key])
 
 
 def interpolate(field: TemperatureField, positions: Floats) -> Floats:

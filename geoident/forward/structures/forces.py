@@ -9,7 +9,7 @@ from geoident.forward.march.state import Standing
 from geoident.forward.stages import Timeline
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.result import MemberForces
 from geoident.model.structures import Beam, Bolts, Structure
 
@@ -59,8 +59,8 @@ class MemberRecorder:
     def _at_ends(self, structure: Structure, forces: Floats, length: Floats) -> Floats:
         """N, M at the first and second end, Q: (4, n_members); of a bar only N, of one bar."""
         if isinstance(structure, Bolts):
-            one = Point(self._values, ())
-            spacing = 1.0 if structure.spacing is None else one.jet(structure.spacing).value
+            one = ParameterPoint(self._values, ())
+            spacing = 1.0 if structure.spacing is None else one.number(structure.spacing).value
             missing = np.full(len(forces), np.nan)
             return np.stack([forces * spacing, missing, missing, missing])
         axial, middle, shear = forces.reshape(3, -1)

@@ -16,7 +16,7 @@ from support.yielding import Cavity, constant, marched, mohr, rock
 
 from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 
 CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
 ABOUT_AXIS, IN_SPACE = (3e6, 0.4), (6e6, 0.3)  # c and phi around spheres: plastic to 1.5, 1.3 radii
@@ -26,8 +26,8 @@ flows = pytest.mark.parametrize("psi", [None, 0.0], ids=["associated", "psi = 0"
 def exact(psi: float | None) -> PlasticState:
     """The opening in the plane."""
 
-    def number(x: float) -> Jet:
-        return Jet(np.array([x]))
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
 
     stress = number(CAVITY.pressure)
     ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
@@ -79,7 +79,7 @@ def test_stresses_around_the_opening(psi):
     xx, yy, zz, xy = stress[:, near]
     radial = xx * x**2 + yy * y**2 + 2 * xy * x * y
     found = np.stack([radial, xx + yy - radial, zz])
-    truth = -np.stack([jet.value for jet in exact(psi).stresses(r[near])])
+    truth = -np.stack([dual.value for dual in exact(psi).stresses(r[near])])
     # At the edge of the plastic zone the hoop stress has a kink.
     np.testing.assert_allclose(found, truth, atol=0.06 * CAVITY.pressure)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.006 * CAVITY.pressure

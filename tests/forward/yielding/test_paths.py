@@ -201,10 +201,10 @@ def test_partial_release_is_a_pressure_inside():
 
 def test_parts_of_a_release_follow_the_ground_reaction_curve():
     from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb  # noqa: PLC0415
-    from geoident.model.dual import Jet  # noqa: PLC0415
+    from geoident.model.dual import Dual  # noqa: PLC0415
 
-    def number(x: float) -> Jet:
-        return Jet(np.array([x]))
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
 
     parts = (0.3, 0.6, 0.8, 0.9, 1.0)
     staged = released(*parts, cohesion=2e6)

@@ -12,7 +12,7 @@ from support.derivatives import richardson
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.yielding.laws import facets_of, law_slopes, plane_names, yield_law
 from geoident.model.case import Material
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Attitude, Axes, Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
@@ -45,7 +45,7 @@ def tied(name):
 
 def planes_of(*surfaces: YieldSurface, n_strain: int = 4, values=VALUES):
     rock = Material("rock", ROCK, yields=surfaces)
-    return facets_of(rock, Point(values, ()), n_strain).planes()
+    return facets_of(rock, ParameterPoint(values, ()), n_strain).planes()
 
 
 def stresses(n_strain, count=20_000):
