@@ -6,21 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, Location, ModelError
-from geoident.fem.faces import FaceTable, face_table
-from geoident.fem.kinematics import Kinematics, kinematics_of
-from geoident.fem.location import Locator
-from geoident.fem.mechanism import LooseBody, loose_body
-from geoident.fem.orientation import oriented
 from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions.forces import Actions
-from geoident.forward.actions.supports import burden_faults, fixed_dofs, load_faults, support_faults
-from geoident.forward.axisymmetric_checks import revolution_faults
+from geoident.forward.checks import CaseOnMesh, check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.gauges.instrument_errors import Instruments
-from geoident.forward.gauges.observation import Observation, format_point, observe
-from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ.stress import edges_held, in_situ_models, surface_faults, zone_faults
 from geoident.forward.march.discretization import StageSystems
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March
@@ -28,25 +18,18 @@ from geoident.forward.march.plastic_step import PERFECT, PlasticOptions
 from geoident.forward.march.state import Push, Standing
 from geoident.forward.protocols import Survey
 from geoident.forward.response import StagedResponse
-from geoident.forward.stages import Timeline, build_timeline, group_faults
-from geoident.forward.structures.checks import (
-    standing_faults,
-    structure_faults,
-    structure_notes,
-)
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
 from geoident.forward.structures.members import inadmissible as impossible_structure
-from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
-from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case, KeyPath, Source, format_path
+from geoident.forward.yielding.checks import no_stress_left
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.parameter import Scalar
 from geoident.model.result import Counts
 
 
-class StagedModel:
-    """The staged forward model of a case (theory 1 and 2).
+def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
+    """The staged forward model of a case on a mesh, after all checks.
 
     Args:
         mesh: its mesh.
@@ -57,35 +40,32 @@ class StagedModel:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
+    return StagedModel(check_on_mesh(case, mesh), solver=solver)
 
-    def __init__(self, mesh: Mesh, case: Case, *, solver: Solver) -> None:
-        self.case = case
-        kinematics = kinematics_of(case.analysis)
-        self.mesh = mesh = oriented(mesh, kinematics)
+
+class StagedModel:
+    """The staged forward model of a case (theory 1 and 2); it checks nothing (see `checks`).
+
+    Args:
+        on_mesh: the case and the mesh that it fits.
+        solver: factorizes the stiffness matrices.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, *, solver: Solver) -> None:
+        case, mesh, timeline = on_mesh.case, on_mesh.mesh, on_mesh.timeline
+        table, locator = on_mesh.table, on_mesh.locator
+        self.on_mesh = on_mesh
+        self.case, self.mesh, self.timeline = case, mesh, timeline
         self.names = tuple(parameter.name for parameter in case.parameters)
-        table = face_table(mesh)
-        _raise_any(_group_faults(case, mesh, table))
-        self.timeline = build_timeline(case, mesh)
-        locator = Locator(mesh)
-        _raise_any(
-            [
-                *burden_faults(case, mesh, table, locator, self.timeline),
-                *zone_faults(case, self.timeline),
-                *standing_faults(case, mesh, self.timeline, locator),
-            ]
-        )
-        self.observation, faults = observe(case, mesh, locator, self.timeline)
-        _raise_any([*faults, *_reading_faults(case, self.observation, faults)])
-        self.instruments = Instruments(case, self.observation.zero, self.timeline.built_on)
-        self._fixed = fixed = fixed_dofs(case, mesh)
-        _refuse_mechanisms(case.source, mesh, table, kinematics, self.timeline, fixed)
+        self.observation = on_mesh.observation
+        self.instruments = Instruments(case, self.observation.zero, timeline.built_on)
         self._solver = solver
         self._evaluations = 0
         self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.structures = Structures(case, mesh, self.timeline, locator)
-        self.systems = StageSystems(case, mesh, self.timeline, fixed, solver, self.structures)
-        self.actions = Actions(case, mesh, table, locator, self.timeline, self.systems)
-        self.march = March(case, mesh, self.timeline, self.systems, self.actions)
+        self.structures = Structures(case, mesh, timeline, locator)
+        self.systems = StageSystems(case, mesh, timeline, on_mesh.fixed, solver, self.structures)
+        self.actions = Actions(case, mesh, table, locator, timeline, self.systems)
+        self.march = March(case, mesh, timeline, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -109,63 +89,22 @@ class StagedModel:
         states = range(len(self.timeline.states))
         return tuple(self.systems[n].pattern.lower.n for n in states)
 
-    def _odd_notes(self) -> list[str]:
-        """What is allowed, and seldom meant."""
-        notes = []
-        used = {m for state in self.timeline.states for m in state.materials.values()}
-        densities = [self.case.materials[m].density for m in used]
-        if self.case.gravity is not None and all(d == Scalar(0.0) for d in densities):
-            notes.append("there is gravity, but no material has a density: nothing weighs")
-        values = {p.name: p.start for p in self.case.parameters}
-        if self.march.virgin_tension(values):
-            notes.append(
-                "at the start values the virgin ground is in tension: stresses are positive in "
-                "tension, the vertical stress of Heim's model is positive in compression"
-            )
-        return notes
-
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of how the case was understood."""
-        notes = []
-        on_axis = np.count_nonzero(self.systems.kinematics.on_axis(self.mesh.points))
-        if on_axis:
-            notes.append(
-                f"{on_axis} nodes on the axis of revolution x = 0 are held radially (u_r = 0)"
-            )
-        if any(edges_held(model) for _, model in in_situ_models(self.case)):
-            notes.append(
-                "the in-situ stress is held at the edges of the model by tractions "
-                "(in_situ: held: true)"
-            )
-        if self.observation.snapped:
-            notes.append(
-                "points just outside the mesh, taken by the nearest element: "
-                + ", ".join(self.observation.snapped)
-            )
-        beside = max(self.march.n_outside, self.actions.n_outside)
-        if beside:
-            notes.append(
-                f"{beside} strain points lie beside the faces that give the level of the ground or "
-                "of the water; the level of the nearest node of these faces was taken"
-            )
-        if any(state.water is not None for state in self.timeline.states):
-            notes.append("there is water in the pores: all stresses are effective stresses")
-        notes += self._odd_notes()
-        notes += yield_notes(self.case)
-        notes += structure_notes(self.case, self.mesh, self.timeline, self._fixed)
+        """What the user should know of how the case was understood, and of the last run."""
+        start = {p.name: p.start for p in self.case.parameters}
+        notes = notes_on_mesh(
+            self.on_mesh,
+            n_outside=max(self.march.n_outside, self.actions.n_outside),
+            in_tension=self.march.virgin_tension(start),
+        )
         notes += [
             f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
             "dilation far below the friction the flow tends to shear in bands; a larger dilation "
             "(or none given: associated) has an exact solution"
             for stage, part in self.march.plastic.left.items()
         ]
-        if self.march.imbalance > 1e-9:
-            notes.append(
-                f"the in-situ stress is out of balance by {100 * self.march.imbalance:.3g} % of "
-                "the largest nodal force; one equilibrium step was made, its motion is not counted"
-            )
-        return tuple(notes)
+        return (*notes, *imbalance_notes(self.march.imbalance))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
@@ -270,84 +209,3 @@ class StagedModel:
         result = observed - observed[np.where(reachable, zero, 0), rows]
         result[~readable] = np.nan
         return np.asarray(result)
-
-
-def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
-    return [
-        *revolution_faults(case, mesh),
-        *section_faults(case),
-        *yield_faults(case),
-        *group_faults(case, mesh),
-        *support_faults(case, mesh),
-        *load_faults(case, mesh, table),
-        *surface_faults(case, mesh),
-        *structure_faults(case, mesh),
-    ]
-
-
-def _reading_faults(case: Case, observation: Observation, gauge_faults: list[Fault]) -> list[Fault]:
-    """Readings that were taken when the gauge could not be read."""
-    if gauge_faults:
-        return []
-    names = case.stage_names
-    faults = []
-    for reading in case.readings:
-        reason = observation.unreadable(reading.channel, names.index(reading.stage))
-        if reading.value is not None and reason and not reading.bad:
-            faults.append(
-                Fault(
-                    "unreadable-gauge",
-                    f"gauge '{reading.channel}' can't have been read at stage "
-                    f"'{reading.stage}': {reason}",
-                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
-                    reading.location,
-                )
-            )
-    return faults
-
-
-def _refuse_mechanisms(
-    source: Source,
-    mesh: Mesh,
-    table: FaceTable,
-    kinematics: Kinematics,
-    timeline: Timeline,
-    fixed: Bools,
-) -> None:
-    checked = set()
-    for n, state in enumerate(timeline.states):
-        present = timeline.present(n)
-        if present.tobytes() in checked:
-            continue
-        checked.add(present.tobytes())
-        if not present.any():
-            msg = f"at stage '{state.name}' no ground is present"
-            raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
-        loose = loose_body(mesh, table, kinematics, present, fixed)
-        if loose is None:
-            continue
-        place: KeyPath = ("stages", n - 1) if n else ("supports",)
-        hint = (
-            "See whether what this stage takes away cuts the piece loose, or hold it by 'supports'."
-            if n
-            else "Hold it by 'supports': groups on its edge, with the axes that they hold."
-        )
-        msg = f"at stage '{state.name}' {_loose_text(loose, timeline)}"
-        raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
-
-
-def _loose_text(loose: LooseBody, timeline: Timeline) -> str:
-    """What moves, where, and how."""
-    names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})
-    axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
-    motion = f"move along {axes}" if axes else "turn"
-    count = len(loose.elements)
-    return (
-        f"{count} element{'s' * (count > 1)} of {', '.join(map(repr, names))} near"
-        f" {format_point(loose.centre)} can {motion} freely: nothing holds the piece"
-    )
-
-
-def _raise_any(faults: list[Fault]) -> None:
-    if faults:
-        raise InputError(faults)

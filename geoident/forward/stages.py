@@ -34,6 +34,7 @@ class State:
         release: group index to the part of its stress that is released so far, where it is told.
         structures: names of the structures that stand.
         built: names of those that are built at this stage, free of stress.
+        loads_since: index of the state from which on each of the loads acts.
     """
 
     name: str
@@ -47,6 +48,7 @@ class State:
     release: Mapping[int, Scalar] = field(default_factory=dict)
     structures: frozenset[str] = frozenset()
     built: frozenset[str] = frozenset()
+    loads_since: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -112,22 +114,30 @@ def states_of(case: Case, groups: Sequence[str]) -> tuple[State, ...]:
     """The states of a case, the virgin state first; groups are counted as they are given."""
     index = {name: n for n, name in enumerate(groups)}
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
-    states = [State(VIRGIN, materials, frozenset(), dict(case.loads), water=case.water)]
+    since = dict.fromkeys(case.loads, 0)
+    virgin = State(
+        VIRGIN, materials, frozenset(), dict(case.loads), water=case.water, loads_since=since
+    )
+    states = [virgin]
     trunk = 0
     for n, stage in enumerate(case.stages, start=1):
         base = trunk if stage.base is None else case.stage_names.index(stage.base)
-        states.append(_state_after(states[base], base, stage, index))
+        states.append(_state_after(states[base], base, stage, n, index))
         trunk = trunk if stage.independent else n
     return tuple(states)
 
 
-def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int]) -> State:
-    """The state at the end of a stage that builds on another."""
+def _state_after(
+    before: State, base: int, stage: Stage, number: int, index: Mapping[str, int]
+) -> State:
+    """The state of a number, at the end of a stage that builds on another."""
     gone = {index[g] for g in stage.excavate}
     placed = frozenset(index[g] for g in stage.install)
     materials = {g: m for g, m in before.materials.items() if g not in gone}
     materials |= {index[g]: m for g, m in {**stage.install, **stage.change}.items()}
     loads = {k: v for k, v in before.loads.items() if k not in stage.remove} | dict(stage.loads)
+    since = {k: n for k, n in before.loads_since.items() if k in loads}
+    since |= dict.fromkeys(stage.loads, number)
     stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
     warmed = {index[g]: t for g, t in stage.temperature.items()}
     left = frozenset(gone & before.materials.keys())
@@ -137,7 +147,7 @@ def _state_after(before: State, base: int, stage: Stage, index: Mapping[str, int
     structures = (before.structures - set(stage.dismantle)) | set(stage.build)
     return State(
         stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
-        left, release, structures, frozenset(stage.build),
+        left, release, structures, frozenset(stage.build), since,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import calculix
 
 from geoident.fem.solvers import pick_solver
-from geoident.forward.model import StagedModel
+from geoident.forward.model import staged_model
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 
@@ -44,7 +44,7 @@ def time_peer(case_file: str, path: Path, threads: int) -> float:
     """Seconds of one CalculiX run."""
     loaded = read_case(case_file)
     mesh = read_mesh(loaded.mesh_path, dim=loaded.case.analysis.dim)
-    staged = StagedModel(mesh, loaded.case, solver=pick_solver())
+    staged = staged_model(mesh, loaded.case, solver=pick_solver())
     calculix.write_first_stage(staged, path)
     start = time.perf_counter()
     calculix.solve(path, threads=threads)

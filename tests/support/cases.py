@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from geoident.fem.solvers import pick_solver
-from geoident.forward.model import StagedModel
+from geoident.forward.model import StagedModel, staged_model
 from geoident.model.case import (
     Analysis,
     Case,
@@ -66,4 +66,4 @@ def displacement(
 
 def model(mesh: Mesh, **changes: Any) -> StagedModel:
     """A staged model of a case made by `make_case`."""
-    return StagedModel(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))
+    return staged_model(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))

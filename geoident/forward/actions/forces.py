@@ -45,7 +45,7 @@ class Actions:
         self._shares = _volume_shares(case, mesh, timeline, systems)
         self._edges = _held_edges(case, mesh, table, timeline, systems)
         self._loads = _ready_loads(mesh, table, locator, timeline, systems)
-        self._pores: dict[int, PorePressure] = {}
+        self._pores: dict[Water, PorePressure] = {}
 
     @property
     def n_outside(self) -> int:
@@ -105,9 +105,9 @@ class Actions:
     ) -> Floats:
         """C^T V p over the points of some groups with water in their pores."""
         points = self._systems.points
-        if id(water) not in self._pores:
-            self._pores[id(water)] = PorePressure(water, self._mesh, points.position)
-        pressure = self._pores[id(water)].at(point).columns
+        if water not in self._pores:
+            self._pores[water] = PorePressure(water, self._mesh, points.position)
+        pressure = self._pores[water].at(point).columns
         stress = np.zeros((points.n_strain, *pressure.shape))
         stress[:NORMAL_COMPONENTS] = pressure
         volume = self._systems[state].volume
@@ -194,14 +194,14 @@ def _ready_loads(
     mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline, systems: StageSystems
 ) -> dict[tuple[int, str], ReadyLoad]:
     """The loads of every state; what acts on the same ground is prepared once."""
-    made: dict[tuple[int, bytes], ReadyLoad] = {}
+    made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
     result = {}
     for n, state in enumerate(timeline.states):
         present = timeline.present(n)
         for name, load in state.loads.items():
             if isinstance(load, Seismic):
                 continue
-            key = (id(load), present.tobytes())
+            key = (load, present.tobytes())
             if key not in made:
                 made[key] = _ready(mesh, table, locator, systems, load, present)
             result[n, name] = made[key]
@@ -220,6 +220,6 @@ def _ready(
         return point_force(mesh, load, point_site(locator, load, present))
     faces = load_patches(mesh, table, load.group, present)
     if faces is None:
-        msg = f"load on '{load.group}' has no free face (see burden_faults)"
+        msg = f"load on '{load.group}' has no free face (see load_place_faults)"
         raise ValueError(msg)
     return face_load(mesh, load, faces, systems.kinematics)

@@ -59,6 +59,11 @@ def load_keys(case: Case) -> list[tuple[KeyPath, Load]]:
     return keys
 
 
+def load_key(name: str, since: int) -> KeyPath:
+    """Where a load is written that acts from the end of a state on."""
+    return ("stages", since - 1, "loads", name) if since else ("loads", name)
+
+
 def load_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
     """Loads on groups that the mesh does not have or that no element borders."""
     faults = []
@@ -119,16 +124,15 @@ def load_patches(
     return patches(mesh, table, rows)
 
 
-def burden_faults(
+def load_place_faults(
     case: Case, mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline
 ) -> list[Fault]:
     """Loads that at some stage have no free face or no ground to act on."""
-    paths = {id(load): path for path, load in load_keys(case)}
     faults: dict[KeyPath, Fault] = {}
     for n, state in enumerate(timeline.states):
         present = timeline.present(n)
-        for load in state.loads.values():
-            path = paths[id(load)]
+        for name, load in state.loads.items():
+            path = load_key(name, state.loads_since[name])
             if path in faults or isinstance(load, Seismic):
                 continue
             if isinstance(load, PointForce):

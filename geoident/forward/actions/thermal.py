@@ -34,7 +34,7 @@ class ThermalStrains:
         self._case = case
         self._timeline = timeline
         self._systems = systems
-        self._fields: dict[tuple[int, int], Floats] = {}
+        self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
 
     def change(self, state: int, values: Values, names: Sequence[str]) -> Floats | None:
         """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
@@ -47,23 +47,32 @@ class ThermalStrains:
         strain = np.zeros((self._systems.points.n_points, point.n_columns))
         for group in warmed:
             expansion = point.number(self._case.materials[current.materials[group]].expansion)
-            change = self._temperature(current.temperature.get(group), group, point)
+            change = self._temperature(state, group, point)
             if group not in current.placed:
-                change = change - self._temperature(before.temperature.get(group), group, point)
+                change = change - self._temperature(current.base, group, point)
             strain[self._systems.points_of[group]] = (change * expansion).columns
         return strain
 
-    def _temperature(self, given: Temperature | None, group: int, point: ParameterPoint) -> Dual:
-        """Change of temperature at the points of a group, (k or 1,)."""
+    def _temperature(self, state: int, group: int, point: ParameterPoint) -> Dual:
+        """Change of temperature of a state at the points of a group, (k or 1,)."""
+        given = self._timeline.states[state].temperature.get(group)
         if given is None:
             return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
             return Dual(point.number(given).columns[None])
-        key = (id(given), group)
+        key = (self._given_since(state, group), group)
         if key not in self._fields:
             positions = self._systems.points.position[self._systems.points_of[group]]
             self._fields[key] = interpolate(given, positions)
         return Dual(point.number(given.factor).columns[None]).times(self._fields[key])
+
+    def _given_since(self, state: int, group: int) -> int:
+        """The first state of its history at which a group has the temperature that it has now."""
+        states = self._timeline.states
+        base = states[state].base
+        while state and states[base].temperature.get(group) == states[state].temperature[group]:
+            state, base = base, states[base].base
+        return state
 
 
 def interpolate(field: TemperatureField, positions: Floats) -> Floats:
@@ -116,5 +125,5 @@ def _changed(current: State, before: State) -> list[int]:
         g
         for g in named
         if g in current.materials
-        and (g in current.placed or current.temperature.get(g) is not before.temperature.get(g))
+        and (g in current.placed or current.temperature.get(g) != before.temperature.get(g))
     )

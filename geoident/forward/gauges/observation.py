@@ -124,6 +124,25 @@ def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.cs
     )
 
 
+def reading_faults(case: Case, observation: Observation) -> list[Fault]:
+    """Readings that were taken when the gauge could not be read."""
+    names = case.stage_names
+    faults = []
+    for reading in case.readings:
+        reason = observation.unreadable(reading.channel, names.index(reading.stage))
+        if reading.value is not None and reason and not reading.bad:
+            faults.append(
+                Fault(
+                    "unreadable-gauge",
+                    f"gauge '{reading.channel}' can't have been read at stage "
+                    f"'{reading.stage}': {reason}",
+                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
+                    reading.location,
+                )
+            )
+    return faults
+
+
 def _point_fault(
     case: Case,
     mesh: Mesh,

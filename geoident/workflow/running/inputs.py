@@ -13,7 +13,7 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location
 from geoident.fem.solvers import pick_solver
-from geoident.forward.model import StagedModel
+from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.io.case.file import LoadedCase, parse_case, read_case
 from geoident.io.mesh.file import read_mesh
@@ -184,4 +184,4 @@ def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | Openin
     path = inputs.loaded.mesh_path
     if path is None:
         return opening_model(inputs.case)
-    return StagedModel(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+    return staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))

@@ -8,7 +8,7 @@ from support.derivatives import richardson
 from support.trench import CASE, write_case
 
 from geoident.fem.solvers import pick_solver
-from geoident.forward.model import StagedModel
+from geoident.forward.model import staged_model
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 
@@ -44,7 +44,9 @@ def test_readings_follow_strengths_and_angles_exactly(name, tmp_path):
     write_case(tmp_path)
     (tmp_path / "case.yaml").write_text(case, encoding="utf-8")
     loaded = read_case(str(tmp_path / "case.yaml"))
-    model = StagedModel(read_mesh(loaded.mesh_path, dim=2), loaded.case, solver=pick_solver("auto"))
+    model = staged_model(
+        read_mesh(loaded.mesh_path, dim=2), loaded.case, solver=pick_solver("auto")
+    )
     response = model.response([(r.channel, r.stage) for r in loaded.case.readings])
     p = np.array([parameter.start for parameter in loaded.case.parameters])
     _, jacobian = response.evaluate(p)
