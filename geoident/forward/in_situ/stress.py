@@ -1,9 +1,9 @@
 """In-situ stress sigma_0 and its derivatives (theory 2).
 
-The formulas are written with dual numbers, so every number of a model may be a parameter: stresses, unit
-weights, K0 in both directions, the azimuth, the level of the surface. Depth is counted downwards
-from the surface; where the surface is a level that crosses strain points, the stress has a kink
-there, and the derivative by the level is one-sided.
+The formulas are written with dual numbers, so every number of a model may be a parameter: stresses,
+unit weights, K0 in both directions, the azimuth, the level of the surface. Depth is counted
+downwards from the surface; where the surface is a level that crosses strain points, the stress has
+a kink there, and the derivative by the level is one-sided.
 """
 
 from __future__ import annotations
@@ -60,9 +60,8 @@ class InSituStress:
         ]
         self.n_outside = sum(zone.n_outside for zone, _ in self._zones)
 
-    def columns(self, values: Values, names: Sequence[str]) -> Floats:
+    def columns(self, point: ParameterPoint) -> Floats:
         """Stress and its derivatives, (n_strain, m, 1 + n), Pa, tension positive."""
-        point = ParameterPoint(values, names)
         result = np.zeros((*self._shape, point.n_columns))
         for zone, here in self._zones:
             for row, dual in enumerate(zone.components(point)[: len(result)]):

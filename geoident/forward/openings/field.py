@@ -194,8 +194,8 @@ class OpeningField:
         return [text + "m from the centre"]
 
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
-        stress = Dual(self._in_situ.columns(values, names))
         point = ParameterPoint(values, names)
+        stress = Dual(self._in_situ.columns(point))
         return OpeningLoad(self._timeline, self._site, self._material, stress, point)
 
 

@@ -11,7 +11,7 @@ and EI(p), N/m and N m; bars are smeared over their spacing out of plane.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,9 +96,8 @@ class Structures:
             for n, part in self._standing(state)
         }
 
-    def moduli(self, state: State, values: Values, names: Sequence[str]) -> Floats:
+    def moduli(self, state: State, point: ParameterPoint) -> Floats:
         """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
-        point = ParameterPoint(values, names)
         result = np.zeros((self.n_rows, point.n_columns))
         for _, part in self._standing(state):
             axial, bending = rigidities(part.structure, point)

@@ -19,7 +19,6 @@ solid; facets touch the sphere in directions that are spread evenly.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -28,9 +27,7 @@ from typing import Literal
 
 import numpy as np
 
-from geoident.fem.yielding.law import YieldLaw, YieldPlanes, common_inside
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.law import YieldPlanes, common_inside
 from geoident.forward.ground.elasticity import material_axes
 from geoident.forward.yielding.even_directions import spread_deviators
 from geoident.forward.yielding.mohr_coulomb import mohr_coulomb, smooth_mohr_coulomb
@@ -59,26 +56,10 @@ _KINDS: Mapping[type, str] = {
     WeakPlane: "weak-plane",
 }
 
-_ANYWHERE: Mapping[str, float] = defaultdict(lambda: 0.5)  # names of planes depend on no value
-
 
 def is_smooth(material: Material) -> bool:
     """Whether the material yields by the smooth Mohr-Coulomb surface."""
     return any(isinstance(s, MohrCoulomb) and s.planes is None for s in material.yields)
-
-
-def yield_law(material: Material, point: ParameterPoint, elasticity: Dual) -> YieldLaw | None:
-    """The law of a material, or None if it does not yield.
-
-    Args:
-        material: the material.
-        point: the parameters.
-        elasticity: E (s, s), Pa.
-    """
-    if not material.yields:
-        return None
-    planes = yield_planes(material, point, elasticity.columns.shape[0])
-    return (PrincipalLaw if is_smooth(material) else PolyhedralLaw)(elasticity, planes)
 
 
 def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> YieldPlanes:
@@ -95,16 +76,6 @@ def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> Yi
         return smooth_mohr_coulomb(surface, point)
     parts = [_PLANES[type(surface)](surface, point, n_strain) for surface in material.yields]
     return parts[0] if len(parts) == 1 else common_inside(_labelled(material.yields, parts))
-
-
-def plane_names(material: Material, n_strain: int) -> tuple[str, ...]:
-    """Names of the planes of a material's law, without the name of the material.
-
-    Those of a smooth surface are its planes for principal stresses in descending order.
-    """
-    if not material.yields:
-        return ()
-    return yield_planes(material, ParameterPoint(_ANYWHERE, ()), n_strain).names
 
 
 def _labelled(surfaces: Sequence[YieldSurface], parts: Sequence[YieldPlanes]) -> list[YieldPlanes]:
