@@ -177,7 +177,16 @@ def parse_quantity(text: str, dimension: str) -> float:
 
 
 def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity:
-    """The quantity itself if it has the dimension; ``text`` is what was written."""
+    """The quantity itself if it has the dimension.
+
+    Args:
+        quantity: what was read.
+        dimension: a key of `DIMENSIONS`.
+        text: what was written, for the message.
+
+    Raises:
+        UnitError: it has another dimension, or no unit where one is needed.
+    """
     if quantity.dimension == dimension:
         return quantity
     units = unit_list(dimension)

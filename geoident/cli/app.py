@@ -60,7 +60,11 @@ class Commands(click.Group):
         return found if isinstance(found, click.Command) else None
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; a closed pipe gets past click's own handling."""
+        """Run the command; a closed pipe gets past click's own handling.
+
+        Raises:
+            PipeClosed: nobody reads the output any more.
+        """
         try:
             return super().invoke(ctx)
         except BrokenPipeError as error:

@@ -130,7 +130,11 @@ def _exit_code(code: int) -> int:
 
 
 def refuse_ambiguous(cases: Sequence[str], options: Options) -> None:
-    """Refuse several cases that cannot have results of their own."""
+    """Refuse several cases that cannot have results of their own.
+
+    Raises:
+        click.UsageError: why they cannot.
+    """
     if "-" in cases:
         raise click.UsageError("stdin (-) cannot be one of several cases.")
     if options.output is not None and not Path(options.output).is_dir():

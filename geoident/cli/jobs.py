@@ -25,7 +25,17 @@ Run = Callable[[Job, Control], Finished]
 
 
 def run_case(case: str, options: Options, *, plan: Plan, run: Run) -> int:
-    """Plan a case, run it, and say what came out."""
+    """Plan a case, run it, and say what came out.
+
+    Args:
+        case: path of the case.
+        options: of the command.
+        plan: makes the job.
+        run: does it.
+
+    Returns:
+        The exit code.
+    """
     with failures_as_json(case, options):
         job = plan(_request(case, options))
         if options.dry_run:
@@ -51,7 +61,14 @@ def _request(case: str, options: Options) -> Request:
 
 
 def say_finished(finished: Finished, terminal: Terminal, options: Options, *, case: str) -> None:
-    """The path or the JSON object on stdout, the rest on stderr."""
+    """The path or the JSON object on stdout, the rest on stderr.
+
+    Args:
+        finished: the result and where it is.
+        terminal: where to say it.
+        options: of the command.
+        case: path of the case.
+    """
     result, path = finished.result, finished.paths[0]
     if finished.up_to_date:
         terminal.inform(f"{path} is up to date; --fresh computes it again")

@@ -64,7 +64,7 @@ def _after_check(given: Given, options: Options) -> Steps:
 def _after_simulate(given: Given, options: Options) -> Steps:
     case, file = given["case"], options.output
     if file in (None, "-"):
-        return (line("simulate", case, *_changes(options), "-o", "readings.csv"),)
+        return (line("simulate", case, *_changes(options), "-o", _new_name("simulated", ".csv")),)
     return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
 
 
@@ -86,6 +86,15 @@ def _after_scan(given: Given, options: Options) -> Steps:
 
 def _after_show(given: Given, options: Options) -> Steps:
     return line("report", *given["results"]), line("export", *given["results"])
+
+
+def _new_name(stem: str, suffix: str) -> str:
+    """The name of a file that is not there: what is proposed must not be refused, or do harm."""
+    from itertools import count
+    from pathlib import Path
+
+    names = (f"{stem}{'' if n == 1 else f'-{n}'}{suffix}" for n in count(1))
+    return next(name for name in names if not Path(name).exists())
 
 
 def _seen_from(case: str, file: str) -> str:

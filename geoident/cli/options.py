@@ -47,7 +47,13 @@ class Duration(_Seconds):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Seconds of a text."""
+        """Seconds of a text.
+
+        Args:
+            value: what was written.
+            param: the option.
+            ctx: of the command.
+        """
         text = str(value).strip().lower()
         parts = _PART.findall(text)
         if not parts or _PART.sub("", text) or any(unit not in _SECONDS for _, unit in parts):

@@ -67,7 +67,13 @@ class Terminal:
             self.detail(f"{line}, step {iteration.step:.1e}")
 
     def stage(self, name: str, number: int, total: int) -> None:
-        """A stage is computed: on the live line, not more often than eyes can follow."""
+        """A stage is computed: on the live line, not more often than eyes can follow.
+
+        Args:
+            name: of the stage.
+            number: of the stage, 0 for the initial state.
+            total: number of the last one.
+        """
         self._stage = f"stage {number} of {total}, {name}" if number else ""
         if self._status is not None and self._pace.elapsed - self._shown > _EYE:
             self._refresh()

@@ -41,7 +41,13 @@ class BlockGeometry:
 
 
 def block_geometry(points: Floats, block: ElementBlock, kinematics: Kinematics) -> BlockGeometry:
-    """Geometry of a block of elements whose orientation is right."""
+    """Geometry of a block of elements whose orientation is right.
+
+    Args:
+        points: (n_nodes, dim) nodes of the mesh, m.
+        block: elements of one kind.
+        kinematics: of the analysis.
+    """
     reference = reference_element(block.kind)
     xi, weights = kinematics.quadrature(block.kind)
     shapes, local = reference.shapes(xi), reference.gradients(xi)
@@ -103,7 +109,13 @@ class StrainPoints:
 def strain_points(
     mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
 ) -> StrainPoints:
-    """C, V and where the points are, for all elements of a mesh."""
+    """C, V and where the points are, for all elements of a mesh.
+
+    Args:
+        mesh: the mesh.
+        geometries: of its blocks, in their order.
+        kinematics: of the analysis.
+    """
     volume = np.concatenate([g.volumes.ravel() for g in geometries])
     compatibility = _compatibility(mesh, geometries, kinematics.strains)
     element, first = [], 0

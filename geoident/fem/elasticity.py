@@ -40,7 +40,9 @@ def isotropic(constants: Constants) -> Dual:
         K, mu = constants["K"], constants["G"]
         lame = K - mu * (2.0 / 3.0)
     normal = np.arange(6) < 3
-    return lame * np.outer(normal, normal) + mu * np.diag(np.where(normal, 2.0, 1.0))
+    return lame * np.outer(normal, normal).astype(np.float64) + mu * np.diag(
+        np.where(normal, 2.0, 1.0)
+    )
 
 
 def orthotropic(constants: Constants) -> Dual:

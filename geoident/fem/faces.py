@@ -38,13 +38,13 @@ class FaceTable:
     keys: Ints
 
     def free(self, present: Bools) -> Ints:
-        """Rows of the table that are outer faces of the body of present elements."""
+        """Rows (r,) that are outer faces of the body of present elements (n_elements,)."""
         rows = np.flatnonzero(present[self.element])
         sharing = np.bincount(self.face[rows], minlength=self.n_faces)
         return np.asarray(rows[sharing[self.face[rows]] == 1])
 
     def find(self, facets: ElementBlock) -> Ints:
-        """Identity of the face at every facet of a block, -1 where no element has it."""
+        """Identity (n,) of the face at each of n facets, -1 where no element has it."""
         n_corners = reference_element(facets.kind).n_corners
         wanted = _keys(facets.nodes[:, :n_corners])
         rows = np.minimum(np.searchsorted(self.keys, wanted), self.n_faces - 1)
@@ -87,7 +87,13 @@ class FacetPatch:
 
 
 def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
-    """The faces in some rows of the table, sorted into patches of one kind each."""
+    """The faces in some rows of the table, sorted into patches of one kind each.
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        rows: (r,) of the table.
+    """
     offsets = np.cumsum([0, *(len(block) for block in mesh.blocks)])
     found: dict[str, list[tuple[Ints, Ints]]] = {}
     for number, block in enumerate(mesh.blocks):
@@ -125,9 +131,14 @@ def _keys(corners: Ints) -> Ints:
 
 
 def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats) -> float:
-    """Distance of a point (dim,) from the nearest of some faces, m; their edges count as straight.
+    """Distance of a point from the nearest of some faces, m; their edges count as straight.
 
     Infinite if there are none.
+
+    Args:
+        mesh: the mesh.
+        patches: the faces.
+        point: (dim,) m.
     """
     nearest = np.inf
     for patch in patches:

@@ -34,7 +34,13 @@ class FacetGeometry:
 
 
 def facet_geometry(points: Floats, patch: FacetPatch, kinematics: Kinematics) -> FacetGeometry:
-    """Quadrature points, weights and outward normals of a patch."""
+    """Quadrature points, weights and outward normals of a patch.
+
+    Args:
+        points: (n_nodes, dim) nodes of the mesh, m.
+        patch: faces of one kind.
+        kinematics: of the analysis.
+    """
     reference = reference_element(patch.kind)
     xi, weights = raised_rule(patch.kind)
     shapes, local = reference.shapes(xi), reference.gradients(xi)
@@ -51,7 +57,13 @@ def facet_geometry(points: Floats, patch: FacetPatch, kinematics: Kinematics) ->
 
 
 def pressure_forces(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Floats:
-    """Nodal forces (n_dofs,) of a unit pressure that pushes onto the body."""
+    """Nodal forces (n_dofs,) of a unit pressure that pushes onto the body.
+
+    Args:
+        mesh: the mesh.
+        patch: faces of one kind.
+        kinematics: of the analysis.
+    """
     geometry = facet_geometry(mesh.points, patch, kinematics)
     return _scatter(mesh, patch, np.einsum("qa,fqi->fai", geometry.shapes, -geometry.normals))
 
@@ -60,6 +72,11 @@ def pressure_operator(
     mesh: Mesh, patch: FacetPatch, kinematics: Kinematics
 ) -> tuple[Floats, sp.csr_array]:
     """Where pressures on a patch are asked for, and the forces that they make.
+
+    Args:
+        mesh: the mesh.
+        patch: faces of one kind.
+        kinematics: of the analysis.
 
     Returns:
         (m, dim) quadrature points, m, and the matrix (n_dofs, m) from pressures there, Pa, to
@@ -79,7 +96,13 @@ def pressure_operator(
 
 
 def traction_weights(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Floats:
-    """Area (n_nodes,) that belongs to each node: integral of its shape function, m2."""
+    """Area (n_nodes,) that belongs to each node: integral of its shape function, m2.
+
+    Args:
+        mesh: the mesh.
+        patch: faces of one kind.
+        kinematics: of the analysis.
+    """
     geometry = facet_geometry(mesh.points, patch, kinematics)
     area = np.linalg.norm(geometry.normals, axis=2)
     weights = np.zeros(mesh.n_nodes)
@@ -108,7 +131,13 @@ def stress_forces(
 
 
 def weight_shares(mesh: Mesh, geometries: tuple[BlockGeometry, ...], elements: Ints) -> Floats:
-    """Volume (n_nodes,) that belongs to each node, of some elements: integral of N_a, m3."""
+    """Volume (n_nodes,) that belongs to each node, of some elements: integral of N_a, m3.
+
+    Args:
+        mesh: the mesh.
+        geometries: of its blocks, in their order.
+        elements: (k,) indices of the elements.
+    """
     shares = np.zeros(mesh.n_nodes)
     first = 0
     for block, geometry in zip(mesh.blocks, geometries, strict=True):

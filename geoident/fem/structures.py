@@ -130,7 +130,13 @@ def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
 
 
 def stiffness_map(axial: float, bending: float, *, dim: int) -> Floats:
-    """What the products of `member_blocks` are multiplied with, (2 dim^2, dim^2)."""
+    """What the products of `member_blocks` are multiplied with, (2 dim^2, dim^2).
+
+    Args:
+        axial: EA, N or N/m.
+        bending: EI, N m2 or N m.
+        dim: space dimensions.
+    """
     one = np.eye(dim * dim)
     return np.vstack([axial * one, bending * one])
 

@@ -27,7 +27,13 @@ from geoident.forward.actions.supports import (
 from geoident.forward.axisymmetric_checks import revolution_faults
 from geoident.forward.gauges.observation import Observation, format_point, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
-from geoident.forward.in_situ.stress import edges_held, in_situ_models, surface_faults, zone_faults
+from geoident.forward.in_situ.stress import (
+    BALANCED,
+    edges_held,
+    in_situ_models,
+    surface_faults,
+    zone_faults,
+)
 from geoident.forward.stages import Timeline, build_timeline, group_faults
 from geoident.forward.structures.checks import (
     standing_faults,
@@ -132,7 +138,7 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
 
 def imbalance_notes(imbalance: float) -> list[str]:
     """What to know of an in-situ stress that is out of balance by a part of the largest force."""
-    if imbalance <= 1e-9:
+    if imbalance <= BALANCED:
         return []
     return [
         f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of "

@@ -57,8 +57,11 @@ class GroundAt:
             EmptyDomain: no stress satisfies the planes of a smooth surface.
         """
         if material not in self._laws:
-            planes = self.yield_planes().get(material)
-            smooth = is_smooth(self._case.materials[material])
-            law = PrincipalLaw if smooth else PolyhedralLaw
-            self._laws[material] = planes and law(self.elasticity(material), planes)
+            planes, elasticity = self.yield_planes().get(material), self.elasticity(material)
+            if planes is None:
+                self._laws[material] = None
+            elif is_smooth(self._case.materials[material]):
+                self._laws[material] = PrincipalLaw(elasticity, planes)
+            else:
+                self._laws[material] = PolyhedralLaw(elasticity, planes)
         return self._laws[material]

@@ -50,7 +50,14 @@ class Source:
         return Location(self.file)
 
     def fault(self, path: KeyPath, *, code: str, message: str, hint: str = "") -> Fault:
-        """A fault at a key of the case."""
+        """A fault at a key of the case.
+
+        Args:
+            path: of the key.
+            code: what kind of fault it is, for programs.
+            message: what is wrong, half a sentence.
+            hint: what would be right; empty for nothing to say.
+        """
         return Fault(code, message, hint, self.locate(path), format_path(path))
 
 

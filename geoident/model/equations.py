@@ -76,7 +76,7 @@ class Affine:
 
 
 def fixed(array: Floats, n: int) -> Affine:
-    """An array that none of n parameters moves."""
+    """An array (...) that none of n parameters moves."""
     return Affine(array, np.zeros((*array.shape, n)))
 
 

@@ -9,6 +9,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Certificate
 from geoident.model.mesh import Mesh
 
+NORMAL_95 = 1.959963984540054
+"""Half width of a normal 95 % interval, in standard deviations."""
+
 
 @dataclass(frozen=True)
 class Counts:

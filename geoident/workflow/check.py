@@ -32,15 +32,28 @@ from geoident.workflow.simulate import start_values
 
 @dataclass(frozen=True)
 class Checked:
-    """A case in which nothing wrong was found, its mesh if it has one, and what it amounts to."""
+    """A case in which nothing wrong was found.
+
+    Args:
+        case: the case.
+        mesh: its mesh, or None if it has none.
+        summary: what it amounts to.
+        files_read: paths of all that it consists of, which no output may replace.
+    """
 
     case: Case
     mesh: Mesh | None
     summary: CaseSummary
+    files_read: tuple[str, ...]
 
 
 def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
-    """Read a case and build its model; no stage is computed.
+    """Read a case and build its model; no stage after the virgin state is computed.
+
+    Args:
+        path: of the case; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        solver: name of the sparse solver, or ``auto``.
 
     Raises:
         InputError: with all faults that are found in one go.
@@ -53,15 +66,23 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
-        next(model.run(model.values(start_values(inputs.case, model))))
+        next(model.at(start_values(inputs.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
-    return Checked(inputs.case, mesh, summarize(inputs, model, selection))
+    return Checked(inputs.case, mesh, summarize(inputs, model, selection), inputs.files)
 
 
 def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSummary:
-    """What a case amounts to."""
+    """What a case amounts to.
+
+    Args:
+        inputs: the case and its mesh.
+        model: of the case.
+        selection: which readings take part.
+    """
     case = inputs.case
     staged = model if isinstance(model, StagedModel) else None
+    virgin = staged.virgin_notes() if staged else ()
+    notes = (*case.notes, *model.notes, *virgin, *bad_notes(selection))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -79,12 +100,12 @@ def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSum
         used=len(selection.used),
         unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
         cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
-        notes=(*case.notes, *model.notes, *bad_notes(selection)),
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
 def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
-    points = model.systems.points
+    points = model.discretization.points
     volume = np.bincount(points.element, points.volume, minlength=model.mesh.n_elements)
     members = model.mesh.groups
     return tuple(

@@ -23,6 +23,11 @@ Numbers = Iterator[tuple[Place, Amount]]
 def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
     """Compare two result files.
 
+    Args:
+        first: path of a result.
+        second: path of another.
+        tolerance: up to which numbers are the same.
+
     Raises:
         InputError: one of them is no result.
     """
@@ -41,6 +46,11 @@ def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
 
 def same(first: Amount | None, second: Amount | None, tolerance: Tolerance) -> bool:
     """Whether two numbers are the same within a tolerance.
+
+    Args:
+        first: a number, or None where there is none.
+        second: the other.
+        tolerance: up to which they are the same.
 
     >>> E = [Amount(value, "pressure", "GPa") for value in (2.0e9, 2.1e9)]
     >>> same(*E, Tolerance()), same(*E, Tolerance(absolute={"pressure": 1e8}))

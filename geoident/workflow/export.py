@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from geoident.errors import InputError, UsageError
+from geoident.errors import UsageError
 from geoident.io.result.hdf5 import refusal
 from geoident.io.result.vtkhdf import (
     REFIT,
@@ -18,6 +19,7 @@ from geoident.io.result.vtkhdf import (
 from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.io.text.atomic import atomic_output, output_error
 from geoident.model.result import FieldSeries, Result
+from geoident.workflow.running.inputs import files_of_result
 
 Writer = Callable[[str], None]
 
@@ -40,24 +42,65 @@ def stem(path: str) -> str:
     return Path(path).name.removesuffix(".h5")
 
 
-def export_texts(
-    path: str, texts: Mapping[str, str], *, folder: Path, overwrite: bool
-) -> tuple[str, ...]:
-    """Write tables, ``FOLDER/RESULT.TABLE.csv``.
+@dataclass(frozen=True)
+class Export:
+    """A result and where its files go.
 
     Args:
         path: of the result.
+        result: what it holds.
+        folder: of the files; made if it is missing.
+        overwrite: whether files that exist are replaced; never one that the command has read.
+    """
+
+    path: str
+    result: Result
+    folder: Path
+    overwrite: bool
+
+    def write(self, writers: Mapping[Path, Writer], *, own: bool = False) -> tuple[str, ...]:
+        """Write all files under temporary names, then give them their names.
+
+        Args:
+            writers: path of a file to what writes it.
+            own: they are the result's own, so that they may be replaced.
+
+        Returns:
+            The files.
+
+        Raises:
+            OutputError: one of them exists, is an input, or cannot be written; none is there then.
+        """
+        inputs = files_of_result(self.result, self.path)
+        with ExitStack() as stack:
+            for folder in {file.parent for file in writers}:
+                stack.enter_context(made_folder(folder))
+            parts = {
+                file: stack.enter_context(
+                    atomic_output(file, overwrite=self.overwrite or own, inputs=inputs)
+                )
+                for file in writers
+            }
+            for file, part in parts.items():
+                writers[file](part)
+        return tuple(str(file) for file in writers)
+
+
+def export_texts(export: Export, texts: Mapping[str, str]) -> tuple[str, ...]:
+    """Write tables, ``FOLDER/RESULT.TABLE.csv``.
+
+    Args:
+        export: the result and the folder.
         texts: name of a table to its text.
-        folder: made if it is missing.
-        overwrite: whether files that exist are replaced.
 
     Returns:
         The files.
     """
+    folder, path = export.folder, export.path
     files: dict[Path, Writer] = {
         folder / f"{stem(path)}.{name}.csv": _text_writer(text) for name, text in texts.items()
     }
-    return _write_all(files, overwrite=overwrite)
+    return export.write(files)
 
 
 def _text_writer(text: str) -> Writer:
@@ -67,8 +110,13 @@ def _text_writer(text: str) -> Writer:
     return write
 
 
-def export_vtu(path: str, result: Result, *, folder: Path, overwrite: bool) -> tuple[str, ...]:
-    """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list."""
+def export_vtu(export: Export) -> tuple[str, ...]:
+    """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
+
+    Raises:
+        InputError: the result has no fields.
+    """
+    path, result, folder = export.path, export.result, export.folder
     fields = _fields(path, result)
     names = state_names(result)
     digits = len(str(len(names) - 1))
@@ -77,7 +125,7 @@ def export_vtu(path: str, result: Result, *, folder: Path, overwrite: bool) -> t
         folder / file: _state_writer(fields, state) for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part)
-    return _write_all(writers, overwrite=overwrite)
+    return export.write(writers)
 
 
 def _state_writer(fields: FieldSeries, state: int) -> Writer:
@@ -90,48 +138,37 @@ def state_names(result: Result) -> tuple[str, ...]:
     return ("virgin", *result.gauges.stages)[:count]
 
 
-def export_vtkhdf(path: str, *, folder: Path, overwrite: bool) -> tuple[str, ...]:
+def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
+
+    Raises:
+        InputError: the result has no fields.
     """
+    path, folder = export.path, export.folder
+    _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
-        return _write_all({file: lambda part: copy_fields(path, part)}, overwrite=overwrite)
+        return export.write({file: lambda part: copy_fields(path, part)})
     own = sidecar_target(sidecar) == name
-    writers: dict[Path, Writer] = {file: lambda part: write_sidecar(part, name)}
-    return _write_all(writers, overwrite=overwrite or own)
+    return export.write({file: lambda part: write_sidecar(part, name)}, own=own)
 
 
 def _fields(path: str, result: Result) -> FieldSeries:
     if result.fields is None:
-        raise no_fields(path)
+        raise refusal(path, "no-fields", "holds no displacements and stresses", REFIT)
     return result.fields
-
-
-def no_fields(path: str) -> InputError:
-    """The refusal of a result without fields."""
-    return refusal(path, "no-fields", "holds no displacements and stresses", REFIT)
-
-
-def _write_all(writers: Mapping[Path, Writer], *, overwrite: bool) -> tuple[str, ...]:
-    """Write all files under temporary names, then give them their names."""
-    folders = {file.parent for file in writers}
-    with ExitStack() as stack:
-        for folder in folders:
-            stack.enter_context(made_folder(folder))
-        parts = {
-            file: stack.enter_context(atomic_output(file, overwrite=overwrite)) for file in writers
-        }
-        for file, part in parts.items():
-            writers[file](part)
-    return tuple(str(file) for file in writers)
 
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder, and take it away again if the block fails and it is empty."""
+    """Make a folder, and take it away again if the block fails and it is empty.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -147,7 +184,11 @@ def made_folder(folder: Path) -> Iterator[None]:
 
 
 def refuse_clashes(paths: tuple[str, ...], output: str | None) -> None:
-    """Raise where two results would write the same files."""
+    """Refuse results that would write the same files.
+
+    Raises:
+        UsageError: with the files.
+    """
     names = [str(export_folder(path, output) / stem(path)) for path in paths]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from geoident.errors import OutputError
@@ -11,9 +11,9 @@ from geoident.fem.kinematics import kinematics_of
 from geoident.fem.measure import summarize_mesh
 from geoident.io.docs.skeleton import skeleton
 from geoident.io.docs.templates import template_files
-from geoident.io.mesh.file import read_mesh
+from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.schema.document import case_schema_text
-from geoident.io.text.atomic import atomic_output, output_error
+from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.model.case import Analysis
 
 CASE = "case.yaml"
@@ -23,17 +23,27 @@ SCHEMA = "case.schema.json"
 def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
     """Write a template into a folder: the case, its mesh with the geometry, its readings.
 
+    Args:
+        name: of the template.
+        folder: where to write.
+        force: replace files of these names.
+
     Returns:
         The files, the case first.
 
     Raises:
         OutputError: files of these names exist, or cannot be written.
     """
-    return _write(template_files(name), folder, force=force)
+    return _write(template_files(name), folder, force=force, inputs=())
 
 
 def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ...]:
     """Write a case that is to be filled in for a mesh, which stays where it is.
+
+    Args:
+        mesh_path: of the mesh.
+        folder: where to write.
+        force: replace files of these names.
 
     Returns:
         The files, the case first.
@@ -49,7 +59,7 @@ def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ..
         mesh_file=_seen_from(folder, mesh_path),
         title=Path(mesh_path).stem,
     )
-    return _write({CASE: text.encode()}, folder, force=force)
+    return _write({CASE: text.encode()}, folder, force=force, inputs=mesh_files(mesh_path))
 
 
 def _seen_from(folder: str, path: str) -> str:
@@ -60,7 +70,9 @@ def _seen_from(folder: str, path: str) -> str:
         return str(Path(path).absolute())
 
 
-def _write(contents: Mapping[str, bytes], folder: str, *, force: bool) -> tuple[str, ...]:
+def _write(
+    contents: Mapping[str, bytes], folder: str, *, force: bool, inputs: Sequence[str]
+) -> tuple[str, ...]:
     """Write files into a folder, made if it is missing; none if one of them is there already."""
     contents = {**contents, SCHEMA: case_schema_text().encode()}
     names = sorted(contents, key=lambda name: (name != CASE, name))
@@ -75,7 +87,9 @@ def _write(contents: Mapping[str, bytes], folder: str, *, force: bool) -> tuple[
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise output_error(folder, error) from error
+    for path in paths.values():
+        refuse_inputs(path, inputs)
     for name, path in paths.items():
-        with atomic_output(path, overwrite=force) as temporary:
+        with atomic_output(path, overwrite=force, inputs=inputs) as temporary:
             Path(temporary).write_bytes(contents[name])
     return tuple(str(path) for path in paths.values())

@@ -16,13 +16,19 @@ from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.result import Counts, ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.inputs import Inputs, build_model, inputs_of_result, load_inputs
+from geoident.workflow.running.inputs import (
+    Inputs,
+    build_model,
+    case_path,
+    files_of_result,
+    inputs_of_result,
+    load_inputs,
+)
 from geoident.workflow.running.outcome import Finished
 from geoident.workflow.running.outputs import (
     Standing,
     Target,
     require_free,
-    require_writable,
     standing,
     target,
 )
@@ -33,7 +39,7 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
-from geoident.workflow.running.provenance import case_path, provenance
+from geoident.workflow.running.provenance import provenance
 from geoident.workflow.running.selection import Selection
 from geoident.workflow.running.tables import accuracies, gauge_table
 
@@ -106,6 +112,11 @@ class Task:
         return self.request.stages
 
     @property
+    def files_read(self) -> tuple[str, ...]:
+        """Paths of the fit, of the case to predict, and of what they name."""
+        return (*files_of_result(self.fit, self.request.result), *self.inputs.files)
+
+    @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
         return provenance(
@@ -141,14 +152,14 @@ def predict(task: Task, control: Control) -> Finished:
     request, place, found = task.request, task.place, task.found
     if found is Standing.UP_TO_DATE and not request.fresh:
         return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
-    require_free(found, place, force=request.force)
-    require_writable(place, inputs=[request.result, *task.inputs.files])
+    require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, known, survey, model.counts)
-    paths = write_result(result, place.path, overwrite=found is not Standing.NOTHING)
+    overwrite = found is not Standing.NOTHING
+    paths = write_result(result, place.path, overwrite=overwrite, inputs=task.files_read)
     return Finished(result, paths)
 
 
@@ -182,7 +193,11 @@ def _require_stages(stages: Sequence[str], case: Case) -> None:
 
 
 def require_identified(fit: Result, inputs: Inputs) -> None:
-    """Raise `InputError` where a case has parameters that a fit does not know."""
+    """Refuse a case with parameters that a fit does not know.
+
+    Raises:
+        InputError: with those parameters.
+    """
     known = fit.parameters.names
     faults = [
         inputs.case.source.fault(
@@ -224,7 +239,7 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
 
 
 def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
-    """Some rows of a table of parameters."""
+    """Some rows (k,) of a table of parameters."""
     columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
     flags = ("at_bound", "determined")
     words = ("names", "priors", "units", "dimensions")
@@ -240,7 +255,7 @@ def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
 
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
-    """What is known of some of the parameters, whatever the others are."""
+    """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
     columns = (*intervals, "at_bound", "determined", "from_prior")
     square = np.ix_(order, order)

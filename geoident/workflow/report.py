@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from geoident.errors import OutputError, UsageError
+from geoident.errors import UsageError
 from geoident.io.result.file import read_result
-from geoident.io.text.atomic import atomic_output, output_error
+from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.model.result import Result
-from geoident.workflow.running.inputs import STDIN
+from geoident.workflow.running.inputs import STDIN, files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
@@ -35,6 +35,10 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
         paths: of the results.
         output: a file, an existing folder, or None for beside the first result.
 
+    Raises:
+        UsageError: it would go to stdout.
+        OutputError: it is one of the results.
+
     >>> page_path(["cases/cavern/case.fit.h5"], output=None)
     'cases/cavern/case.fit.html'
     """
@@ -46,13 +50,28 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
         place = first.with_name(name)
     else:
         place = Path(output) / name if Path(output).is_dir() else Path(output)
-    if any(place.exists() and Path(path).exists() and place.samefile(path) for path in paths):
-        raise OutputError(f"{place}: is an input of this command; choose another -o")
+    refuse_inputs(place.as_posix(), paths)
     return place.as_posix()
 
 
+def files_read(paths: Sequence[str], results: Labelled) -> tuple[str, ...]:
+    """Paths of results, of their cases, and of the files that these name.
+
+    Args:
+        paths: of the results.
+        results: the same, with their labels.
+    """
+    pairs = zip(paths, results, strict=True)
+    return tuple(name for path, (_, one) in pairs for name in files_of_result(one, path))
+
+
 def write_page(
-    results: Labelled, path: str, *, overwrite: bool, render: Callable[[Labelled], str]
+    results: Labelled,
+    path: str,
+    *,
+    overwrite: bool,
+    inputs: Sequence[str],
+    render: Callable[[Labelled], str],
 ) -> str:
     """Write the report of results; the path comes back.
 
@@ -60,9 +79,11 @@ def write_page(
         results: labels and results.
         path: of the page.
         overwrite: replace another file.
+        inputs: see `files_read`; none of them is replaced.
         render: makes the page.
     """
-    _write(path, render(results).encode(), overwrite=overwrite)
+    refuse_inputs(path, inputs)
+    _write(path, render(results).encode(), overwrite=overwrite, inputs=inputs)
     return path
 
 
@@ -71,6 +92,7 @@ def write_figures(
     folder: str,
     *,
     overwrite: bool,
+    inputs: Sequence[str],
     draw: Callable[[Labelled], Mapping[str, bytes]],
 ) -> tuple[str, ...]:
     """Write all figures of results into a folder, which is made if it is missing.
@@ -79,23 +101,28 @@ def write_figures(
         results: labels and results.
         folder: where to put them.
         overwrite: replace other files.
+        inputs: see `files_read`; none of them is replaced.
         draw: makes the figures: name of the file to its bytes.
+
+    Raises:
+        OutputError: the folder cannot be made, or a file exists that is not to be replaced.
     """
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise output_error(folder, error) from error
-    paths = []
-    for name, content in draw(results).items():
-        paths.append((Path(folder) / name).as_posix())
-        _write(paths[-1], content, overwrite=overwrite)
-    return tuple(paths)
+    drawn = {(Path(folder) / name).as_posix(): figure for name, figure in draw(results).items()}
+    for path in drawn:
+        refuse_inputs(path, inputs)
+    for path, figure in drawn.items():
+        _write(path, figure, overwrite=overwrite, inputs=inputs)
+    return tuple(drawn)
 
 
-def _write(path: str, content: bytes, *, overwrite: bool) -> None:
+def _write(path: str, content: bytes, *, overwrite: bool, inputs: Sequence[str]) -> None:
     """Write a file, whole or not at all. One of the same content is left as it is."""
     place = Path(path)
     if not overwrite and place.is_file() and place.read_bytes() == content:
         return
-    with atomic_output(path, overwrite=overwrite) as temporary:
+    with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
         Path(temporary).write_bytes(content)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.protocols import CaseModel
+from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs
-from geoident.workflow.running.outputs import refuse_inputs
 
 
 class Noise(Enum):
@@ -21,6 +22,21 @@ class Noise(Enum):
 
     NONE = "nothing"
     ACCURACY = "Gaussian noise with the accuracy of each gauge"
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Readings of the model.
+
+    Args:
+        case: whose gauges they are.
+        readings: by stage, SI.
+        files_read: paths of all that the case consists of, which no output may replace.
+    """
+
+    case: Case
+    readings: tuple[Reading, ...]
+    files_read: tuple[str, ...]
 
 
 def simulate(
@@ -31,14 +47,21 @@ def simulate(
     seed: int = 0,
     solver: str = "auto",
     output: str | None = None,
-) -> tuple[Reading, ...]:
-    """Readings of all gauges at all stages where they can be read, by stage, in m.
+) -> Simulated:
+    """Readings of all gauges at all stages where they can be read, by stage.
 
     A gauge is left out at the stage at which it is zeroed: it reads zero there, by definition.
-    ``output`` is where they are going to be written.
+
+    Args:
+        path: of the case; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        noise: what is added.
+        seed: of the noise.
+        solver: name of the sparse solver, or ``auto``.
+        output: where they are going to be written, or None.
 
     Raises:
-        OutputError: the output is the case or its mesh.
+        OutputError: the output is the case, or a file that it names.
         ModelError: the model has no solution at the start values.
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
@@ -47,7 +70,9 @@ def simulate(
     model = build_model(inputs, solver=solver)
     computed = model.survey(start_values(inputs.case, model), fields=False).computed
     readings = _readings(inputs.case, computed)
-    return with_noise(inputs.case, readings, seed=seed) if noise is Noise.ACCURACY else readings
+    if noise is Noise.ACCURACY:
+        readings = with_noise(inputs.case, readings, seed=seed)
+    return Simulated(inputs.case, readings, inputs.files)
 
 
 def start_values(case: Case, model: CaseModel) -> Floats:
@@ -73,7 +98,13 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
 
 
 def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[Reading, ...]:
-    """Readings with Gaussian noise of the accuracy of their gauges added."""
+    """Readings with Gaussian noise of the accuracy of their gauges added.
+
+    Args:
+        case: with the accuracies.
+        readings: of the model.
+        seed: of the noise.
+    """
     generator = np.random.default_rng(seed)
     accuracy = {channel.name: channel.accuracy for channel in case.channels}
     return tuple(

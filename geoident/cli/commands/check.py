@@ -99,7 +99,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
                 f"--picture {picture}: the case has no mesh, so nothing to draw."
             )
         drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())
-        write_bytes(drawn, picture, force=options.force)
+        write_bytes(drawn, picture, force=options.force, inputs=checked.files_read)
         if not options.as_json and not options.quiet:
             click.echo(f"\nPicture: {picture}")
     return 0

@@ -69,10 +69,12 @@ def command(
 
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.report.text.csv_tables import csv_tables, csv_text
+    from geoident.workflow.running.inputs import files_of_result
     from geoident.workflow.running.outputs import write_text
     from geoident.workflow.show import show
 
-    found = csv_tables(show(path))
+    result = show(path)
+    found = csv_tables(result)
     if name not in found:
         msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
         raise UsageError(msg)
@@ -80,7 +82,8 @@ def _one_table(path: str, name: str, options: Options) -> int:
     if options.output in (None, "-"):
         click.echo(text, nl=False)
     else:
-        write_text(text, str(options.output), force=options.force, inputs=[path])
+        inputs = files_of_result(result, path)
+        write_text(text, str(options.output), force=options.force, inputs=inputs)
         click.echo(options.output)
     return 0
 
@@ -100,11 +103,8 @@ def _write(kind: str, path: str, result: Result, options: Options) -> tuple[str,
     from geoident.workflow import export
 
     folder = export.export_folder(path, options.output)
+    files = export.Export(path, result, folder, options.force)
     if kind == "csv":
         texts = {name: csv_text(table) for name, table in csv_tables(result).items()}
-        return export.export_texts(path, texts, folder=folder, overwrite=options.force)
-    if kind == "vtu":
-        return export.export_vtu(path, result, folder=folder, overwrite=options.force)
-    if result.fields is None:
-        raise export.no_fields(path)
-    return export.export_vtkhdf(path, folder=folder, overwrite=options.force)
+        return export.export_texts(files, texts)
+    return export.export_vtu(files) if kind == "vtu" else export.export_vtkhdf(files)

@@ -46,7 +46,13 @@ def command(
 
     Needs matplotlib: pip install "geoident[report]".
     """
-    from geoident.workflow.report import page_path, read_results, write_figures, write_page
+    from geoident.workflow.report import (
+        files_read,
+        page_path,
+        read_results,
+        write_figures,
+        write_page,
+    )
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
     _require_matplotlib()
@@ -55,14 +61,17 @@ def command(
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
+    inputs = files_read(results, read)
     written: tuple[str, ...] = ()
     if place:
-        written += (write_page(read, place, overwrite=options.force, render=report_page),)
+        page = write_page(read, place, overwrite=options.force, inputs=inputs, render=report_page)
+        written += (page,)
     if folder is not None:
         written += write_figures(
             read,
             folder,
             overwrite=options.force,
+            inputs=inputs,
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
         )
     for path in written:

@@ -37,7 +37,7 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.text import result_text
-    from geoident.workflow.running.provenance import case_path
+    from geoident.workflow.running.inputs import case_path
     from geoident.workflow.show import show
 
     with failures_as_json(path, options):

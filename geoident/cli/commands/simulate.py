@@ -12,13 +12,13 @@ from geoident.cli.options import Options, takes
 from geoident.cli.several import failures_as_json
 
 if TYPE_CHECKING:
-    from geoident.model.gauges import Reading
+    from geoident.workflow.simulate import Simulated
 
 EPILOG = """\b
 Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
-  geoident simulate case.yaml --noise --seed 1 -o readings.csv
+  geoident simulate case.yaml --noise --seed 1 -o simulated.csv
 """
 
 
@@ -34,7 +34,7 @@ def command(case: str, noise: bool, options: Options) -> int:
     from geoident.workflow.simulate import Noise, simulate
 
     with failures_as_json(case, options):
-        readings = simulate(
+        simulated = simulate(
             case,
             overrides=options.overrides,
             noise=Noise.ACCURACY if noise else Noise.NONE,
@@ -42,19 +42,21 @@ def command(case: str, noise: bool, options: Options) -> int:
             solver=options.solver,
             output=None if options.output == "-" else options.output,
         )
-        _say(readings, case, options)
+        _say(simulated, case, options)
     return 0
 
 
-def _say(readings: tuple[Reading, ...], case: str, options: Options) -> None:
+def _say(simulated: Simulated, case: str, options: Options) -> None:
     """The readings to stdout or to a file; with a file, its path to stdout."""
     from geoident.report.text.json import dumps, simulation_object
     from geoident.report.text.readings import readings_csv
     from geoident.workflow.running.outputs import write_text
 
+    readings = simulated.readings
     file = None if options.output in (None, "-") else options.output
     if file is not None:
-        write_text(readings_csv(readings), file, force=options.force)
+        text, inputs = readings_csv(readings), simulated.files_read
+        write_text(text, file, force=options.force, inputs=inputs)
     if options.as_json:
         click.echo(dumps(simulation_object(readings, case=case, output=file)))
     elif file is not None:

@@ -117,12 +117,15 @@ class DirectAnalysis(ABC):
 
 
 def check_pivots(pivots: Floats, diagonal: Floats, unknowns: Ints | None = None) -> None:
-    """Raise `NotPositiveDefinite` with the worst unknown if a pivot is not clearly positive.
+    """Refuse a matrix with a pivot that is not clearly positive.
 
     Args:
         pivots: (n,) diagonal of D in L D L^T.
         diagonal: (n,) diagonal of the matrix, by unknown.
         unknowns: (n,) unknown that each pivot belongs to; None if they stand in order.
+
+    Raises:
+        NotPositiveDefinite: with the worst unknown.
     """
     scale = diagonal if unknowns is None else diagonal[unknowns]
     bad = np.flatnonzero(~(pivots > SINGULAR * np.abs(scale)))

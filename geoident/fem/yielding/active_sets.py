@@ -145,6 +145,12 @@ def rows_of_floats(*shape: int) -> Rows[np.float64]:
 
 
 def unique_pairs(first: Ints, second: Ints, count: int) -> tuple[Ints, Ints]:
-    """The different pairs of two vectors (w,), the second of numbers below `count`."""
+    """The different pairs of two vectors of numbers, (k,) each.
+
+    Args:
+        first: (w,).
+        second: (w,), below ``count``.
+        count: of numbers that the second may be.
+    """
     pairs = np.unique(first * count + second)
     return pairs // count, pairs % count

@@ -34,7 +34,7 @@ class Spectrum:
     n_stress: int
 
     def of(self, points: Ints) -> Spectrum:
-        """Of some of the points."""
+        """Of some of the points, by their numbers (k,)."""
         return Spectrum(self.values[:, points], self.axes[points], self.n_stress)
 
     @cached_property
@@ -107,7 +107,10 @@ def principal_values(stress: Floats) -> Floats:
 
 
 def rough_principal_values(stress: Floats) -> Floats:
-    """The same to about eight digits, fast for solids too: the roots of the cubic by cosines."""
+    """Principal values (3, m) of stresses (s, m), descending, to about eight digits.
+
+    Fast for solids too: the roots of the cubic by cosines.
+    """
     if len(stress) == 4:
         return principal_values(stress)
     mean = stress[:3].mean(axis=0)

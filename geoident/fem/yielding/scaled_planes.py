@@ -42,7 +42,7 @@ class ScaledPlanes:
     """
 
     def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
-        self.elasticity = np.asarray(0.5 * (elasticity.value + elasticity.value.T))
+        self.elasticity: Floats = np.asarray(0.5 * (elasticity.value + elasticity.value.T))
         _check_definite(self.elasticity)
         if not np.isfinite(planes.distances.value).all():
             raise ValueError("a plane without a finite distance is none")
@@ -54,12 +54,12 @@ class ScaledPlanes:
         own = np.einsum("ys,st,yt->y", planes.normals.value, self.elasticity, flow.value)
         if np.any(own <= 0.0):
             raise ValueError(f"plane {int(np.argmin(own)) + 1} has no normal, or flows inwards")
-        self.scale = np.sqrt(own + np.diag(hardening))
+        self.scale: Floats = np.sqrt(own + np.diag(hardening))
         length = self.scale[:, None]
-        self.normals = np.ascontiguousarray(planes.normals.value) / length
-        self.flow = np.ascontiguousarray(flow.value) / length
-        self.distances = planes.distances.value / self.scale
-        self.hardening = hardening / (length * length.T)
+        self.normals: Floats = np.ascontiguousarray(planes.normals.value) / length
+        self.flow: Floats = np.ascontiguousarray(flow.value) / length
+        self.distances: Floats = planes.distances.value / self.scale
+        self.hardening: Floats = hardening / (length * length.T)
         self.by_parameter = (
             elasticity,
             planes.scaled(Dual.constant(1.0 / self.scale, planes.distances.n)),

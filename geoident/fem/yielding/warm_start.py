@@ -25,7 +25,13 @@ class FaceMemory:
         self._last = np.empty(0, dtype=np.int64)
 
     def keep(self, count: int, points: Ints, face: Ints) -> None:
-        """Remember the faces (q,) of points (q,) out of ``count``."""
+        """Remember where points ended.
+
+        Args:
+            count: of all points.
+            points: (q,) those that were projected.
+            face: (q,) their faces.
+        """
         self._last = np.zeros(count, dtype=np.int64)
         self._last[points] = face
 

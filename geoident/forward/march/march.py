@@ -34,7 +34,7 @@ factorization.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +44,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.stress import InSituStress
+from geoident.forward.in_situ.stress import BALANCED, InSituStress
 from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
@@ -56,9 +56,6 @@ from geoident.model.case import Case
 from geoident.model.certificate import Activity
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
-
-_BALANCED = 1e-9
-"""Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -167,9 +164,17 @@ class Run:
         march: what does not depend on parameters.
         point: the parameters, all of the case.
         options: how to march.
+        tell: is told the index of every state that was computed.
     """
 
-    def __init__(self, march: March, point: ParameterPoint, options: RunOptions) -> None:
+    def __init__(
+        self,
+        march: March,
+        point: ParameterPoint,
+        options: RunOptions,
+        tell: Callable[[int], None] = lambda state: None,
+    ) -> None:
+        self._tell = tell
         systems = march.systems
         self._march, self._systems, self._options = march, systems, options
         self._structures = systems.structures
@@ -214,6 +219,7 @@ class Run:
         for n, state in enumerate(states):
             if n and state.base in lost:
                 lost.add(n)
+                self._tell(n)
                 yield _unknown(n, u, carried)
                 continue
             bases.go_to(n, u, carried)
@@ -228,8 +234,10 @@ class Run:
                     raise
                 self._collapses.append(error)
                 lost.add(n)
+                self._tell(n)
                 yield _unknown(n, u, carried)
                 continue
+            self._tell(n)
             yield StageEnd(n, u, carried.stress, carried.members, yielded)
             bases.leave(n, u, carried)
         self._factor.forget()
@@ -276,7 +284,7 @@ class Run:
         stress[:, ~system.present] = 0.0
         self._imbalance = self._march.imbalance(stress, forces)
         task = self._task(0, carried, forces)
-        if self._imbalance > _BALANCED:
+        if self._imbalance > BALANCED:
             elastic_step(task, self._systems, self._factor)
         self._plastic.refuse_virgin(task)
 

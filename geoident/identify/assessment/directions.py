@@ -39,7 +39,13 @@ class Direction:
 
     @classmethod
     def of(cls, w: Floats, names: Sequence[str], relative: Sequence[bool]) -> Direction:
-        """Keeps the noticeable entries of w (n,)."""
+        """Keeps the noticeable entries.
+
+        Args:
+            w: (n,) relative changes of the parameters.
+            names: of the parameters.
+            relative: for each, whether its entry is a relative change.
+        """
         size = np.abs(w)
         kept = [int(i) for i in np.flatnonzero(size > NOTICEABLE * size.max())]
         weights = w[kept] / size.max() * np.sign(w[kept[0]])

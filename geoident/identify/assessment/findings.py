@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.directions import Direction, join
-from geoident.identify.assessment.spectrum import NORMAL_95, Spectrum, sparse_basis, without
+from geoident.identify.assessment.spectrum import Spectrum, sparse_basis, without
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
+from geoident.model.result import NORMAL_95
 
 LEANING = 0.5
 """Share of a parameter's variance that comes from the prior of another from which it is said."""

@@ -18,9 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-
-NORMAL_95 = 1.959964
-"""Half width of a normal 95 % interval in standard deviations."""
+from geoident.model.result import NORMAL_95
 
 RANK = 1e-10
 """Singular values below this part of the largest say nothing."""

@@ -35,11 +35,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
-from geoident.identify.assessment.spectrum import NORMAL_95, Spectrum
+from geoident.identify.assessment.spectrum import Spectrum
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
+from geoident.model.result import NORMAL_95
 
 UNBOUNDED_RANGE = 10.0
 """Admissible range in x of a parameter without finite bounds: ten references, or a factor e^10."""

@@ -58,7 +58,7 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
 
 
 def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mapping[str, Floats]:
-    """The values of every axis by the name of its parameter, SI.
+    """The values (k,) of every axis by the name of its parameter, SI.
 
     Raises:
         InputError: an axis of an unknown parameter, or one without finite ends.

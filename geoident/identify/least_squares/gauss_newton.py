@@ -210,6 +210,13 @@ class Search:
             return None
 
     def record(self, x: Floats, point: Point | None, length: float, note: str) -> None:
-        """Notes a point that was evaluated, or None for no solution at x (n,)."""
+        """Notes a point that was evaluated.
+
+        Args:
+            x: (n,) where.
+            point: what was found, or None for no solution.
+            length: of the step that led there.
+            note: such as ``accepted``.
+        """
         phi = np.inf if point is None else point.phi
         self.history.record(self.scaling.to_natural(x), phi, step=length, note=note)

@@ -67,13 +67,16 @@ class Discrepancy:
         return (readings - self.problem.measured) / self.problem.sd
 
     def squares(self, p: Floats, readings: Floats) -> float:
-        """Plain weighted squares with the prior's part, theory [20], whatever the loss."""
+        """Plain weighted squares with the prior's part, theory [20], whatever the loss.
+
+        Of readings (g,) that the model answers at p (n,), SI.
+        """
         prior = self.scaling.prior_residuals(p)
         misfit = self.misfit(readings)
         return float(misfit @ misfit + prior @ prior)
 
     def objective_of(self, p: Floats, readings: Floats) -> float:
-        """The discrepancy phi where the model's answer is known already; infinite where NaN."""
+        """Phi at p (n,), SI, where the answer (g,) of the model is known; infinite where NaN."""
         r = self.residuals(p, readings)
         with np.errstate(over="ignore"):  # infinite is right for what overflows
             return float(r @ r) if np.all(np.isfinite(r)) else np.inf

@@ -106,6 +106,11 @@ def refusals(
     """Why the methods of a chain cannot work on a model, sentences; none if they can.
 
     A closed form in a chain is only where the rest begins: it is passed over where there is none.
+
+    Args:
+        response: the model.
+        methods: options of the methods, in their order.
+        loss: of the readings.
     """
     if len(methods) > 1:
         methods = [options for options in methods if not isinstance(options, ClosedFormOptions)]
@@ -119,7 +124,14 @@ def refusal(
     loss: LossOptions = SQUARED,
     options: MethodOptions | None = None,
 ) -> str | None:
-    """Why a method cannot work on a model and which would do, a sentence, or None if it can."""
+    """Why a method cannot work on a model and which would do, a sentence, or None if it can.
+
+    Args:
+        response: the model.
+        name: of the method, as users write it.
+        loss: of the readings.
+        options: of the method; None for its default ones.
+    """
     why = _obstacle(response, METHODS[name], loss, options)
     if why is None:
         return None

@@ -174,7 +174,13 @@ class YieldSearch(Search):
 
 
 def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate | None:
-    """What kind of point p (n,), SI, is; None where the model has no solution there."""
+    """What kind of point a parameter vector is; None where the model has no solution there.
+
+    Args:
+        problem: readings, a `YieldSystem`, and parameters.
+        p: (n,), SI.
+        history: is told of the points compared.
+    """
     search = YieldSearch(problem, GaussNewtonOptions(), history)
     point = search.try_point(search.scaling.to_scaled(p))
     if point is None:

@@ -64,7 +64,7 @@ class Influence:
         return int(self.slack.shape[0])
 
     def only(self, kept: Ints) -> Influence:
-        """The system in which all other multipliers are zero and all other slacks positive."""
+        """The system in which only the pairs (k,) may be active: other multipliers are zero."""
         square = np.ix_(kept, kept)
         return Influence(
             self.slack[kept],

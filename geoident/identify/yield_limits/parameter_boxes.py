@@ -83,7 +83,7 @@ class Form:
     convex: bool
 
     def only(self, kept: Ints) -> Form:
-        """The form in which all other multipliers are zero."""
+        """The form in which only the multipliers of the pairs (k,) are not zero."""
         return Form(self.root[:, kept], self.carried[kept], self.exact[kept], self.convex)
 
 

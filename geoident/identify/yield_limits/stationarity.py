@@ -135,8 +135,10 @@ def open_above(
     """
     found = np.zeros(len(strength), dtype=np.bool_)
     for i in np.flatnonzero(strength):
-        if spent() or not np.isfinite(search.scaling.upper[i]):
+        if spent():
             break
+        if not np.isfinite(search.scaling.upper[i]):
+            continue
         x = point.x.copy()
         x[i] = search.scaling.upper[i]
         trial = search.try_point(x)

@@ -116,7 +116,14 @@ def build_water(section: WaterSection | None) -> Water | None:
 def build_temperature(
     sections: Mapping[str, TemperatureSection], path: KeyPath, dim: int, faults: Faults
 ) -> dict[str, Temperature]:
-    """Changes of temperature by group."""
+    """Changes of temperature by group.
+
+    Args:
+        sections: what the case says, by group.
+        path: of the key.
+        dim: number of axes.
+        faults: takes what is wrong.
+    """
     return {
         group: _field(given, (*path, group), dim, faults)
         if isinstance(given, TemperatureFieldSection)

@@ -42,7 +42,14 @@ _AXES = "xyz"
 def build_case(
     section: CaseSection, read: ReadReadings, mesh_file: str | None, faults: Faults
 ) -> Case:
-    """The case; what does not fit its number of axes is noted as a fault."""
+    """The case; what does not fit its number of axes is noted as a fault.
+
+    Args:
+        section: the whole case as it is written.
+        read: readings that were read.
+        mesh_file: path of the mesh, or None without one.
+        faults: takes what is wrong.
+    """
     in_situ, zones = build_in_situ(section.in_situ, _dim(section), faults)
     builder = LoadBuilder(
         Analysis(section.analysis), gravity=section.gravity is not None, faults=faults

@@ -6,13 +6,15 @@ else in the case or its readings; and later, elsewhere, what needs the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from geoident.errors import InputError
 from geoident.io.case.build import build_case
 from geoident.io.case.overrides import apply_overrides
 from geoident.io.case.references import check_references
@@ -26,7 +28,7 @@ from geoident.io.text.blanks import refuse_blanks
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
-from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
 from geoident.model.methods import method_name
 
@@ -43,6 +45,7 @@ class LoadedCase:
         resolved: the same as YAML with overrides and defaults filled in, without comments.
         mesh_path: path of the mesh, relative paths against the folder of the case; None for none.
         readings_paths: paths of the files of readings, in their order.
+        files: paths of all files that the case names, with overrides or without, and that exist.
     """
 
     case: Case
@@ -50,6 +53,7 @@ class LoadedCase:
     resolved: str
     mesh_path: str | None
     readings_paths: tuple[str, ...]
+    files: tuple[str, ...] = ()
 
 
 def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
@@ -77,9 +81,11 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     Raises:
         InputError: with all faults found.
     """
-    places = apply_overrides(parse_yaml(text, _shown(path)), overrides)
+    document = parse_yaml(text, _shown(path))
+    places = apply_overrides(document, overrides)
     refuse_blanks(places)
     folder = Path() if path == STDIN else Path(path).parent
+    files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
     places = with_temperatures(places, folder)
     section = _validate(places)
     faults = Faults(places)
@@ -91,7 +97,37 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     case = build_case(section, read, mesh_path, faults)
     faults.raise_any()
     chain = [method_name(options) for options in case.fit.methods]
-    return LoadedCase(case, text, resolved_text(section, chain), mesh_path, read.paths)
+    resolved = resolved_text(section, chain)
+    return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
+
+
+def files_of_text(text: str, path: str) -> tuple[str, ...]:
+    """Paths of the files that the text of a case names and that exist; none of a faulty text.
+
+    Args:
+        text: the case.
+        path: where it stands or stood.
+    """
+    try:
+        return tuple(named_files(parse_yaml(text, path).data, Path(path).parent))
+    except InputError:
+        return ()
+
+
+def named_files(data: Node, folder: Path) -> Iterator[str]:
+    """Paths of the files that a case names: of every text in it that is the name of a file.
+
+    Args:
+        data: the case as mappings, lists and texts.
+        folder: against which its paths are meant.
+    """
+    if isinstance(data, dict | list):
+        for part in data.values() if isinstance(data, dict) else data:
+            yield from named_files(part, folder)
+    elif data is not None:
+        with suppress(OSError, ValueError):  # too long or strange for a name
+            if (folder / data).is_file():
+                yield str(folder / data)
 
 
 def _shown(path: str) -> str:

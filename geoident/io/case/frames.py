@@ -33,7 +33,13 @@ class FrameBuilder:
     def attitude(
         self, dip: Given | None, direction: Given | None, rotation: Given | None = None
     ) -> Attitude:
-        """A frame by angles."""
+        """A frame by angles.
+
+        Args:
+            dip: from the horizontal; None for none.
+            direction: azimuth of the line of dip; None where a section says it.
+            rotation: about the normal; None for none.
+        """
         flat = dip is None or (dip.parameter is None and dip.factor == 0)
         if self.dim == 3 and direction is None and not flat:
             message = "the direction of the dip is missing; a solid needs it"

@@ -50,7 +50,15 @@ def build_channels(section: CaseSection, faults: Faults) -> tuple[Channel, ...]:
 def vector(
     given: Sequence[Given], dim: int, path: KeyPath, faults: Faults, *, what: str
 ) -> Vector | None:
-    """Components in SI units; None, with a fault, where their number is not that of the axes."""
+    """Components in SI units; None, with a fault, where their number is not that of the axes.
+
+    Args:
+        given: the components as they are written.
+        dim: number of axes.
+        path: of the key.
+        faults: takes what is wrong.
+        what: has these components, for the message.
+    """
     if len(given) == dim:
         return tuple(number.factor for number in given)
     message = f"{what} has {len(given)} components; {dim} expected ({', '.join(_AXES[:dim])})"

@@ -34,7 +34,13 @@ _Parts = ConstantModel | StressSection | GradientSection
 def build_in_situ(
     section: InSituSection | None, dim: int, faults: Faults
 ) -> tuple[InSitu | None, dict[str, InSitu]]:
-    """The in-situ stress, and that of groups of their own."""
+    """The in-situ stress, and that of groups of their own.
+
+    Args:
+        section: what the case says, or None.
+        dim: number of axes.
+        faults: takes what is wrong.
+    """
     if section is None:
         return None, {}
     path: KeyPath = ("in_situ",)

@@ -80,7 +80,14 @@ def check_strengths(
     parameters: Mapping[str, ParameterSection],
     faults: Faults,
 ) -> None:
-    """Note strengths that are inadmissible as given, or at the start of the parameters."""
+    """Note strengths that are inadmissible as given, or at the start of the parameters.
+
+    Args:
+        sections: surfaces as they are written, with their keys.
+        surfaces: the same surfaces, built.
+        parameters: with their starts.
+        faults: takes what is wrong.
+    """
     starts = {name: p.start for name, p in parameters.items()}
     values = {name: start.factor for name, start in starts.items()}
     for (path, section), surface in zip(sections, surfaces, strict=True):

@@ -56,6 +56,11 @@ def build_mesh(raw: RawMesh, *, dim: int, file: str) -> Mesh:
     Cells of dimension ``dim`` become elements, those of the next lower one facets, of which one
     that stands several times is taken once; groups of still lower ones become node groups.
 
+    Args:
+        raw: what the file says.
+        dim: dimensions of the analysis.
+        file: path of the mesh, for messages.
+
     Raises:
         Refused: the cells do not fit the analysis, or some of them cannot be used.
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
@@ -13,6 +15,12 @@ from geoident.io.mesh.raw import RawMesh, Refused
 from geoident.model.mesh import Mesh
 
 _GEOMETRY = (".step", ".stp", ".iges", ".igs", ".brep", ".xao", ".dxf")
+_REFERENCES = {
+    ".inp": re.compile(r"\s*\*\s*include\s*,.*?input\s*=\s*\"?([^\",]+)", re.IGNORECASE),
+    ".xdmf": re.compile(r"(?:.*>)?\s*([^\s<>:]+):/"),
+    ".xmf": re.compile(r"(?:.*>)?\s*([^\s<>:]+):/"),
+}
+"""Suffix of a mesh to the lines by which it names files that hold a part of it."""
 _PACKED = (".gz", ".zip", ".bz2", ".xz", ".7z", ".zst")
 
 
@@ -43,6 +51,26 @@ def read_mesh(path: str, *, dim: int | None) -> Mesh:
         place = Location(path, refused.line, 1 if refused.line else 0)
         fault = Fault(refused.code, refused.message, refused.hint, place)
         raise InputError([fault]) from refused
+
+
+def mesh_files(path: str) -> tuple[str, ...]:
+    """Paths of the files that a mesh consists of: its own, and those that it includes."""
+    return tuple(dict.fromkeys(_with_parts(Path(path), set())))
+
+
+def _with_parts(path: Path, seen: set[Path]) -> Iterator[str]:
+    yield str(path)
+    pattern = _REFERENCES.get(path.suffix.lower())
+    if pattern is None or path in seen:
+        return
+    seen.add(path)
+    try:
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            found = [match[1].strip() for line in lines if (match := pattern.match(line))]
+    except (OSError, ValueError):
+        return
+    for name in found:
+        yield from _with_parts(path.parent / name, seen)
 
 
 def _dimension(raw: RawMesh) -> int:

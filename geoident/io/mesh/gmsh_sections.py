@@ -61,7 +61,11 @@ class Block:
 
 
 def element_type(number: int) -> tuple[str, int]:
-    """Kind and number of nodes of gmsh's element type."""
+    """Kind and number of nodes of gmsh's element type.
+
+    Raises:
+        Refused: the type is not of order 1 or 2.
+    """
     if number not in ELEMENT_TYPES:
         raise Refused(
             "mesh-kind",

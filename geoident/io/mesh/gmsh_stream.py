@@ -25,13 +25,13 @@ class Stream(Protocol):
         """A number that stands on a line of its own, as text also in MSH 2.2 binary."""
 
     def ints(self, n: int) -> Ints:
-        """The next ``n`` numbers of C's type int."""
+        """The next ``n`` numbers (n,) of C's type int."""
 
     def sizes(self, n: int) -> Ints:
-        """The next ``n`` numbers of C's type size_t."""
+        """The next ``n`` numbers (n,) of C's type size_t."""
 
     def floats(self, n: int) -> Floats:
-        """The next ``n`` numbers of C's type double."""
+        """The next ``n`` numbers (n,) of C's type double."""
 
     def rest(self) -> int:
         """How many numbers (text) or bytes (binary) are left."""
@@ -74,14 +74,14 @@ class TextStream:
         return int(self.ints(1)[0])
 
     def ints(self, n: int) -> Ints:
-        """See `Stream`."""
+        """(n,), see `Stream`."""
         with np.errstate(invalid="ignore"):
             return self._take(n).astype(np.int64)
 
     sizes = ints
 
     def floats(self, n: int) -> Floats:
-        """See `Stream`."""
+        """(n,), see `Stream`."""
         return self._take(n).astype(np.float64)
 
     def rest(self) -> int:
@@ -110,7 +110,13 @@ def _parse(section: bytes, kind: type[np.generic], *, name: str) -> npt.NDArray[
 
 
 class BinaryStream:
-    """Numbers in binary."""
+    """Numbers in binary.
+
+    Args:
+        section: the bytes between its head and its end.
+        name: of the section, for messages.
+        layout: byte order and sizes of the numbers.
+    """
 
     text = False
 
@@ -131,19 +137,19 @@ class BinaryStream:
         return int(match[1])
 
     def ints(self, n: int) -> Ints:
-        """See `Stream`."""
+        """(n,), see `Stream`."""
         return self._take(n, self._int).astype(np.int64)
 
     def sizes(self, n: int) -> Ints:
-        """See `Stream`."""
+        """(n,), see `Stream`."""
         return self._take(n, self._size).astype(np.int64)
 
     def floats(self, n: int) -> Floats:
-        """See `Stream`."""
+        """(n,), see `Stream`."""
         return self._take(n, self._double).astype(np.float64)
 
     def records(self, n: int, fields: npt.DTypeLike) -> npt.NDArray[np.void]:
-        """The next ``n`` records of packed ``fields``."""
+        """The next ``n`` records (n,) of packed ``fields``."""
         return self._take(n, np.dtype(fields)).view(np.dtype(fields))
 
     def record(self, floats: int) -> np.dtype[np.void]:

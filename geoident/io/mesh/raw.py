@@ -56,7 +56,14 @@ NODES: Mapping[str, int] = {kind: int(re.sub(r"[a-z]+", "", kind)) for kind in C
 
 
 class Refused(Exception):
-    """A mesh cannot be used: what was found, and what to do about it."""
+    """A mesh cannot be used: what was found, and what to do about it.
+
+    Args:
+        code: what kind of fault it is, for programs.
+        message: what was found.
+        hint: what to do about it; empty for nothing to say.
+        line: of the file; 0 for none.
+    """
 
     def __init__(self, code: str, message: str, hint: str = "", line: int = 0) -> None:
         super().__init__(message)
@@ -104,13 +111,13 @@ class RawMesh:
 
 
 def join(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
-    """Each name with the sorted union of its index arrays; names of empty sets are left out."""
+    """Each name with the sorted union (k,) of its indices; names of empty sets are left out."""
     unions = {name: np.unique(np.concatenate(parts)) for name, parts in sets.items() if parts}
     return {name: union.astype(np.int64) for name, union in unions.items() if len(union)}
 
 
 def split_by(values: Ints) -> Iterator[tuple[int, Ints]]:
-    """Each different value with the ascending indices at which it stands.
+    """Each different value (n,) with the ascending indices (k,) at which it stands.
 
     >>> [(value, where.tolist()) for value, where in split_by(np.array([7, 3, 7]))]
     [(3, [1]), (7, [0, 2])]
@@ -123,7 +130,7 @@ def split_by(values: Ints) -> Iterator[tuple[int, Ints]]:
 
 
 def indices_of(numbers: Ints, wanted: Ints) -> Ints:
-    """Positions in ``numbers`` (all different) of the ``wanted`` numbers, -1 for those absent."""
+    """Positions (k,) in different ``numbers`` (n,) of the ``wanted`` ones (k,); -1 if absent."""
     if len(numbers) == 0:
         return np.full(wanted.shape, -1, dtype=np.int64)
     if numbers[0] == 1 and numbers[-1] == len(numbers) and bool(np.all(np.diff(numbers) == 1)):
@@ -157,7 +164,11 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
 
 
 def check_unique_nodes(numbers: Ints) -> None:
-    """Refuse a node number that is given twice."""
+    """Refuse a node number, of all (n_nodes,), that is given twice.
+
+    Raises:
+        Refused: with the number.
+    """
     ordered = np.sort(numbers)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     if len(twice):
@@ -180,7 +191,7 @@ def row_keys(nodes: Ints) -> Ints:
 
 
 def first_of_equal(keys: Ints) -> tuple[Ints, Bools]:
-    """For each entry the index of the first equal one, and whether it is that one itself."""
+    """For each entry (n,) the index (n,) of the first equal one, and whether it is that (n,)."""
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     firsts = first[inverse.ravel()].astype(np.int64)
     return firsts, firsts == np.arange(len(keys))

@@ -42,7 +42,13 @@ class ReadReadings:
 
 
 def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
-    """Read what the case gives as readings; what is wrong in it is noted."""
+    """Read what the case gives as readings; what is wrong in it is noted.
+
+    Args:
+        section: the whole case as it is written.
+        find: leads from a path in the case to a file.
+        faults: takes what is wrong.
+    """
     calendar = _calendar(section, faults)
     paths: list[str] = []
     notes: list[str] = []

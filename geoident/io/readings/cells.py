@@ -43,7 +43,14 @@ class Table:
     faults: list[Fault] = field(default_factory=list)
 
     def refuse(self, place: tuple[int, int], code: str, message: str, hint: str = "") -> None:
-        """Note a fault at a line and column."""
+        """Note a fault at a line and column.
+
+        Args:
+            place: line and column, from 1.
+            code: what kind of fault it is, for programs.
+            message: what is wrong.
+            hint: what would be right.
+        """
         self.faults.append(Fault(code, message, hint, Location(self.file, *place)))
 
     def place(self, number: int, cell: Cell) -> Location:

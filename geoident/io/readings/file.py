@@ -39,6 +39,11 @@ def parse_readings(
 ) -> tuple[FieldReading, ...]:
     """Readings from the bytes of a CSV file; see `read_readings`.
 
+    Args:
+        content: of the file.
+        file: its path, for messages.
+        layout: how it is written; None for the default.
+
     Raises:
         InputError: with all faults; it stops at a thousand of them.
     """

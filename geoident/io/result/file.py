@@ -7,6 +7,7 @@ its name only when it is complete (`geoident.io.text.atomic`).
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +54,9 @@ class ResultIdentity:
     exit_code: int
 
 
-def write_result(result: Result, path: str | Path, *, overwrite: bool) -> tuple[str, ...]:
+def write_result(
+    result: Result, path: str | Path, *, overwrite: bool, inputs: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Writes a result, and beside it a sidecar for ParaView if it has fields.
 
     The sidecar is put in place first: a complete result always has its sidecar.
@@ -62,6 +65,7 @@ def write_result(result: Result, path: str | Path, *, overwrite: bool) -> tuple[
         result: what to write.
         path: the result file; the sidecar has the suffix ``.vtkhdf`` in place of ``.h5``.
         overwrite: replace an existing file.
+        inputs: paths of what the command has read, which are never replaced.
 
     Returns:
         The paths written, the result first.
@@ -70,21 +74,21 @@ def write_result(result: Result, path: str | Path, *, overwrite: bool) -> tuple[
         OutputError: a file exists or cannot be written; the result is then as it was before.
     """
     sidecar = vtkhdf.sidecar_path(path)
-    with atomic_output(path, overwrite=overwrite) as temporary:
+    with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
         with hdf5_output(temporary) as file:
             _write(file, result)
         if sidecar and result.fields is not None:
-            _write_sidecar(sidecar, Path(path).name, overwrite=overwrite)
+            _write_sidecar(sidecar, Path(path).name, overwrite=overwrite, inputs=inputs)
     if sidecar is None or result.fields is None:
         _drop_sidecar(sidecar, Path(path).name)
         return (str(path),)
     return (str(path), str(sidecar))
 
 
-def _write_sidecar(sidecar: Path, name: str, *, overwrite: bool) -> None:
+def _write_sidecar(sidecar: Path, name: str, *, overwrite: bool, inputs: Sequence[str]) -> None:
     """Writes the sidecar; one that points to this result already may be replaced anyway."""
     own = vtkhdf.sidecar_target(sidecar) == name
-    with atomic_output(sidecar, overwrite=overwrite or own) as temporary:
+    with atomic_output(sidecar, overwrite=overwrite or own, inputs=inputs) as temporary:
         vtkhdf.write_sidecar(temporary, name)
 
 

@@ -131,7 +131,14 @@ def _signals_held() -> Iterator[None]:
 
 
 def refusal(path: str | Path, code: str, message: str, hint: str = _AGAIN) -> InputError:
-    """An input error on a file as a whole."""
+    """An input error on a file as a whole.
+
+    Args:
+        path: of the file.
+        code: what kind of fault it is, for programs.
+        message: what is wrong.
+        hint: what to do about it.
+    """
     return InputError([Fault(code, message, hint, Location(str(path)))])
 
 
@@ -246,7 +253,11 @@ class TableReader:
         return name in self.group
 
     def array(self, name: str, kinds: str) -> npt.NDArray[Any]:
-        """A dataset whose numpy type is of one of these kinds, such as ``f`` or ``iu``."""
+        """A dataset (...) whose numpy type is of one of these kinds, such as ``f`` or ``iu``.
+
+        Raises:
+            InputError: it is missing, or of another type.
+        """
         dataset = self.group.get(name)
         if not isinstance(dataset, h5py.Dataset):
             raise self._damage(f"{self.name}/{name}", "is missing")
@@ -255,15 +266,15 @@ class TableReader:
         return np.asarray(dataset[()])
 
     def floats(self, name: str, *shape: int) -> Floats:
-        """Numbers of the given shape."""
+        """Numbers (...) of the given shape."""
         return self._shaped(name, "f", shape).astype(np.float64, copy=False)
 
     def ints(self, name: str, *shape: int) -> Ints:
-        """Whole numbers of the given shape."""
+        """Whole numbers (...) of the given shape."""
         return self._shaped(name, "iu", shape).astype(np.int64, copy=False)
 
     def bools(self, name: str, *shape: int) -> Bools:
-        """Truth values of the given shape."""
+        """Truth values (...) of the given shape."""
         return np.asarray(self._shaped(name, "iu", shape) != 0)
 
     def texts(self, name: str, *shape: int) -> tuple[str, ...]:
@@ -276,7 +287,11 @@ class TableReader:
         return bytes(self.array(name, "O").item()).decode()
 
     def attribute(self, name: str, kind: type[_T]) -> _T:
-        """An attribute of the group, as a text or a number."""
+        """An attribute of the group, as a text or a number.
+
+        Raises:
+            InputError: it is missing, or no such value.
+        """
         try:
             return kind(self.group.attrs[name])
         except (KeyError, TypeError, ValueError):

@@ -44,7 +44,14 @@ _HINTS = {
 def add_schema_faults(
     faults: Faults, errors: list[ErrorDetails], data: Node, known: KnownKeys
 ) -> None:
-    """Note what pydantic found as faults of the case."""
+    """Note what pydantic found as faults of the case.
+
+    Args:
+        faults: takes them.
+        errors: what pydantic found.
+        data: what was read.
+        known: the keys that may stand at each place, for hints.
+    """
     for error in errors:
         path, node, is_key = _resolve(error, data)
         _add(faults, error, path, node, known, is_key=is_key)

@@ -47,7 +47,14 @@ class Wrongs:
     found: list[Wrong] = field(default_factory=list)
 
     def add(self, path: KeyPath, code: str, message: str, hint: str = "") -> None:
-        """Note a fault."""
+        """Note a fault.
+
+        Args:
+            path: of the key, from the section on.
+            code: what kind of fault it is, for programs.
+            message: what is wrong.
+            hint: what would be right.
+        """
         self.found.append(Wrong(path, code, message, hint))
 
     def raise_any(self) -> None:

@@ -4,6 +4,9 @@ A file is written under a temporary name in the folder of its final name, synced
 only then given its final name; that last step is one indivisible operation of the file system. A
 run that dies (kill -9, power) leaves at most its temporary, ``.NAME.<pid>.part``, which the
 next run that writes NAME removes once the process of that number is gone.
+
+No output replaces an input of its command, whatever it was told: every output says here what its
+command reads.
 """
 
 from __future__ import annotations
@@ -11,7 +14,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -34,7 +37,7 @@ _UNSUPPORTED = {errno.EINVAL, errno.EACCES, errno.ENOTSUP, errno.ENOSYS}
 
 
 @contextmanager
-def atomic_output(path: str | Path, *, overwrite: bool) -> Iterator[str]:
+def atomic_output(path: str | Path, *, overwrite: bool, inputs: Iterable[str]) -> Iterator[str]:
     """Gives a temporary path to write to, and puts it in the place of ``path`` on success.
 
     A symbolic link is followed: the file that it points to is written.
@@ -42,15 +45,17 @@ def atomic_output(path: str | Path, *, overwrite: bool) -> Iterator[str]:
     Args:
         path: the final name.
         overwrite: replace an existing file; otherwise it is an error, also if it appears meanwhile.
+        inputs: paths of what the command reads, none of which is ever replaced.
 
     Yields:
         The path of an empty file in the same folder, to be written by the block.
 
     Raises:
-        OutputError: the place cannot be written, the disk is full, or the file exists. Every
-            ``OSError`` of the block counts as one of the output. Nothing is left behind.
+        OutputError: the place cannot be written, the disk is full, the file exists or is an input.
+            Every ``OSError`` of the block counts as one of the output. Nothing is left behind.
     """
     temporary: Path | None = None
+    refuse_inputs(path, inputs)
     try:
         final = Path(os.path.realpath(path))
         _refuse_unwritable(path, final, overwrite=overwrite)
@@ -66,6 +71,34 @@ def atomic_output(path: str | Path, *, overwrite: bool) -> Iterator[str]:
         if temporary is not None:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def refuse_inputs(path: str | Path, inputs: Iterable[str]) -> None:
+    """Refuse an output that is one of the files that its command reads.
+
+    Links and other spellings of a path are seen through; a file that is not there is in no danger.
+
+    Args:
+        path: of the output.
+        inputs: paths of what is read.
+
+    Raises:
+        OutputError: the output is one of them.
+    """
+    for name in inputs:
+        if _same_file(path, name):
+            also = "" if str(path) == name else f" ({name})"
+            raise OutputError(
+                f"{path}: is an input of this command{also} and is never replaced\n"
+                "    give the output another name"
+            )
+
+
+def _same_file(one: str | Path, other: str | Path) -> bool:
+    try:
+        return Path(one).samefile(other)
+    except (OSError, ValueError):  # one of them is not there
+        return False
 
 
 def output_error(path: str | Path, error: Exception) -> OutputError:

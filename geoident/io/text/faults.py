@@ -73,12 +73,26 @@ class Faults:
     def add(
         self, path: KeyPath, code: str, message: str, hint: str = "", *, key: bool = False
     ) -> None:
-        """Note a fault at the value of a key, or at the key itself."""
+        """Note a fault at the value of a key, or at the key itself.
+
+        Args:
+            path: of the key.
+            code: what kind of fault it is, for programs.
+            message: what is wrong, half a sentence.
+            hint: what would be right.
+            key: show where the key is written, not its value.
+        """
         location = self.places.locate(path, key=key)
         self.found.append(Fault(code, message, hint, location, format_path(path)))
 
     def did_you_mean(self, word: str, known: Iterable[str], *, what: str = "Known") -> str:
-        """A hint as `wording.did_you_mean` gives it, as long as faults are shown at all."""
+        """A hint as `wording.did_you_mean` gives it, as long as faults are shown at all.
+
+        Args:
+            word: the wrong one.
+            known: the right ones.
+            what: what the known words are, the head of a list of them.
+        """
         return "" if len(self.found) > _MOST else did_you_mean(word, known, what=what)
 
     def extend(self, faults: Iterable[Fault]) -> None:

@@ -28,6 +28,11 @@ class Refusal(ValueError):
 def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str:
     """A hint that names the known word nearest to a wrong one, or lists the known words.
 
+    Args:
+        word: the wrong one.
+        known: the right ones.
+        what: what the known words are, the head of a list of them.
+
     >>> did_you_mean("bench1", ["heading", "bench 1"])
     "Did you mean 'bench 1'?"
     >>> did_you_mean("xyz", ["heading", "bench 1"], what="Stages")

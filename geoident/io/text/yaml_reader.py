@@ -66,7 +66,11 @@ def read_yaml(content: bytes, file: str) -> Document:
 
 
 def parse_yaml(text: str, file: str) -> Document:
-    """Read one YAML document from text; see `read_yaml`."""
+    """Read one YAML document from text; see `read_yaml`.
+
+    Raises:
+        InputError: the text is empty, or no YAML as it is read here, with every fault found.
+    """
     builder = _Builder(file)
     try:
         events = _events(text, builder)

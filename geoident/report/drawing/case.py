@@ -34,7 +34,13 @@ _HALO = [withStroke(linewidth=2.0, foreground="white")]
 
 
 def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
-    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes."""
+    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        suffix: of the file.
+    """
     draw = _solid_figure if mesh.dim == 3 else _plane_figure
     return image(Picture("case", case.title, "", lambda: draw(case, mesh)), suffix)
 

@@ -89,7 +89,16 @@ def element_centres(mesh: Mesh) -> Floats:
 
 
 def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:
-    """The box around gauges and all that is dug or placed, with a margin, inside the mesh."""
+    """The box around gauges and all that is dug or placed, with a margin, inside the mesh.
+
+    Args:
+        case: with gauges.
+        mesh: its mesh.
+        parts: what is dug, placed or neither.
+
+    Returns:
+        Its lower and its upper corner, (dim,) each, m.
+    """
     points = [line for lines in gauge_lines(case).values() for line in lines]
     moved = [part.elements for part in parts if part.mark]
     if moved:

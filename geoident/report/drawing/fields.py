@@ -120,7 +120,13 @@ def _contours(
 
 
 def displacement_size(scene: Scene, sheet: Sheet, state: int) -> Floats:
-    """Length of the displacement at the points of a sheet, mm."""
+    """Length (n,) of the displacement at the n points of a sheet, mm.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+    """
     return np.asarray(MM * np.linalg.norm(sheet.of_nodes(scene.displacement(state)), axis=1))
 
 
@@ -129,7 +135,13 @@ def _stress(scene: Scene, which: int, sheet: Sheet, state: int) -> Floats:
 
 
 def contour_figure(scene: Scene, sheet: Sheet, quantity: Quantity) -> Figure:
-    """A quantity after every stage, one scale of colours for all."""
+    """A quantity after every stage, one scale of colours for all.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        quantity: at its points.
+    """
     window = scene.window(sheet)
     figure, panels = panel_figure(scene, window, len(scene.states))
     values = [quantity.at(sheet, state) for state in scene.states]
@@ -152,7 +164,14 @@ def contour_figure(scene: Scene, sheet: Sheet, quantity: Quantity) -> Figure:
 def panel_figure(
     scene: Scene, window: Window, n: int, *, extra: float = 0.75
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels of the window's aspect, and extra height in inches."""
+    """A figure with panels of the aspect of a window.
+
+    Args:
+        scene: what is drawn.
+        window: what each panel shows.
+        n: number of panels.
+        extra: height beside the panels, inches.
+    """
     columns = min(n, 2 if window.aspect < 0.45 else 3 if window.aspect < 1.6 else 4)
     rows = -(-n // columns)
     width = min(_WIDTH / columns, 6.0)
@@ -166,7 +185,15 @@ def panel_figure(
 
 
 def weighted(scene: Scene, sheet: Sheet, state: int, window: Window, value: Floats) -> Floats:
-    """(2, m) means of a quantity on the present triangles inside the window, and their areas."""
+    """(2, m) means of a quantity on the present triangles inside the window, and their areas.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+        window: what is shown.
+        value: (n,) at the points of the sheet.
+    """
     triangles = sheet.triangles[scene.fields.present[state][sheet.element]]
     corners = sheet.xy[triangles]
     centre = corners.mean(axis=1)
@@ -217,7 +244,16 @@ def _ends(shown: Floats) -> tuple[float, float]:
 def shade(
     axes: Axes, scene: Scene, sheet: Sheet, state: int, value: Floats, scale: dict[str, Any]
 ) -> Any:
-    """Colour the present part of a sheet by values (n,) at its points, on a scale of `bands`."""
+    """Colour the present part of a sheet by values at its points.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+        value: (n,) at the points of the sheet.
+        scale: of `bands`.
+    """
     triangles = sheet.triangles[scene.fields.present[state][sheet.element]]
     known = np.isfinite(value[triangles]).all(axis=1)
     ground = Triangulation(sheet.xy[:, 0], sheet.xy[:, 1], triangles[known])
@@ -227,7 +263,14 @@ def shade(
 
 
 def draw_lines(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
-    """Where the ground ends, and faintly where groups meet."""
+    """Where the ground ends, and faintly where groups meet.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+    """
     points = scene.fields.mesh.points
     borders = sheet.borders(scene.borders_label(state))
     _add_lines(axes, sheet, borders.at(points), color="white", lw=0.3, alpha=0.6)
@@ -244,7 +287,15 @@ def _add_lines(axes: Axes, sheet: Sheet, ends: Floats, **style: Any) -> None:
 
 
 def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -> None:
-    """Title, limits, equal scales and names of the axes."""
+    """Title, limits, equal scales and names of the axes.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        window: what is shown.
+        state: number of the state.
+    """
     predicted = " (predicted)" if scene.predicted(state) else ""
     axes.set_title(short(scene.stage(state), 20) + predicted)
     axes.set_aspect("equal")
@@ -291,7 +342,13 @@ def _deformed_picture(scene: Scene, sheet: Sheet, tag: str, where: str) -> Pictu
 
 
 def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
-    """Edges of the elements before and after, at the last fitted and the last stage."""
+    """Edges of the elements before and after, at the last fitted and the last stage.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        factor: by which displacements are enlarged.
+    """
     window = scene.window(sheet)
     figure, panels = panel_figure(scene, window, len(scene.key_states), extra=0.5)
     for axes, state in zip(panels, scene.key_states, strict=True):
@@ -366,7 +423,13 @@ def _panel_height(figure: Figure, panels: list[Axes]) -> float:
 
 
 def draw_gauge_lines(axes: Axes, scene: Scene, sheet: Sheet) -> None:
-    """The gauges as lines between their points, as far as they lie on the sheet."""
+    """The gauges as lines between their points, as far as they lie on the sheet.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+    """
     table = scene.result.gauges
     for first, second in zip(table.first, table.second, strict=True):
         ends = np.array([end for end in (first, second) if np.isfinite(end).all()])

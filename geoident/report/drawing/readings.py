@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import GaugeTable, Result
+from geoident.model.result import NORMAL_95, GaugeTable, Result
 from geoident.report.drawing.style import (
     COLOURS,
     COMPUTED,
@@ -27,7 +27,6 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.text.quantities import NORMAL_95
 
 MM = 1e3
 _PER_FIGURE = 12
@@ -108,7 +107,13 @@ def _legend() -> list[Any]:
 
 
 def draw_gauge(axes: Axes, result: Result, gauge: Gauge) -> None:
-    """The channels of one gauge over the stages."""
+    """The channels of one gauge over the stages.
+
+    Args:
+        axes: where to draw.
+        result: of a fit.
+        gauge: one of its gauges.
+    """
     single = len(gauge.rows) == 1
     for k, row in enumerate(gauge.rows):
         colour = COMPUTED if single else COLOURS[k % len(COLOURS)]
@@ -152,7 +157,15 @@ def _anchor_legend(axes: Axes, gauge: Gauge) -> None:
 
 
 def draw_computed(axes: Axes, result: Result, row: int, colour: str, *, band: bool = True) -> None:
-    """The computed line of a channel; dashed and in its band where it is predicted."""
+    """The computed line of a channel; dashed and in its band where it is predicted.
+
+    Args:
+        axes: where to draw.
+        result: of a fit.
+        row: of the channel in its table.
+        colour: of the line.
+        band: whether the band is drawn.
+    """
     x = np.arange(len(result.gauges.stages))
     computed = np.where(unknown(result)[row], np.nan, MM * result.gauges.computed[row])
     last = last_fitted(result.gauges)
@@ -176,7 +189,15 @@ def draw_computed(axes: Axes, result: Result, row: int, colour: str, *, band: bo
 
 
 def draw_measured(axes: Axes, table: GaugeTable, row: int, colour: str, marker: str) -> None:
-    """The measured dots of a channel; hollow where they were not used."""
+    """The measured dots of a channel; hollow where they were not used.
+
+    Args:
+        axes: where to draw.
+        table: of the readings.
+        row: of the channel.
+        colour: of the dots.
+        marker: their shape.
+    """
     x = np.arange(len(table.stages))
     error = np.nan_to_num(NORMAL_95 * MM * table.sd[row])
     for used, face in ((True, colour), (False, "white")):
@@ -236,7 +257,7 @@ def profile_gauges(table: GaugeTable) -> tuple[Gauge, ...]:
 
 
 def depths(table: GaugeTable, gauge: Gauge) -> Floats:
-    """Distances of the anchors from the head, m."""
+    """Distances (k,) of the k anchors from the head, m."""
     rows = list(gauge.rows)
     return np.asarray(np.linalg.norm(table.second[rows] - table.first[rows], axis=1))
 

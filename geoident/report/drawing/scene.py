@@ -66,7 +66,7 @@ class Scene:
 
     @cached_property
     def box(self) -> tuple[Floats, Floats]:
-        """Corners of the mesh, m."""
+        """Lower and upper corner of the mesh, (dim,) each, m."""
         points = self.fields.mesh.points
         return points.min(axis=0), points.max(axis=0)
 
@@ -129,7 +129,13 @@ class Scene:
         return np.asarray(np.linalg.eigvalsh(tensor))
 
     def stress_at(self, sheet: Sheet, state: int, which: int) -> Floats:
-        """A principal stress at the points of a sheet, Pa; NaN where nothing is present."""
+        """A principal stress (n,) at the n points of a sheet, Pa; NaN where nothing is present.
+
+        Args:
+            sheet: a section or an outside of the mesh.
+            state: number of the state.
+            which: 0 for the largest.
+        """
         present = self.fields.present[state]
         corners = sheet.corners.average(self.principal[state, :, which], present)
         return sheet.of_corners(corners)
@@ -141,7 +147,7 @@ class Scene:
         return np.asarray((present != present[0]).any(axis=0))
 
     def borders_label(self, state: int) -> Ints:
-        """Labels of elements for `Sheet.borders`: groups among those present, -1 for the others."""
+        """Labels (n_elements,) for `Sheet.borders`: groups of what is present, -1 for the rest."""
         return np.where(self.fields.present[state], self._maker.label, -1)
 
     def window(self, sheet: Sheet) -> Window:
@@ -197,7 +203,7 @@ def gauge_planes(gauges: GaugeTable, box: tuple[Floats, Floats]) -> tuple[Plane,
 
     Args:
         gauges: with points in three dimensions.
-        box: corners of the mesh; planes on its border are moved inside by a hair.
+        box: corners (dim,) of the mesh; planes on its border are moved inside by a hair.
     """
     points = gauge_points(gauges)
     if not len(points):

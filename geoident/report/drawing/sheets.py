@@ -139,11 +139,11 @@ class Sheet:
         return np.asarray(np.where(w == 0, first, (1 - w) * first + w * second))
 
     def outline(self, present: Bools) -> Trace:
-        """Where the body of the present elements ends."""
+        """Where the body of the present elements (n_elements,) ends."""
         return self._trace(self.faces.free(present))
 
     def edges(self, present: Bools) -> Trace:
-        """Edges of the present elements."""
+        """Edges of the present elements (n_elements,)."""
         rows = np.flatnonzero(present[self.faces.element])
         _, first = np.unique(self.faces.face[rows], return_index=True)
         return self._trace(rows[first])

@@ -97,7 +97,13 @@ def short(text: str, most: int = 18) -> str:
 
 
 def stage_ticks(axes: Axes, stages: tuple[str, ...], *, most: int = 14) -> None:
-    """Names of the stages along x, at an angle; of many, every second, third, ..."""
+    """Names of the stages along x, at an angle; of many, every second, third, ...
+
+    Args:
+        axes: where to draw.
+        stages: their names.
+        most: names at most.
+    """
     every = -(-len(stages) // most)
     places = range(0, len(stages), every)
     axes.set_xticks(list(places), [short(stages[k], 14) for k in places])

@@ -45,7 +45,14 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
 
 
 def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:
-    """A figure with its caption."""
+    """A figure with its caption.
+
+    Args:
+        svg: the picture.
+        name: of the figure, for its id.
+        title: what it shows.
+        caption: what more is to be said.
+    """
     picture = inline_svg(svg, name=name, text=title)
     words = tag("figcaption", tag("b", f"{title}. "), caption)
     return tag("figure", picture, words, id=f"figure-{name}")

@@ -82,7 +82,13 @@ def _from_below(reached: float) -> str:
 
 
 def least_text(found: Certificate | None, parameters: ParameterTable, i: int) -> str:
-    """What is known of a parameter whose planes are never reached, in its unit; else nothing."""
+    """What is known of a parameter whose planes are never reached, in its unit; else nothing.
+
+    Args:
+        found: the certificate, or None.
+        parameters: with names, units and dimensions.
+        i: which of them.
+    """
     value = None if found is None else found.lower_bounds.get(parameters.names[i])
     if value is None:
         return ""

@@ -156,7 +156,13 @@ def grid_object(grid: Grid) -> dict[str, Any]:
 def simulation_object(
     readings: Sequence[Reading], *, case: str, output: str | None
 ) -> dict[str, Any]:
-    """Readings of the model, m."""
+    """Readings of the model, m.
+
+    Args:
+        readings: of the model.
+        case: path of the case.
+        output: path of the file that was written, or None.
+    """
     return {
         "case": case,
         "kind": "simulate",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from geoident.model.result import NORMAL_95
 from geoident.report.text.layout import number
 from geoident.units import DIMENSIONS, UNITS
 
@@ -18,6 +19,11 @@ def si_unit(dimension: str) -> str:
 
 def in_unit(value: float, unit: str, dimension: str) -> float:
     """An SI value in a unit; in SI where the unit is none of the dimension.
+
+    Args:
+        value: SI.
+        unit: as the user wrote it.
+        dimension: of the value.
 
     >>> in_unit(2.5e9, "GPa", "pressure")
     2.5
@@ -35,6 +41,11 @@ def shown_unit(unit: str, dimension: str) -> str:
 def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     """The text of a prior with its numbers in a unit.
 
+    Args:
+        prior: the text.
+        unit: as the user wrote it.
+        dimension: of the parameter.
+
     >>> prior_in_unit("normal(8e+06, 1e+06)", "MPa", "pressure")
     '8 +- 1'
     >>> prior_in_unit("lognormal(8e+06, 1e+06)", "MPa", "pressure")
@@ -46,10 +57,6 @@ def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
     mean, sd = (number(in_unit(float(text), unit, dimension)) for text in match.groups()[1:])
     kind = "" if match[1] == "normal" else f" ({match[1]})"
     return f"{mean} +- {sd}{kind}"
-
-
-NORMAL_95 = 1.959963984540054
-"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 
 
 def prior_interval(prior: str) -> tuple[float, float] | None:

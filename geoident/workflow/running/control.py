@@ -68,7 +68,11 @@ class StopRequest:
         self.exit_code = exit_code
 
     def check(self) -> None:
-        """Raise `Interrupted` if the stop was wished."""
+        """Stop here if a stop was wished.
+
+        Raises:
+            Interrupted: it was.
+        """
         if self.exit_code is not None:
             raise Interrupted("Interrupted.", exit_code=self.exit_code)
 

@@ -50,7 +50,16 @@ def diagnostics_table(
     readings: Floats,
     jacobian: Floats,
 ) -> Diagnostics:
-    """The diagnostics of the used readings as (n_channels, n_stages) tables; see `diagnose`."""
+    """The diagnostics of the used readings as (n_channels, n_stages) tables; see `diagnose`.
+
+    Args:
+        problem: readings, model and loss.
+        selection: which readings take part.
+        p: (n,) the estimate, SI.
+        assessment: how well it is known.
+        readings: (g,) v there, SI.
+        jacobian: (g, n) its derivative.
+    """
     distinct = {pair: k for k, pair in enumerate(dict.fromkeys(selection.pairs))}
     sets = np.array([distinct[pair] for pair in selection.pairs], dtype=np.int64)
     found = diagnose(problem, assessment, readings, jacobian, sets)
@@ -75,7 +84,13 @@ _TABLES = tuple(name for name in Influence.__dataclass_fields__ if name != "scal
 
 
 def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
-    """Sentences on readings that are far off or bear most, and on the stated accuracies."""
+    """Sentences on readings that are far off or bear most, and on the stated accuracies.
+
+    Args:
+        found: the diagnostics.
+        gauges: the readings.
+        parameters: their names.
+    """
     sentences = [
         *_against(gauges),
         *_bears_most(found, gauges, parameters),

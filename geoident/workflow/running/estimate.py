@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
+from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.forward.response import StagedResponse
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
@@ -55,7 +55,16 @@ def prepare(job: Job) -> Setup:
 
 
 def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
-    """Raise `InputError` where a method needs what the model cannot offer."""
+    """Refuse methods that need what the model cannot offer.
+
+    Args:
+        model: of the case.
+        case: the case.
+        methods: their options.
+
+    Raises:
+        InputError: with the reasons.
+    """
     response, loss = model.response(()), case.fit.loss
     faults = [
         case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
@@ -67,7 +76,11 @@ def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptio
 
 @contextmanager
 def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
-    """The log of a job's evaluations; kept if the run is cut short, removed when it is done."""
+    """The log of a job's evaluations; kept if the run is cut short, removed when it is done.
+
+    Raises:
+        Interrupted: the run was; says how to go on.
+    """
     if job.request.fresh:
         job.place.checkpoint.unlink(missing_ok=True)
     log = EvaluationLog.open(str(job.place.checkpoint), job.identity)
@@ -101,7 +114,13 @@ def _how_to_go_on(job: Job) -> str:
 
 
 def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
-    """The readings of a setup and its model, whose evaluations are logged."""
+    """The readings of a setup and its model, whose evaluations are logged.
+
+    Args:
+        setup: model and selected readings.
+        log: takes what is evaluated, and gives it again.
+        control: is told of stages, and stops the run.
+    """
     selection = setup.selection
     names = selection.case.stage_names
     setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
@@ -118,6 +137,11 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
 def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
     """Run the identifiers, one after the other.
 
+    Args:
+        problem: readings, model and parameters.
+        methods: options of the methods, in their order.
+        control: is told of iterations, and stops the run.
+
     Raises:
         Interrupted: a stop was asked for.
     """
@@ -127,10 +151,15 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
 
 
 def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floats]:
-    """The used readings (g,) and their derivatives (g, n) at p (n,), from those of the survey.
+    """The used readings (g,) and their derivatives (g, n), from those of the survey.
 
     The survey has one reading of a gauge in a stage. What drift adds between that and the times of
     several is added here.
+
+    Args:
+        setup: model and selected readings.
+        survey: of the model at p.
+        p: (n,), SI.
     """
     place = places(setup.selection.case)
     at = [place[pair] for pair in setup.selection.pairs]
@@ -149,7 +178,13 @@ def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floa
 
 
 def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Counts of the search and of what the model did besides, between two of its counts."""
+    """Counts of the search and of what the model did besides, between two of its counts.
+
+    Args:
+        search_counts: at the end of the search.
+        before: the model, when the search had ended.
+        after: the model, now.
+    """
     return Counts(
         evaluations=search_counts.evaluations + after.evaluations - before.evaluations,
         analyses=max(search_counts.analyses, after.analyses),

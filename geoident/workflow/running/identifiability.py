@@ -29,6 +29,11 @@ def identifiability(
     Every channel counts as read at every stage of ``fit.stages`` (all stages, if not given) after
     the one at which it is zeroed, with its stated accuracy.
 
+    Args:
+        path: of the case; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        solver: name of the sparse solver, or ``auto``.
+
     Raises:
         InputError: the case is faulty, or no gauge can be read in the stages of the fit.
         ModelError: the model has no solution at the start values.
@@ -47,7 +52,11 @@ def identifiability(
 
 
 def planned_readings(case: Case, computed: Floats) -> Ints:
-    """(g, 2) rows and columns of the channels and stages that would be read."""
+    """(g, 2) rows and columns of the channels and stages that would be read.
+
+    Raises:
+        InputError: there are none.
+    """
     rows = [
         (i, j)
         for j, stage in enumerate(case.stages)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,8 +16,8 @@ from geoident.errors import Fault, InputError, Location
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
-from geoident.io.case.file import LoadedCase, parse_case, read_case
-from geoident.io.mesh.file import read_mesh
+from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
+from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.model.case import Case, Source
 from geoident.model.gauges import Reading
 from geoident.model.mesh import Mesh
@@ -54,12 +55,20 @@ class Inputs:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Paths of the case and its mesh: what no output may replace."""
+        """Paths of the case and of all files that it names: what no output may replace."""
         mesh = self.loaded.mesh_path
-        return (self.path,) if mesh is None else (self.path, mesh)
+        parts = () if mesh is None else mesh_files(mesh)
+        named = (*self.loaded.files, *self.loaded.readings_paths, *parts)
+        return named if self.path == STDIN else (self.path, *named)
 
     def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
-        """Hash of everything that the result of a command depends on."""
+        """Hash of everything that the result of a command depends on.
+
+        Args:
+            command: its name.
+            methods: options of the methods, in their order.
+            seed: of random numbers.
+        """
         parts = {
             "command": command,
             "case": self.case_sha256,
@@ -89,6 +98,9 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
     Args:
         result: holds the case and its readings.
         path: where the case stood.
+
+    Raises:
+        InputError: the case cannot be read as this version reads it.
     """
     try:
         loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
@@ -108,6 +120,26 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
         case_sha256=hashes.case_sha256,
         readings_sha256=hashes.readings_sha256,
     )
+
+
+def files_of_result(result: Result, path: str) -> tuple[str, ...]:
+    """Paths of a result, of its case and of all files that the case names, as far as they exist.
+
+    Args:
+        result: holds the case.
+        path: of its file.
+    """
+    case = case_path(path, result.provenance.case_file)
+    texts = (result.case_text, result.case_resolved)
+    named = [name for text in texts for name in files_of_text(text, case)]
+    return tuple(dict.fromkeys((path, case, *(part for n in named for part in mesh_files(n)))))
+
+
+def case_path(output: Path | str, case_file: str) -> str:
+    """The case that a result was made from, as seen from here."""
+    if Path(case_file).is_absolute():
+        return case_file
+    return os.path.normpath(Path(output).parent / case_file)
 
 
 def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:

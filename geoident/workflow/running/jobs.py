@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from geoident.errors import Fault, InputError
 from geoident.model.case import Case
 from geoident.model.methods import MethodOptions
-from geoident.workflow.running.inputs import STDIN, Inputs, load_inputs
+from geoident.workflow.running.inputs import Inputs, load_inputs
 from geoident.workflow.running.outputs import (
     Standing,
     Target,
     require_free,
-    require_writable,
     standing,
     target,
 )
@@ -72,8 +71,7 @@ class Job:
     @property
     def files_read(self) -> tuple[str, ...]:
         """Paths of all files that the job reads."""
-        files = [path for path in self.inputs.files if path != STDIN]
-        return (*files, *self.inputs.loaded.readings_paths)
+        return self.inputs.files
 
 
 def plan_fit(request: Request) -> Job:
@@ -103,8 +101,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
     found = standing(place, identity)
     job = Job(request, command, tuple(methods), inputs, place, identity, found)
     if not job.up_to_date:
-        require_free(found, place, force=request.force)
-        require_writable(place, inputs=job.files_read)
+        require_free(found, place, force=request.force, inputs=job.files_read)
     return job
 
 

@@ -37,7 +37,8 @@ def keep(job: Job) -> Finished:
 def write(job: Job, result: Result) -> Finished:
     """Put the result of a job in its place."""
     overwrite = job.found is not Standing.NOTHING
-    return Finished(result, write_result(result, job.place.path, overwrite=overwrite))
+    path, inputs = job.place.path, job.files_read
+    return Finished(result, write_result(result, path, overwrite=overwrite, inputs=inputs))
 
 
 def tell_readings(setup: Setup, control: Control) -> None:

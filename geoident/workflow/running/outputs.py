@@ -16,7 +16,8 @@ from pathlib import Path
 
 from geoident.errors import OutputError, UsageError
 from geoident.io.result.file import read_identity
-from geoident.io.text.atomic import atomic_output, output_error
+from geoident.io.result.vtkhdf import sidecar_path
+from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.workflow.running.inputs import STDIN
 
 
@@ -50,6 +51,9 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
         case: path of the case or of a result that the name is made from; ``-`` for stdin.
         kind: ``fit``, ``scan`` or ``predict``.
         output: a file, an existing folder, or None for beside the case.
+
+    Raises:
+        UsageError: it would be stdout.
 
     >>> target("cases/cavern/case.yaml", "fit").path.as_posix()
     'cases/cavern/case.fit.h5'
@@ -97,50 +101,55 @@ def standing(place: Target, identity: str) -> Standing:
     return Standing.UNFINISHED if place.checkpoint.exists() else Standing.UP_TO_DATE
 
 
-def require_free(found: Standing, place: Target, *, force: bool) -> None:
-    """Raise `OutputError` where somebody's work would be lost."""
-    if force or found not in (Standing.OTHER, Standing.UNKNOWN):
-        return
-    raise OutputError(
-        f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
-        "    --force replaces it, -o writes elsewhere"
-    )
-
-
-def require_writable(place: Target, *, inputs: Sequence[str] = ()) -> None:
-    """Raise `OutputError` where the output cannot be written, before anything is computed.
+def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequence[str]) -> None:
+    """Try whether a result, its sidecar and its checkpoint may be written, before computing.
 
     Args:
+        found: what stands at the place.
         place: of the output.
+        force: what stands there may be replaced if it is no input.
         inputs: paths that are read, and so must not be written.
+
+    Raises:
+        OutputError: one of them is an input, somebody's work would be lost, or the place cannot be
+            written.
     """
-    refuse_inputs(place.path, inputs)
-    with suppress(_Probe), atomic_output(place.path, overwrite=True):
+    sidecar = sidecar_path(place.path)
+    for path in (place.path, place.checkpoint, *([] if sidecar is None else [sidecar])):
+        refuse_inputs(path, inputs)
+    if not force and found in (Standing.OTHER, Standing.UNKNOWN):
+        raise OutputError(
+            f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
+            "    --force replaces it, -o writes elsewhere"
+        )
+    with suppress(_Probe), atomic_output(place.path, overwrite=True, inputs=inputs):
         raise _Probe
 
 
-def refuse_inputs(output: Path | str, inputs: Sequence[str]) -> None:
-    """Raise `OutputError` where an output is one of the files that are read."""
-    if any(_same_file(Path(output), Path(path)) for path in inputs):
-        raise OutputError(f"{output}: is an input of this command\n    choose another -o")
+def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str]) -> None:
+    """Write a text file, whole or not at all, and never over one of the inputs.
+
+    Args:
+        text: of the file.
+        path: of the file.
+        force: replace another file.
+        inputs: paths that are read, and so must not be written.
+    """
+    write_bytes(text.encode(), path, force=force, inputs=inputs)
 
 
-def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str] = ()) -> None:
-    """Write a text file, whole or not at all, and never over one of the inputs."""
-    refuse_inputs(path, inputs)
-    with atomic_output(path, overwrite=force) as temporary:
-        Path(temporary).write_text(text, encoding="utf-8", newline="")
+def write_bytes(content: bytes, path: str, *, force: bool, inputs: Sequence[str]) -> None:
+    """Write a binary file, whole or not at all, and never over one of the inputs.
 
-
-def write_bytes(content: bytes, path: str, *, force: bool) -> None:
-    """Write a binary file, whole or not at all."""
-    with atomic_output(path, overwrite=force) as temporary:
+    Args:
+        content: of the file.
+        path: of the file.
+        force: replace another file.
+        inputs: paths that are read, and so must not be written.
+    """
+    with atomic_output(path, overwrite=force, inputs=inputs) as temporary:
         Path(temporary).write_bytes(content)
 
 
 class _Probe(Exception):
     """Ends a trial of writing before anything is put in place."""
-
-
-def _same_file(one: Path, other: Path) -> bool:
-    return one.exists() and other.exists() and one.samefile(other)

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.forward.protocols import Survey
-from geoident.identify.assessment.spectrum import NORMAL_95
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import GaugeTable, Prediction
+from geoident.model.result import NORMAL_95, GaugeTable, Prediction
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:

@@ -19,7 +19,15 @@ LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
 def provenance(
     inputs: Inputs, *, command: str, identity: str, seed: int, output: Path
 ) -> Provenance:
-    """The provenance of a result that goes to ``output``."""
+    """The provenance of a result that goes to ``output``.
+
+    Args:
+        inputs: the case and its mesh.
+        command: its name.
+        identity: hash of all that the result depends on.
+        seed: of random numbers.
+        output: path of the result.
+    """
     return Provenance(
         command=command,
         versions=versions(),
@@ -48,13 +56,6 @@ def versions() -> dict[str, str]:
     """Versions of geoident, of Python and of the libraries that numbers go through."""
     found = {"geoident": __version__, "python": platform.python_version()}
     return found | {name: version(name) for name in LIBRARIES}
-
-
-def case_path(output: Path | str, case_file: str) -> str:
-    """The case that a result was made from, as seen from here."""
-    if Path(case_file).is_absolute():
-        return case_file
-    return os.path.normpath(Path(output).parent / case_file)
 
 
 def _beside(case: str, output: Path) -> str:

@@ -109,7 +109,11 @@ def _why_unused(case: Case, reading: Reading, model: Readable) -> str | None:
 
 
 def require_enough(selection: Selection) -> None:
-    """Raise `InputError` where readings and priors are fewer than the parameters."""
+    """Refuse readings and priors that are fewer than the parameters.
+
+    Raises:
+        InputError: how many there are, and what to do.
+    """
     parameters = selection.case.parameters
     priors = sum(1 for parameter in parameters if parameter.prior is not None)
     if len(selection.used) + priors >= len(parameters) and selection.used:

@@ -19,7 +19,13 @@ from geoident.workflow.running.selection import Selection
 def parameter_table(
     parameters: Sequence[Parameter], values: Floats, assessment: Assessment
 ) -> ParameterTable:
-    """The parameters (n,) at their values, SI, with what is known of them."""
+    """The parameters at their values with what is known of them.
+
+    Args:
+        parameters: the n unknowns.
+        values: (n,) SI.
+        assessment: how well they are known.
+    """
     return ParameterTable(
         names=tuple(q.name for q in parameters),
         values=values,
@@ -40,7 +46,7 @@ def parameter_table(
 
 
 def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> ParameterTable:
-    """The parameters at their values where nothing was asked about their uncertainty."""
+    """The parameters at their values (n,) where nothing was asked about their uncertainty."""
     n = len(parameters)
     unknown = np.full(n, np.nan)
     bounds = np.array([(q.lower, q.upper) for q in parameters], dtype=np.float64).reshape(n, 2)

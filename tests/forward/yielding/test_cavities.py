@@ -72,7 +72,7 @@ def test_stresses_around_the_opening(psi):
     mesh = CAVITY.mesh("quad8", n=4, layers=60, reach=40)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
     stress = marched(staged)[-1].stress[..., 0]
-    at = staged.systems.points.position
+    at = staged.discretization.points.position
     r = np.linalg.norm(at, axis=1)
     near = (r > CAVITY.radius) & (r < 6 * CAVITY.radius) & staged.systems[1].present
     x, y = at[near].T / r[near]
@@ -104,7 +104,7 @@ def test_slice_of_the_opening_about_its_axis(psi):
     truth = exact(psi)
     at_wall = np.abs(mesh.points[:, 0] - 1) < 1e-9
     wall = standing.u[0::2, 0][at_wall]
-    r = staged.systems.points.position[:, 0]
+    r = staged.discretization.points.position[:, 0]
     found = 0.5 * (r[standing.yielded].max() + r[(r > 1) & ~standing.yielded].min())
     np.testing.assert_allclose(wall, truth.displacement(np.array([1.0])).value[0], rtol=0.003)
     assert found == pytest.approx(float(truth.plastic_radius.value), rel=0.02)

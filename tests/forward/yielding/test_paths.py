@@ -171,7 +171,7 @@ def test_lift_is_placed_free_of_stress_and_then_yields():
     # Points of one element do not see exactly where yielding ends.
     moved = states[1].u[1::2, 0][middle]
     np.testing.assert_allclose(moved, -weight / E - plastic, rtol=0.05)
-    below = -weight * (2 - staged.systems.points.position[:, 1])
+    below = -weight * (2 - staged.discretization.points.position[:, 1])
     np.testing.assert_allclose(states[1].stress[1, :, 0], below, atol=0.03 * weight)
 
 

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from geoident.identify.assessment.directions import join
 from geoident.identify.assessment.spectrum import sparse_basis
-from geoident.identify.assessment.uncertainty import NORMAL_95, assess, predict_band
+from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
@@ -58,7 +59,7 @@ def test_covariance_of_a_linear_model_is_that_of_bayesian_regression(prior):
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-10)
     np.testing.assert_allclose(found.sd, sd, rtol=1e-10)
     np.testing.assert_allclose(found.correlation, expected / np.outer(sd, sd), rtol=1e-10)
-    np.testing.assert_allclose(found.upper95 - found.lower95, 2 * NORMAL_95 * sd, rtol=1e-10)
+    np.testing.assert_allclose(found.upper95 - found.lower95, 2 * norm.ppf(0.975) * sd, rtol=1e-10)
     later = np.random.default_rng(2).normal(size=(2, 3))
     band = predict_band(found, later, np.array([0.1, 0.2]))
     variance = np.diag(later @ expected @ later.T) + np.array([0.1, 0.2]) ** 2

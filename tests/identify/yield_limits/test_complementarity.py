@@ -15,7 +15,7 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.history import History
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.complementarity import YieldSearch, complementarity
-from geoident.identify.yield_limits.stationarity import check
+from geoident.identify.yield_limits.stationarity import check, open_above
 from geoident.identify.yield_limits.unreached import headroom, strengths, unreached
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -111,6 +111,17 @@ def test_a_strength_that_few_readings_bound_from_above_is_told(sd, told):
     said = any("k2 is so large" in remark for remark in found.certificate.remarks)
     assert said == told
     assert not any("k1 is so large" in remark for remark in found.certificate.remarks)
+
+
+def test_a_strength_without_upper_bound_does_not_end_the_test_of_those_after_it():
+    bars, p = one_unreached(), np.array([0.9, 2.2])
+    first, second = unknowns(2)
+    endless = replace(first, upper=np.inf)
+    problem = problem_of(bars, bars.readings(p), (endless, second), sd=0.2)
+    search = YieldSearch(problem, GaussNewtonOptions(), History("test", bars, quiet))
+    both = np.array([True, True])
+    found = open_above(search, search.evaluate(np.log(p)), both, spent=lambda: False)
+    assert found.tolist() == [False, True]
 
 
 def test_at_a_kink_the_sides_are_compared():

@@ -18,7 +18,7 @@ def names_in(folder: Path) -> list[str]:
 
 
 def write(path: Path, text: str, *, overwrite: bool = False) -> None:
-    with atomic_output(path, overwrite=overwrite) as temporary:
+    with atomic_output(path, overwrite=overwrite, inputs=()) as temporary:
         Path(temporary).write_text(text)
 
 
@@ -34,7 +34,7 @@ def dead_pid() -> int:
 
 def test_file_appears_complete_and_alone(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
-    with atomic_output(path, overwrite=False) as temporary:
+    with atomic_output(path, overwrite=False, inputs=()) as temporary:
         assert Path(temporary).name == f".a.h5.{os.getpid()}.part"
         assert Path(temporary).parent == tmp_path
         assert not path.exists()
@@ -62,7 +62,7 @@ def test_file_that_appears_meanwhile_is_kept(
     path = tmp_path / "a.h5"
     if not links:
         monkeypatch.setattr(Path, "hardlink_to", raising(errno.EPERM))
-    output = atomic_output(path, overwrite=False)
+    output = atomic_output(path, overwrite=False, inputs=())
     temporary = output.__enter__()
     Path(temporary).write_text("new")
     path.write_text("of another run")
@@ -85,7 +85,7 @@ def test_failure_leaves_the_old_file_and_nothing_else(
 ) -> None:
     path = tmp_path / "a.h5"
     path.write_text("old")
-    output = atomic_output(path, overwrite=True)
+    output = atomic_output(path, overwrite=True, inputs=())
     Path(output.__enter__()).write_text("half")
     error = kind()
     with pytest.raises(kind):
@@ -129,7 +129,7 @@ def test_system_errors_become_output_errors(
 
 
 def test_full_disk_in_the_block(tmp_path: Path) -> None:
-    output = atomic_output(tmp_path / "a.h5", overwrite=False)
+    output = atomic_output(tmp_path / "a.h5", overwrite=False, inputs=())
     with pytest.raises(OutputError, match="No space left"), output:
         Path("/dev/full").write_text("x")
     assert names_in(tmp_path) == []
@@ -196,7 +196,7 @@ def run(path, last):
                 os.kill(os.getpid(), signal.SIGKILL)
         return count
     sys.settrace(count)
-    with atomic.atomic_output(path, overwrite=True) as temporary:
+    with atomic.atomic_output(path, overwrite=True, inputs=()) as temporary:
         Path(temporary).write_text("new")
     os._exit(0)
 

@@ -1,0 +1,37 @@
+"""What `check` finds out without computing a stage."""
+
+from __future__ import annotations
+
+import pytest
+from support.trench import write_case
+
+from geoident.workflow.check import check
+
+HEAVY = ("gravity=[0, -10 m/s2]", "materials.rock.density=2700 kg/m3")
+
+
+@pytest.fixture
+def case(tmp_path) -> str:
+    return str(write_case(tmp_path))
+
+
+def out_of_balance(case: str, *overrides: str) -> list[str]:
+    notes = check(case, overrides=overrides).summary.notes
+    return [note for note in notes if "out of balance" in note]
+
+
+def test_a_stress_in_balance_is_not_mentioned(case):
+    assert out_of_balance(case) == []
+
+
+def test_an_elastic_case_out_of_balance_is_said(case):
+    """Squares of 1 m: a node inside bears 27 kN/m; one on top 1000 kN/m and half of it."""
+    expected = 100 * 27.0 / (1000.0 + 13.5)
+    (note,) = out_of_balance(case, *HEAVY)
+    assert note.startswith(f"the in-situ stress is out of balance by {expected:.3g} % of the ")
+
+
+def test_a_yielding_case_out_of_balance_is_said_once(case):
+    strong = "materials.rock.yield={type: tresca, strength: 100 MPa}"
+    (note,) = out_of_balance(case, *HEAVY, strong)
+    assert "out of balance by 2.66 %" in note
