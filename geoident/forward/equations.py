@@ -1,4 +1,4 @@
-"""The staged model as plain arrays: its complementarity system, where it has one (theory 5).
+"""The staged model as stages of arrays: its complementarity system, where it has one (theory 5).
 
 The march does not use this; the formulations of the complementarity method that solve all stages
 and parameters at once do. What is not affine in the parameters, and what is more than strain points
@@ -21,13 +21,13 @@ from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ import stress as in_situ
 from geoident.forward.in_situ.stress import BALANCED
 from geoident.forward.march.march import March
+from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.structures import members as structures
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.equations import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 
 _SAME = 1e-9
 """Relative difference of derivatives at two parameter vectors that is rounding."""

@@ -26,6 +26,7 @@ from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
+from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures import members as structures
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
@@ -35,7 +36,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.certificate import Activity
 from geoident.model.dual import ParameterPoint
-from geoident.model.equations import Condensed, StagedSystem
+from geoident.model.equations import BilinearSystem, Condensed
 from geoident.model.mesh import Mesh
 from geoident.model.result import Counts
 
@@ -305,11 +306,15 @@ class StagedResponse:
         return found
 
     def system_obstacle(self) -> str | None:
-        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         return export_obstacle(self._model.march, self.names, self._start)
 
-    def system(self) -> StagedSystem:
-        """The equations of all stages as arrays."""
+    def system(self) -> BilinearSystem:
+        """The equations of all stages as one system of vectors."""
+        return bilinear(self.staged_system(), self._start)
+
+    def staged_system(self) -> StagedSystem:
+        """The equations stage by stage, as arrays."""
         model, start = self._model, self._start
         values = model.values(start)
         added = model.instruments.added(values, self.names, self._row, self._state, self._times)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges import channel_names
-from geoident.io.case.schema import CaseSection
 from geoident.io.readings.ags import read_ags
 from geoident.io.readings.file import read_readings
 from geoident.io.readings.layout import FieldReading
@@ -83,7 +83,7 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
             message = f"'{name}' ends before '{before}' ({date_text(dates[before])})"
             faults.add(("dates", name), "dates-order", message, "Correct one of the dates.")
         before = name
-    return Calendar(stages, dates, channel_names(section))
+    return Calendar(stages, dates, channel_names(section.gauges))
 
 
 def _inline(entry: ReadingSection, path: KeyPath, faults: Faults) -> FieldReading:

@@ -11,7 +11,7 @@ from support.yielding import Cavity, mohr, parameters, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.march.march import RunOptions
-from geoident.model.actions import Pressure
+from geoident.model.actions import PointForce
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -19,7 +19,7 @@ CAVITY = Cavity(pressure=10e6)
 STAGES = (
     Stage("part", excavate=("core",), release={"core": Scalar(0.6)}),
     Stage("all", release={"core": Scalar(1.0)}),
-    Stage("same ground", loads={"p": Pressure("outer", Scalar(1e5))}),
+    Stage("same ground", loads={"p": PointForce((0.0, 2.0), (Scalar(0.0), Scalar(1e4)))}),
 )
 HERE, THERE = np.array([2e9, 2.5e6]), np.array([3e9, 8e6])
 
