@@ -3,9 +3,9 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.bounded import bounded_least_squares
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.least_squares.starting_points import spread_starts
+from geoident.identify.least_squares.starting_points import halton_starts
+from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -296,9 +296,9 @@ def test_further_starts_find_the_lower_of_two_valleys(make_problem):
 
 def test_starts_are_spread_in_the_bounds_the_same_in_every_run(make_problem):
     scaling = Discrepancy(make_problem(chain, moduli(np.ones(7)), np.ones(7), 1.0)).scaling
-    points = np.array(list(spread_starts(scaling, 64)))
+    points = np.array(list(halton_starts(scaling, 64)))
     assert np.all((points >= scaling.lower) & (points <= scaling.upper))
-    np.testing.assert_array_equal(points, list(spread_starts(scaling, 64)))
+    np.testing.assert_array_equal(points, list(halton_starts(scaling, 64)))
     share = (points - scaling.lower) / (scaling.upper - scaling.lower)
     np.testing.assert_allclose(share.mean(axis=0), 0.5, atol=0.07)
 
