@@ -24,7 +24,7 @@ from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
 from geoident.identify import Assessment, Outcome, Problem, assess, identify
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 from geoident.model.gauges import Channel
 from geoident.model.methods import ComplementarityOptions, MethodOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar
@@ -113,9 +113,9 @@ def test_curve_is_that_of_the_closed_form():
 
     With phi = 30 deg and nu = 0.25 the closed form has a divisor that is zero.
     """
-    c, phi, s, young, nu = (Jet(np.array([x])) for x in (*TRUTH, E, NU))
+    c, phi, s, young, nu = (Dual(np.array([x])) for x in (*TRUTH, E, NU))
     ground = Opening(RADIUS, Rock(young, nu, s, s), mohr_coulomb(c, phi, phi))
-    pressures = [Jet(np.array([p * MPa])) for p in (0.0, *UP)]
+    pressures = [Dual(np.array([p * MPa])) for p in (0.0, *UP)]
     wall = [float(x.displacement(np.array([RADIUS])).value[0]) for x in ground.history(pressures)]
     exact = 2 * (np.array(wall[1:]) - wall[0])
     np.testing.assert_allclose(Chamber(UP).readings(TRUTH), exact, rtol=0.007)
