@@ -106,6 +106,28 @@ def test_intervals_hold_the_truth_in_95_of_100_replicates(make_problem):
 # What is not determined
 
 
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize(("half", "determined"), [(4.99, True), (5.01, False)])
+def test_without_bounds_half_an_interval_of_five_references_or_e_5_is_too_wide(
+    scale, half, determined
+):
+    q = (Parameter("x", 2.0, 0.0 if scale == "log" else -np.inf, np.inf, scale),)
+    sd = np.array([half / norm.ppf(0.975)])
+    found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[0.5]]))
+    assert found.determined.tolist() == [determined]
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize(("half", "determined"), [(0.49, True), (0.51, False)])
+def test_within_bounds_half_an_interval_of_half_the_range_is_too_wide(scale, half, determined):
+    q = (Parameter("x", 2.0, 1.0, 4.0, scale),)
+    width = 3.0 if scale == "linear" else np.log(4.0)
+    slope = 1.0 if scale == "linear" else 0.5  # of x or ln x with x, at 2
+    sd = np.array([half * width / slope / norm.ppf(0.975)])
+    found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[1.0]]))
+    assert found.determined.tolist() == [determined]
+
+
 def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(assessed):
     _, found = assessed()
     assert found.determined.tolist() == [False, False, True, False]
