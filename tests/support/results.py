@@ -159,7 +159,7 @@ def example_result(dim: int = 2, *, yielded: bool = False, title: str = "Trial p
         method="gauss-newton",
         reason="The next step would lower the misfit by no more than 1e-07.",
         objective=12.5,
-        findings=("The readings do not determine sigma_v; it is known only from its prior.",),
+        findings=("The readings do not determine sigma_v: it is known only from its prior.",),
         case_text=f"title: {title}\n",
         case_resolved=f"title: {title}\n",
         provenance=Provenance(
