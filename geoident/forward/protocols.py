@@ -25,6 +25,7 @@ class Survey:
         collapses: a sentence for every stage at which the ground cannot carry the loads; what
             builds on it is NaN.
         activity: what the yield planes do in all stages, or None if nothing can yield.
+        notes: what the user should know of this march.
     """
 
     computed: Floats
@@ -33,6 +34,7 @@ class Survey:
     members: MemberForces | None = None
     collapses: tuple[str, ...] = ()
     activity: Activity | None = None
+    notes: tuple[str, ...] = ()
 
 
 class PairResponse(Protocol):

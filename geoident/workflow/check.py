@@ -66,8 +66,7 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         require_enough(selection)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
-        start = model.values(start_values(inputs.case, model))
-        next(model.run(start, names=model.names))
+        next(model.at(start_values(inputs.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
     return Checked(inputs.case, mesh, summarize(inputs, model, selection), inputs.files)
 
@@ -106,7 +105,7 @@ def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSum
 
 
 def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
-    points = model.systems.points
+    points = model.discretization.points
     volume = np.bincount(points.element, points.volume, minlength=model.mesh.n_elements)
     members = model.mesh.groups
     return tuple(

@@ -15,14 +15,13 @@ from geoident.forward.actions.products import product_obstacle
 from geoident.forward.actions.supports import load_patches, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.actions.water import PorePressure
-from geoident.forward.ground.elasticity import Values
+from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.stress import InSituStress, edges_held
-from geoident.forward.march.discretization import StageSystems
 from geoident.forward.stages import State, Timeline
 from geoident.model.actions import FaceLoad, PointForce, Seismic, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
 
 
@@ -36,15 +35,15 @@ class Actions:
         table: FaceTable,
         locator: Locator,
         timeline: Timeline,
-        systems: StageSystems,
+        discretization: Discretization,
     ) -> None:
         self._case = case
         self._mesh = mesh
         self._timeline = timeline
-        self._systems = systems
-        self._shares = _volume_shares(case, mesh, timeline, systems)
-        self._edges = _held_edges(case, mesh, table, timeline, systems)
-        self._loads = _ready_loads(mesh, table, locator, timeline, systems)
+        self._discretization = discretization
+        self._shares = _volume_shares(case, mesh, timeline, discretization)
+        self._edges = _held_edges(case, mesh, table, timeline, discretization)
+        self._loads = _ready_loads(mesh, table, locator, timeline, discretization)
         self._pores: dict[Water, PorePressure] = {}
 
     @property
@@ -52,28 +51,25 @@ class Actions:
         """Strain points that lie beside the water tables given by faces, so far."""
         return sum(pores.n_outside for pores in self._pores.values())
 
-    def forces(self, state: int, values: Values, names: Sequence[str]) -> Floats:
+    def forces(self, state: int, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
         current = self._timeline.states[state]
-        total = self.carried(state, current.materials.keys(), values, names)
+        total = self.carried(state, current.materials.keys(), point)
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
-                total += self._loads[state, name].forces(Point(values, names))
+                total += self._loads[state, name].forces(point)
         return total
 
-    def carried(
-        self, state: int, groups: Collection[int], values: Values, names: Sequence[str]
-    ) -> Floats:
+    def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
         """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
         current = self._timeline.states[state]
         some = replace(current, materials={g: current.materials[g] for g in groups})
-        point = Point(values, names)
         total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
         if self._case.gravity is not None:
             total += self._weight(some, self._case.gravity, point)
         for group in groups:
             for edge in self._edges.get(group, ()):
-                total += edge.forces(values, names)
+                total += edge.forces(point)
         for load in current.loads.values():
             if isinstance(load, Seismic):
                 total += self._shaking(some, load, point)
@@ -81,36 +77,36 @@ class Actions:
             total += self._pore_forces(state, groups, current.water, point)
         return total
 
-    def _weight(self, state: State, gravity: Sequence[float], point: Point) -> Floats:
+    def _weight(self, state: State, gravity: Sequence[float], point: ParameterPoint) -> Floats:
         mass = self._mass(state, point).columns
         return np.asarray(np.einsum("nc,i->nic", mass, gravity).reshape(-1, point.n_columns))
 
-    def _shaking(self, state: State, load: Seismic, point: Point) -> Floats:
+    def _shaking(self, state: State, load: Seismic, point: ParameterPoint) -> Floats:
         """Parts of the weight of all ground that is there, along the axes."""
         mass = self._mass(state, point)
         size = 0.0 if self._case.gravity is None else float(np.linalg.norm(self._case.gravity))
-        along = [(mass * point.jet(factor)).times(size).columns for factor in load.factors]
+        along = [(mass * point.number(factor)).times(size).columns for factor in load.factors]
         return np.stack(along, axis=1).reshape(-1, point.n_columns)
 
-    def _mass(self, state: State, point: Point) -> Jet:
+    def _mass(self, state: State, point: ParameterPoint) -> Dual:
         """Mass (n_nodes,) that belongs to each node, kg."""
         mass = np.zeros((self._mesh.n_nodes, point.n_columns))
         for group, material in state.materials.items():
-            density = point.jet(self._case.materials[material].density)
+            density = point.number(self._case.materials[material].density)
             mass += np.outer(self._shares[group], density.columns)
-        return Jet(mass)
+        return Dual(mass)
 
     def _pore_forces(
-        self, state: int, groups: Collection[int], water: Water, point: Point
+        self, state: int, groups: Collection[int], water: Water, point: ParameterPoint
     ) -> Floats:
         """C^T V p over the points of some groups with water in their pores."""
-        points = self._systems.points
+        points = self._discretization.points
         if water not in self._pores:
             self._pores[water] = PorePressure(water, self._mesh, points.position)
         pressure = self._pores[water].at(point).columns
         stress = np.zeros((points.n_strain, *pressure.shape))
         stress[:NORMAL_COMPONENTS] = pressure
-        volume = self._systems[state].volume
+        volume = self._discretization.volume(self._timeline.present(state))
         group_of_point = self._timeline.group_of[points.element]
         wet = _wet(water, group_of_point, self._timeline)
         wet &= np.isin(group_of_point, list(groups))
@@ -121,23 +117,28 @@ class _HeldEdge:
     """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
 
     def __init__(
-        self, case: Case, mesh: Mesh, patch: FacetPatch, timeline: Timeline, systems: StageSystems
+        self,
+        case: Case,
+        mesh: Mesh,
+        patch: FacetPatch,
+        timeline: Timeline,
+        discretization: Discretization,
     ) -> None:
         self._mesh = mesh
         self._patch = patch
-        self._kinematics = systems.kinematics
-        geometry = facet_geometry(mesh.points, patch, systems.kinematics)
+        self._kinematics = discretization.kinematics
+        geometry = facet_geometry(mesh.points, patch, discretization.kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
         groups = timeline.group_of[patch.element].repeat(geometry.positions.shape[1])
         self._skeleton = InSituStress(case, mesh, positions, groups, timeline.groups)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
         self._wet = _wet(case.water, groups, timeline)
 
-    def forces(self, values: Values, names: Sequence[str]) -> Floats:
+    def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N."""
-        stress = self._skeleton.columns(values, names)
+        stress = self._skeleton.columns(point)
         if self._pores is not None:
-            pressure = self._pores.at(Point(values, names)).columns
+            pressure = self._pores.at(point).columns
             stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
         return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
 
@@ -164,17 +165,17 @@ def _wet(water: Water | None, groups: Ints, timeline: Timeline) -> Bools:
 
 
 def _volume_shares(
-    case: Case, mesh: Mesh, timeline: Timeline, systems: StageSystems
+    case: Case, mesh: Mesh, timeline: Timeline, discretization: Discretization
 ) -> list[Floats]:
     """Per group the volume (n_nodes,) that belongs to each node, m3; without gravity nothing."""
     if case.gravity is None:
         return [np.zeros(mesh.n_nodes)] * len(timeline.groups)
     groups = range(len(timeline.groups))
-    return [weight_shares(mesh, systems.geometries, timeline.elements(g)) for g in groups]
+    return [weight_shares(mesh, discretization.geometries, timeline.elements(g)) for g in groups]
 
 
 def _held_edges(
-    case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline, systems: StageSystems
+    case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline, discretization: Discretization
 ) -> dict[int, list[_HeldEdge]]:
     """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
     rows = table.free(timeline.present(0))
@@ -185,13 +186,17 @@ def _held_edges(
         if edges_held(case.in_situ_of.get(timeline.groups[g], case.in_situ))
     }
     return {
-        g: [_HeldEdge(case, mesh, patch, timeline, systems) for patch in found]
+        g: [_HeldEdge(case, mesh, patch, timeline, discretization) for patch in found]
         for g, found in held.items()
     }
 
 
 def _ready_loads(
-    mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline, systems: StageSystems
+    mesh: Mesh,
+    table: FaceTable,
+    locator: Locator,
+    timeline: Timeline,
+    discretization: Discretization,
 ) -> dict[tuple[int, str], ReadyLoad]:
     """The loads of every state; what acts on the same ground is prepared once."""
     made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
@@ -203,7 +208,7 @@ def _ready_loads(
                 continue
             key = (load, present.tobytes())
             if key not in made:
-                made[key] = _ready(mesh, table, locator, systems, load, present)
+                made[key] = _ready(mesh, table, locator, discretization, load, present)
             result[n, name] = made[key]
     return result
 
@@ -212,7 +217,7 @@ def _ready(
     mesh: Mesh,
     table: FaceTable,
     locator: Locator,
-    systems: StageSystems,
+    discretization: Discretization,
     load: FaceLoad | PointForce,
     present: Bools,
 ) -> ReadyLoad:
@@ -222,4 +227,4 @@ def _ready(
     if faces is None:
         msg = f"load on '{load.group}' has no free face (see load_place_faults)"
         raise ValueError(msg)
-    return face_load(mesh, load, faces, systems.kinematics)
+    return face_load(mesh, load, faces, discretization.kinematics)

@@ -8,18 +8,15 @@ stress at the temperature zero of its own count.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from geoident.forward.actions.products import product_obstacle
-from geoident.forward.ground.elasticity import Values
-from geoident.forward.march.discretization import StageSystems
+from geoident.forward.discretization import Discretization
 from geoident.forward.stages import State, Timeline
 from geoident.model.actions import Temperature, TemperatureField
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Material
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import constants
 from geoident.model.parameter import Scalar
 
@@ -30,41 +27,40 @@ NORMAL_COMPONENTS = 3
 class ThermalStrains:
     """Thermal strains of all states; given temperature fields are interpolated once."""
 
-    def __init__(self, case: Case, timeline: Timeline, systems: StageSystems) -> None:
+    def __init__(self, case: Case, timeline: Timeline, discretization: Discretization) -> None:
         self._case = case
         self._timeline = timeline
-        self._systems = systems
+        self._discretization = discretization
         self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
 
-    def change(self, state: int, values: Values, names: Sequence[str]) -> Floats | None:
+    def change(self, state: int, point: ParameterPoint) -> Floats | None:
         """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
         current = self._timeline.states[state]
         before = self._timeline.states[current.base]
         warmed = _changed(current, before)
         if not warmed or state == 0:
             return None
-        point = Point(values, names)
-        strain = np.zeros((self._systems.points.n_points, point.n_columns))
+        strain = np.zeros((self._discretization.points.n_points, point.n_columns))
         for group in warmed:
-            expansion = point.jet(self._case.materials[current.materials[group]].expansion)
+            expansion = point.number(self._case.materials[current.materials[group]].expansion)
             change = self._temperature(state, group, point)
             if group not in current.placed:
                 change = change - self._temperature(current.base, group, point)
-            strain[self._systems.points_of[group]] = (change * expansion).columns
+            strain[self._discretization.points_of[group]] = (change * expansion).columns
         return strain
 
-    def _temperature(self, state: int, group: int, point: Point) -> Jet:
+    def _temperature(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """Change of temperature of a state at the points of a group, (k or 1,)."""
         given = self._timeline.states[state].temperature.get(group)
         if given is None:
-            return point.given(np.zeros(1))
+            return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
-            return Jet(point.jet(given).columns[None])
+            return Dual(point.number(given).columns[None])
         key = (self._given_since(state, group), group)
         if key not in self._fields:
-            positions = self._systems.points.position[self._systems.points_of[group]]
+            positions = self._discretization.points.position[self._discretization.points_of[group]]
             self._fields[key] = interpolate(given, positions)
-        return Jet(point.jet(given.factor).columns[None]).times(self._fields[key])
+        return Dual(point.number(given.factor).columns[None]).times(self._fields[key])
 
     def _given_since(self, state: int, group: int) -> int:
         """The first state of its history at which a group has the temperature that it has now."""

@@ -15,7 +15,7 @@ from geoident.forward.in_situ.surfaces import Depths
 from geoident.model.actions import HeadLine, Load, Water, WaterPressure
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
@@ -28,9 +28,9 @@ class PorePressure:
         self._depths = Depths(mesh, water.table, positions)
         self.n_outside = self._depths.n_outside
 
-    def at(self, point: Point) -> Jet:
+    def at(self, point: ParameterPoint) -> Dual:
         """Pressure (m,), Pa, zero above the table."""
-        return self._depths.at(point).positive_part() * point.jet(self._unit_weight)
+        return self._depths.at(point).positive_part() * point.number(self._unit_weight)
 
 
 class FacePressure:
@@ -41,15 +41,15 @@ class FacePressure:
         self._height = positions[:, -1]
         self._along = None if load.falls is None else _parts_of(load.falls, positions)
 
-    def at(self, point: Point) -> Jet:
+    def at(self, point: ParameterPoint) -> Dual:
         """Pressure (m,), Pa, zero above the level."""
         load = self._load
-        level = Jet(point.jet(load.level).columns[None])
+        level = Dual(point.number(load.level).columns[None])
         if load.falls is not None and self._along is not None:
-            end = Jet(point.jet(load.falls.level).columns[None])
+            end = Dual(point.number(load.falls.level).columns[None])
             level = level.times(1 - self._along) + end.times(self._along)
         depth = level.plus(-self._height)
-        return depth.positive_part() * point.jet(load.unit_weight)
+        return depth.positive_part() * point.number(load.unit_weight)
 
 
 def _parts_of(line: HeadLine, positions: Floats) -> Floats:

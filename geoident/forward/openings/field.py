@@ -28,7 +28,7 @@ from geoident.forward.stages import Timeline
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
 from geoident.model.mesh import Mesh
@@ -194,8 +194,8 @@ class OpeningField:
         return [text + "m from the centre"]
 
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
-        stress = Jet(self._in_situ.columns(values, names))
-        point = Point(values, names)
+        point = ParameterPoint(values, names)
+        stress = Dual(self._in_situ.columns(point))
         return OpeningLoad(self._timeline, self._site, self._material, stress, point)
 
 
@@ -224,7 +224,7 @@ class _End:
         read[fixed] = 0.0
         self._outwards, self._around = (read * outwards).sum(axis=1), (read * around).sum(axis=1)
 
-    def moved(self, state: State, released: Jet, load: OpeningLoad) -> Jet:
+    def moved(self, state: State, released: Dual, load: OpeningLoad) -> Dual:
         """What this end adds to the channels, (n_channels,)."""
         rock, a = load.rock, load.opening.radius
         s = (a / self._r) ** 2
@@ -233,7 +233,7 @@ class _End:
         across = load.deviation * self._sine - load.shear * self._cosine
         radial = state.displacement(self._r) - size * along * (4.0 * (1.0 - rock.nu) - s)
         hoop = size * across * (2.0 - 4.0 * rock.nu + s)
-        read: Jet = radial * self._outwards + hoop * self._around
+        read: Dual = radial * self._outwards + hoop * self._around
         return read
 
 

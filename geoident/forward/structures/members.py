@@ -11,7 +11,7 @@ and EI(p), N/m and N m; bars are smeared over their spacing out of plane.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,7 @@ from geoident.forward.stages import State, Timeline
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
 from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
 
@@ -97,9 +97,8 @@ class Structures:
             for n, part in self._standing(state)
         }
 
-    def moduli(self, state: State, values: Values, names: Sequence[str]) -> Floats:
+    def moduli(self, state: State, point: ParameterPoint) -> Floats:
         """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
-        point = Point(values, names)
         result = np.zeros((self.n_rows, point.n_columns))
         for _, part in self._standing(state):
             axial, bending = rigidities(part.structure, point)
@@ -125,43 +124,43 @@ class Structures:
         return ((n, p) for n, p in enumerate(self.parts) if p.name in state.structures)
 
 
-def rigidities(structure: Structure, point: Point) -> tuple[Jet, Jet]:
+def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]:
     """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives."""
     if isinstance(structure, Beam):
         return _of_wall(structure, point)
-    none = point.given(0.0)
+    none = point.constant(0.0)
     if structure.EA is not None:
-        axial = point.jet(structure.EA)
+        axial = point.number(structure.EA)
     elif structure.E is not None and structure.diameter is not None:
-        diameter = point.jet(structure.diameter)
-        axial = (point.jet(structure.E) * diameter * diameter).times(np.pi / 4)
+        diameter = point.number(structure.diameter)
+        axial = (point.number(structure.E) * diameter * diameter).times(np.pi / 4)
     else:
         axial = none
     if structure.spacing is None:
         return axial, none
-    return axial * _inverse(point.jet(structure.spacing)), none
+    return axial * _inverse(point.number(structure.spacing)), none
 
 
 def _stiffness(structure: Structure, values: Values) -> tuple[float, float]:
     """EA and EI."""
-    axial, bending = rigidities(structure, Point(values, ()))
+    axial, bending = rigidities(structure, ParameterPoint(values, ()))
     return float(axial.value), float(bending.value)
 
 
-def _of_wall(beam: Beam, point: Point) -> tuple[Jet, Jet]:
+def _of_wall(beam: Beam, point: ParameterPoint) -> tuple[Dual, Dual]:
     if beam.EA is not None and beam.EI is not None:
-        return point.jet(beam.EA), point.jet(beam.EI)
+        return point.number(beam.EA), point.number(beam.EI)
     if beam.E is None or beam.thickness is None:
-        return point.given(0.0), point.given(0.0)
-    modulus, t = point.jet(beam.E), point.jet(beam.thickness)
+        return point.constant(0.0), point.constant(0.0)
+    modulus, t = point.number(beam.E), point.number(beam.thickness)
     if beam.nu is not None:
-        nu = point.jet(beam.nu)
+        nu = point.number(beam.nu)
         modulus = modulus * _inverse((-(nu * nu)).plus(1.0))
     return modulus * t, (modulus * t * t * t).times(1 / 12)
 
 
-def _inverse(jet: Jet) -> Jet:
-    return jet.through(lambda x: 1 / x, lambda x: -1 / x**2)
+def _inverse(dual: Dual) -> Dual:
+    return dual.through(lambda x: 1 / x, lambda x: -1 / x**2)
 
 
 def inadmissible(case: Case, values: Values) -> str | None:

@@ -39,8 +39,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.history import History
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 
@@ -126,8 +125,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
     except ModelError:
         _say_why(problem, natural(start))
         raise
-    status, reason = _ending(minimum, options, history.stop)
-    return Outcome(natural(minimum.x), minimum.value, status, reason, history.iterations)
+    return history.outcome(natural(minimum.x), minimum.value, *_ending(minimum, options))
 
 
 def _say_why(problem: Problem, p: Floats) -> None:
@@ -138,10 +136,8 @@ def _say_why(problem: Problem, p: Floats) -> None:
     problem.response.readings(p)
 
 
-def _ending(minimum: Minimum, options: SimplexOptions, stop: str | None) -> tuple[str, str]:
+def _ending(minimum: Minimum, options: SimplexOptions) -> tuple[str, str]:
     """Status and reason, a sentence with the remedy where there is one."""
-    if stop is not None:
-        return "out-of-budget", stop
     if minimum.ending == "converged":
         return "converged", (
             "The simplex is small and the discrepancy is the same at its vertices "
@@ -179,7 +175,7 @@ def minimise(
     >>> found.ending, bool(abs(found.x[0] - 3.0) < 1e-4)
     ('converged', True)
     """
-    search = _Search(objective, options, watch)
+    search = _Simplex(objective, options, watch)
     search.open(np.asarray(x0, dtype=np.float64))
     ending = search.descend(options.size)
     for number in range(1, options.restarts + 1):
@@ -228,7 +224,7 @@ def _clearly_better(value: float, before: float, delta: float) -> bool:
     return before - value > math.sqrt(delta) * max(abs(before), 1.0)
 
 
-class _Search:
+class _Simplex:
     """The simplex and its moves: vertices (n+1, n) in ``x``, sorted by their ``values`` (n+1,)."""
 
     def __init__(self, objective: Objective, options: SimplexOptions, watch: Watch | None) -> None:

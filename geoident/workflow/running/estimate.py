@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
+from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.forward.response import StagedResponse
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, rollers
+from support.cases import NOWHERE, displacement, material, model, rollers
 from support.derivatives import assert_exact
 from support.meshes import box, opening
 
@@ -87,7 +87,7 @@ def test_a_force_inside_an_element_keeps_its_resultant_and_its_moment(kind):
         supports=rollers(dim),
         loads={"f": PointForce(at, scalars(*value))},
     )
-    forces = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, dim)
+    forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, dim)
     np.testing.assert_allclose(forces.sum(axis=0), value, rtol=1e-12)
     moment = np.einsum("ni,nj->ij", staged.mesh.points, forces)
     np.testing.assert_allclose(moment, np.outer(at, value), rtol=1e-9)
@@ -103,7 +103,7 @@ def test_nodes_of_a_group_share_a_force():
         supports=rollers(2),
         loads={"f": PointForce("pad", scalars(0, -9))},
     )
-    forces = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, 2)
+    forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, 2)
     np.testing.assert_allclose(forces[[4, 9, 14]], [[0, -3]] * 3)
     np.testing.assert_allclose(forces.sum(axis=0), [0, -9])
 
@@ -118,7 +118,7 @@ def test_an_earthquake_pushes_with_a_part_of_the_weight():
         loads={"quake": Seismic(scalars(0.15, 0.05))},
     )
     weight = 2600 * 9.81 * 40
-    total = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, 2).sum(axis=0)
+    total = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, 2).sum(axis=0)
     np.testing.assert_allclose(total, [0.15 * weight, -0.95 * weight], rtol=1e-12)
 
 

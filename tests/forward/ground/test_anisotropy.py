@@ -22,11 +22,11 @@ from support.anisotropy import (
     turn_matrix,
     turn_tensor,
 )
-from support.cases import displacement, make_case, model, rollers
+from support.cases import displacement, make_case, model, moduli_at, rollers
 from support.meshes import box, regroup
 
 from geoident.forward.ground.checks import section_faults
-from geoident.forward.ground.elasticity import affine_obstacle, elasticity, inadmissible
+from geoident.forward.ground.elasticity import affine_obstacle, inadmissible
 from geoident.model.case import Analysis, Material, Stage, Support
 from geoident.model.ground import (
     Anisotropic,
@@ -104,7 +104,7 @@ def test_entries_filled_with_isotropic_numbers_give_the_isotropic_answer(kind):
     mesh = block(kind)
     iso = Isotropic(E=Scalar(10e9), nu=Scalar(0.27))
     stress = STRESS if mesh.dim == 3 else PLANE_STRESS
-    same = general(elasticity(Material("rock", iso), {}, 6))
+    same = general(moduli_at(Material("rock", iso), {}, 6))
     u, sigma = excavated(mesh, iso, stress)
     v, tau = excavated(mesh, same, stress)
     np.testing.assert_allclose(v, u, atol=1e-12 * np.abs(u).max())
@@ -223,7 +223,7 @@ def test_jacobian_agrees_with_richardson_differences(name, dim):
 
 
 def law_at(elastic, p: dict[str, float]) -> np.ndarray:
-    return elasticity(Material("rock", elastic), p, 6)
+    return moduli_at(Material("rock", elastic), p, 6)
 
 
 PROPORTIONAL = {
