@@ -154,7 +154,7 @@ class _Exporter:
         return Affine(np.asarray(columns[..., 0] - slopes @ self.p), slopes)
 
     def _add_sets(self, virgin: Floats) -> None:
-        discretization, states = self.march.systems.discretization, self.march.timeline.states
+        discretization, states = self.march.systems.discretization, self.march.sequence.states
         points = discretization.points
         for group in sorted({g for state in states for g in state.materials}):
             mine = numbers(discretization.points_of[group], points.n_points)
@@ -165,7 +165,7 @@ class _Exporter:
             self.set_of[group] = len(self.sets)
             self.sets.append(
                 PointSet(
-                    self.march.timeline.groups[group],
+                    self.march.sequence.groups[group],
                     sp.csr_array(points.compatibility[rows]),
                     points.volume[mine],
                     self.affine(stress),
@@ -197,7 +197,7 @@ class _Exporter:
         )
 
     def _stage(self, number: int, first: int) -> LoadStage:
-        state, system = self.march.timeline.states[number], self.march.systems[number]
+        state, system = self.march.sequence.states[number], self.march.systems[number]
         forces = self.march.actions.forces(number, self.point)
         yields = number > 0  # what is out of balance in the virgin state is taken as elastic
         laws = {

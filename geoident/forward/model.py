@@ -15,7 +15,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.checks import CaseOnMesh, check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.discretization import Discretization
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.instrument_errors import Instruments
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.ground import elasticity as materials
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ import stress as in_situ
@@ -71,23 +71,23 @@ class StagedModel:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, *, solver: Solver) -> None:
-        case, mesh, timeline = on_mesh.case, on_mesh.mesh, on_mesh.timeline
+        case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         table, locator = on_mesh.table, on_mesh.locator
         self.on_mesh = on_mesh
-        self.case, self.mesh, self.timeline = case, mesh, timeline
+        self.case, self.mesh, self.sequence = case, mesh, sequence
         self.names = tuple(parameter.name for parameter in case.parameters)
         self.observation = on_mesh.observation
-        self.instruments = Instruments(case, self.observation.zero, timeline.built_on)
+        self.instrument_errors = InstrumentErrors(case, self.observation.zero, sequence.built_on)
         self._solver = solver
         self._evaluations = 0
         self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.structures = Structures(case, mesh, timeline, locator)
-        self.discretization = Discretization(mesh, on_mesh.kinematics, timeline)
+        self.structures = Structures(case, mesh, sequence, locator)
+        self.discretization = Discretization(mesh, on_mesh.kinematics, sequence)
         self.systems = StageSystems(
-            mesh, timeline, self.discretization, on_mesh.fixed, solver, self.structures
+            mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
         )
-        self.actions = Actions(case, mesh, table, locator, timeline, self.discretization)
-        self.march = March(case, mesh, timeline, self.systems, self.actions)
+        self.actions = Actions(case, mesh, table, locator, sequence, self.discretization)
+        self.march = March(case, mesh, sequence, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -108,7 +108,7 @@ class StagedModel:
     @property
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
-        states = range(len(self.timeline.states))
+        states = range(len(self.sequence.states))
         return tuple(self.systems[n].pattern.lower.n for n in states)
 
     @property
@@ -134,7 +134,7 @@ class StagedModel:
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
         values = self.values(p)
-        used = {m for state in self.timeline.states for m in state.materials.values()}
+        used = {m for state in self.sequence.states for m in state.materials.values()}
         for material in (self.case.materials[name] for name in sorted(used)):
             found = inadmissible(material, values) or no_stress_left(self.case, material, values)
             if found is not None:
@@ -193,8 +193,8 @@ class StagedModel:
         """
         self.count_evaluation()
         run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
-        recorder = FieldRecorder(self.mesh, self.timeline, self.discretization) if fields else None
-        members = MemberRecorder(self.structures, self.timeline, values)
+        recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
+        members = MemberRecorder(self.structures, self.sequence, values)
         for end in run.states():
             observed.append(self.observation.operator @ end.u)
             if recorder is not None:
@@ -203,7 +203,7 @@ class StagedModel:
                 members.add(end.state, end.members)
         table = self.relative(np.stack(observed))
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instruments.added(values, self.names, rows, states)
+        added = self.instrument_errors.added(values, self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
         found = run.findings
         if found.collapses and not np.isfinite(table).any():
@@ -317,7 +317,9 @@ class StagedResponse:
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start
         values = model.values(start)
-        added = model.instruments.added(values, self.names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(
+            values, self.names, self._row, self._state, self._times
+        )
         operator = sp.csr_array(model.observation.operator)[self._row]
         rows = ReadingRows(operator, self._active(), added)
         return export(model.march, self.names, start, rows, self._last)
@@ -327,7 +329,7 @@ class StagedResponse:
     ) -> OpeningResponse | str:
         """The closed form of these readings, or why there is none."""
         model = self._model
-        found = opening_in_mesh(model.case, model.mesh, model.timeline, Circle(centre, radius))
+        found = opening_in_mesh(model.case, model.mesh, model.sequence, Circle(centre, radius))
         return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
 
     def obstacle(self) -> str | None:
@@ -383,7 +385,7 @@ class StagedResponse:
         table = self._pick(observed)
         names = self.names if derivatives else ()
         values = model.values(p)
-        added = model.instruments.added(values, names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
         table[:, : added.shape[1]] += added
         return table
 
@@ -403,7 +405,7 @@ class StagedResponse:
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
-        built_on = self._model.timeline.built_on.astype(np.float64)
+        built_on = self._model.sequence.built_on.astype(np.float64)
         zero = self._model.observation.zero[self._row]
         return np.asarray(built_on[:, self._state] - built_on[:, zero])
 

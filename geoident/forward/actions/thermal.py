@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.forward.actions.products import product_obstacle
 from geoident.forward.discretization import Discretization
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import Temperature, TemperatureField
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Material
@@ -27,16 +27,18 @@ NORMAL_COMPONENTS = 3
 class ThermalStrains:
     """Thermal strains of all states; given temperature fields are interpolated once."""
 
-    def __init__(self, case: Case, timeline: Timeline, discretization: Discretization) -> None:
+    def __init__(
+        self, case: Case, sequence: ConstructionSequence, discretization: Discretization
+    ) -> None:
         self._case = case
-        self._timeline = timeline
+        self._sequence = sequence
         self._discretization = discretization
         self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
 
     def change(self, state: int, point: ParameterPoint) -> Floats | None:
         """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
-        current = self._timeline.states[state]
-        before = self._timeline.states[current.base]
+        current = self._sequence.states[state]
+        before = self._sequence.states[current.base]
         warmed = _changed(current, before)
         if not warmed or state == 0:
             return None
@@ -51,7 +53,7 @@ class ThermalStrains:
 
     def _temperature(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """Change of temperature of a state at the points of a group, (k or 1,)."""
-        given = self._timeline.states[state].temperature.get(group)
+        given = self._sequence.states[state].temperature.get(group)
         if given is None:
             return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
@@ -64,7 +66,7 @@ class ThermalStrains:
 
     def _given_since(self, state: int, group: int) -> int:
         """The first state of its history at which a group has the temperature that it has now."""
-        states = self._timeline.states
+        states = self._sequence.states
         base = states[state].base
         while state and states[base].temperature.get(group) == states[state].temperature[group]:
             state, base = base, states[base].base
@@ -114,7 +116,7 @@ def _materials_of(case: Case, group: str) -> list[str]:
     return [name for name in dict.fromkeys(names) if name is not None]
 
 
-def _changed(current: State, before: State) -> list[int]:
+def _changed(current: ConstructionState, before: ConstructionState) -> list[int]:
     """Groups that are there and whose temperature is not that of the state before."""
     named = current.temperature.keys() | before.temperature.keys()
     return sorted(

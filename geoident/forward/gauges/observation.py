@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from geoident.errors import Fault
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
@@ -47,7 +47,7 @@ class Observation:
 
 
 def observe(
-    case: Case, mesh: Mesh, locator: Locator, timeline: Timeline
+    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
 ) -> tuple[Observation, list[Fault]]:
     """The observation operator of a case, and what is wrong with its gauges."""
     names = case.stage_names
@@ -62,52 +62,54 @@ def observe(
                 continue
             place, turned = kinematics.in_section(point)
             sites = locator.sites(place)
-            site, stays = best_site(sites, timeline, zero)
+            site, stays = best_site(sites, sequence, zero)
             if site is None:
-                faults.append(_point_fault(case, mesh, timeline, channel, point, sites))
+                faults.append(_point_fault(case, mesh, sequence, channel, point, sites))
                 continue
             ends.append((site, sign * turned, stays))
             if site.outside > 1e-6:
                 snapped.append(channel.name)
         rows.append(_row(mesh, channel, [(site, signs) for site, signs, _ in ends]))
         zeros.append(zero)
-        readable.append(~_before(timeline, zero) & np.all([stays for *_, stays in ends], axis=0))
+        readable.append(~_before(sequence, zero) & np.all([stays for *_, stays in ends], axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
     found = Observation(
         tuple(channel.name for channel in case.channels), operator, np.array(zeros, np.int64),
-        np.array(readable, bool).reshape(-1, len(timeline.states)).T, tuple(dict.fromkeys(snapped)),
+        np.array(readable, bool).reshape(-1, len(sequence.states)).T, tuple(dict.fromkeys(snapped)),
     )  # fmt: skip
     return found, faults
 
 
-def best_site(sites: tuple[Site, ...], timeline: Timeline, zero: int) -> tuple[Site | None, Bools]:
+def best_site(
+    sites: tuple[Site, ...], sequence: ConstructionSequence, zero: int
+) -> tuple[Site | None, Bools]:
     """The site that stays for most states from the zero on, the best-lying one among equals.
 
     Returns:
         The site, None if none is there at the zero; (n_states,) the states at which it is there and
         has been there on the way of construction from the zero.
     """
-    best, longest = None, np.zeros(len(timeline.states), dtype=bool)
+    best, longest = None, np.zeros(len(sequence.states), dtype=bool)
     for site in sites:
-        stays = _stays(timeline, zero, site.element)
+        stays = _stays(sequence, zero, site.element)
         if stays.sum() > longest.sum():
             best, longest = site, stays
     return best, longest
 
 
-def _stays(timeline: Timeline, zero: int, element: int) -> Bools:
+def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
     """(n_states,) states from the zero on to which no stage without the element leads."""
-    group = timeline.group_of[element]
-    gone = np.array([group not in state.materials for state in timeline.states])
-    built_on = timeline.built_on
+    group = sequence.group_of[element]
+    gone = np.array([group not in state.materials for state in sequence.states])
+    built_on = sequence.built_on
     way = built_on ^ built_on[:, [zero]]
     way[zero] = True
-    return np.asarray(~(gone[:, None] & way).any(axis=0) & ~_before(timeline, zero))
+    return np.asarray(~(gone[:, None] & way).any(axis=0) & ~_before(sequence, zero))
 
 
-def _before(timeline: Timeline, zero: int) -> Bools:
+def _before(sequence: ConstructionSequence, zero: int) -> Bools:
     """(n_states,) states before the zero."""
-    return np.arange(len(timeline.states)) < zero
+    return np.arange(len(sequence.states)) < zero
 
 
 def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
@@ -146,7 +148,7 @@ def reading_faults(case: Case, observation: Observation) -> list[Fault]:
 def _point_fault(
     case: Case,
     mesh: Mesh,
-    timeline: Timeline,
+    sequence: ConstructionSequence,
     channel: Channel,
     point: tuple[float, ...],
     sites: tuple[Site, ...],
@@ -160,7 +162,7 @@ def _point_fault(
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
         )
-    groups = sorted({timeline.groups[timeline.group_of[site.element]] for site in sites})
+    groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
     return case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",

@@ -16,7 +16,7 @@ from geoident.errors import Fault
 from geoident.forward.actions.products import product_obstacle
 from geoident.forward.ground.elasticity import Values
 from geoident.forward.in_situ.surfaces import Depths, is_known
-from geoident.forward.stages import Timeline, listed
+from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
@@ -130,9 +130,9 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     ]
 
 
-def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
+def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
     """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
-    virgin = {timeline.groups[g] for g in timeline.states[0].materials}
+    virgin = {sequence.groups[g] for g in sequence.states[0].materials}
     return [
         case.source.fault(
             ("in_situ", "groups", group),

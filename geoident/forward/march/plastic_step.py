@@ -35,7 +35,7 @@ from geoident.forward.march.stage_equations import (
 )
 from geoident.forward.march.state import StageTask
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.stages import State
+from geoident.forward.stages import ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
@@ -152,7 +152,7 @@ class PlasticSteps:
         self._record = findings.record
         self._explain = explain
 
-    def yields(self, state: State) -> bool:
+    def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
         return any(self._case.materials[m].yields for m in state.materials.values())
 
