@@ -15,7 +15,7 @@ import numpy as np
 from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.faces import FaceTable, face_table
 from geoident.fem.kinematics import Kinematics, kinematics_of
-from geoident.fem.location import Locator
+from geoident.fem.location import Locator, format_point
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.forward.actions.supports import (
@@ -25,8 +25,9 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observation import Observation, format_point, observe, reading_faults
+from geoident.forward.gauges.observation import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
+from geoident.forward.ground.elasticity import Values, inadmissible
 from geoident.forward.in_situ.stress import (
     BALANCED,
     edges_held,
@@ -40,7 +41,8 @@ from geoident.forward.structures.checks import (
     structure_notes,
     structure_place_faults,
 )
-from geoident.forward.yielding.checks import yield_faults, yield_notes
+from geoident.forward.structures.members import inadmissible as impossible_structure
+from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.mesh import Mesh
@@ -144,6 +146,22 @@ def imbalance_notes(imbalance: float) -> list[str]:
         f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of "
         "the largest nodal force; one equilibrium step was made, its motion is not counted"
     ]
+
+
+def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Values) -> str | None:
+    """Why parameter values are outside the domain of a case, a sentence, or None if they are not.
+
+    Args:
+        case: the case.
+        sequence: its states; materials that none of them uses do not count.
+        values: parameter values by name, SI.
+    """
+    used = {m for state in sequence.states for m in state.materials.values()}
+    for material in (case.materials[name] for name in sorted(used)):
+        found = inadmissible(material, values) or no_stress_left(case, material, values)
+        if found is not None:
+            return found
+    return impossible_structure(case, values)
 
 
 def _odd_notes(case: Case, sequence: ConstructionSequence, *, in_tension: bool) -> list[str]:

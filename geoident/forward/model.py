@@ -6,19 +6,21 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from geoident.fem.solvers.protocol import Solver
-from geoident.forward.actions import forces as actions
-from geoident.forward.actions import release, thermal, water
 from geoident.forward.actions.forces import Actions
-from geoident.forward.checks import CaseOnMesh, check_on_mesh, imbalance_notes, notes_on_mesh
+from geoident.forward.affine import condensation_obstacle
+from geoident.forward.checks import (
+    CaseOnMesh,
+    check_on_mesh,
+    imbalance_notes,
+    inadmissible_numbers,
+    notes_on_mesh,
+)
 from geoident.forward.discretization import Discretization
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
-from geoident.forward.ground import elasticity as materials
-from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ import stress as in_situ
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.state import UnitForces
@@ -27,11 +29,8 @@ from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
-from geoident.forward.structures import members as structures
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
-from geoident.forward.structures.members import inadmissible as impossible_structure
-from geoident.forward.yielding.checks import no_stress_left
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.certificate import Activity
@@ -133,13 +132,7 @@ class StagedModel:
         """Why p (n,) is outside the domain, or None."""
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
-        values = self.values(p)
-        used = {m for state in self.sequence.states for m in state.materials.values()}
-        for material in (self.case.materials[name] for name in sorted(used)):
-            found = inadmissible(material, values) or no_stress_left(self.case, material, values)
-            if found is not None:
-                return found
-        return impossible_structure(self.case, values)
+        return inadmissible_numbers(self.case, self.sequence, self.values(p))
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values by name."""
@@ -196,7 +189,8 @@ class StagedModel:
         recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
         for end in run.states():
-            observed.append(self.observation.operator @ end.u)
+            state = MarchState(end, run.point, self.structures)
+            observed.append(self.observation.values(state))
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts:
@@ -219,7 +213,7 @@ class StagedModel:
         )
 
     def relative(self, observed: Floats) -> Floats:
-        """Readings from relative displacements since placing: less what was there at zero.
+        """Readings from what the channels see since placing: less what was there at zero.
 
         Args:
             observed: (n_states, n_channels, k).
@@ -307,7 +301,9 @@ class StagedResponse:
 
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
-        return export_obstacle(self._model.march, self.names, self._start)
+        model = self._model
+        not_linear = model.observation.not_linear(self._row)
+        return not_linear or export_obstacle(model.march, self.names, self._start)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -320,7 +316,7 @@ class StagedResponse:
         added = model.instrument_errors.added(
             values, self.names, self._row, self._state, self._times
         )
-        operator = sp.csr_array(model.observation.operator)[self._row]
+        operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
         return export(model.march, self.names, start, rows, self._last)
 
@@ -334,14 +330,8 @@ class StagedResponse:
 
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
-        case = self._model.case
-        free = frozenset(self.names)
-        reasons = [materials.affine_obstacle(m, free) for m in case.materials.values()]
-        reasons += [
-            part.affine_obstacle(case, free)
-            for part in (in_situ, actions, water, thermal, release, structures)
-        ]
-        return next((reason for reason in reasons if reason), None)
+        model = self._model
+        return model.observation.not_linear(self._row) or condensation_obstacle(model.march)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
@@ -380,7 +370,8 @@ class StagedResponse:
         run = model.at(
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
-        observed = np.stack([model.observation.operator @ end.u for end in run.states()])
+        states = (MarchState(end, run.point, model.structures) for end in run.states())
+        observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
         table = self._pick(observed)
         names = self.names if derivatives else ()
@@ -400,7 +391,7 @@ class StagedResponse:
         its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
         the stage after the zero on.
         """
-        rows = self._model.observation.operator[self._row]
+        rows = self._model.observation.operator(self._row)
         return UnitForces(rows.toarray().T, self._active())
 
     def _active(self) -> Floats:

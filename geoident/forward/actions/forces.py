@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,7 +13,6 @@ from geoident.fem.faces import FaceTable, FacetPatch, patches
 from geoident.fem.loads import facet_geometry, stress_forces, weight_shares
 from geoident.fem.location import Locator
 from geoident.forward.actions.loads import ReadyLoad, face_load, point_force
-from geoident.forward.actions.products import product_obstacle
 from geoident.forward.actions.supports import load_patches, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.actions.water import PorePressure
@@ -23,6 +24,13 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
+
+ForcePart: TypeAlias = tuple[str, Callable[[ParameterPoint], Floats]]
+"""What acts, for a sentence, and its nodal forces (n_dofs, 1 + n) at a point."""
+
+HELD_EDGES = "what holds the edges of the model"
+
+WATER = "the pressure of the water in the pores"
 
 
 class Actions:
@@ -53,29 +61,41 @@ class Actions:
 
     def forces(self, state: int, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
-        current = self._sequence.states[state]
-        total = self.carried(state, current.materials.keys(), point)
-        for name, load in current.loads.items():
-            if not isinstance(load, Seismic):
-                total += self._loads[state, name].forces(point)
-        return total
+        return self._sum(self.parts(state), point)
 
     def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
         """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
+        return self._sum(self._parts_of_groups(state, groups), point)
+
+    def parts(self, state: int) -> Iterator[ForcePart]:
+        """Everything that acts in a state, one by one."""
+        current = self._sequence.states[state]
+        yield from self._parts_of_groups(state, current.materials.keys())
+        for name, load in current.loads.items():
+            if not isinstance(load, Seismic):
+                yield f"the load '{name}'", self._loads[state, name].forces
+
+    def _sum(self, parts: Iterable[ForcePart], point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, 1 + n) of several parts."""
+        total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
+        for _, forces in parts:
+            total += forces(point)
+        return total
+
+    def _parts_of_groups(self, state: int, groups: Collection[int]) -> Iterator[ForcePart]:
+        """What acts in a state on some present groups themselves."""
         current = self._sequence.states[state]
         some = replace(current, materials={g: current.materials[g] for g in groups})
-        total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
         if self._case.gravity is not None:
-            total += self._weight(some, self._case.gravity, point)
+            yield "the weight", partial(self._weight, some, self._case.gravity)
         for group in groups:
             for edge in self._edges.get(group, ()):
-                total += edge.forces(point)
-        for load in current.loads.values():
+                yield HELD_EDGES, edge.forces
+        for name, load in current.loads.items():
             if isinstance(load, Seismic):
-                total += self._shaking(some, load, point)
+                yield f"the seismic force '{name}'", partial(self._shaking, some, load)
         if current.water is not None:
-            total += self._pore_forces(state, groups, current.water, point)
-        return total
+            yield WATER, partial(self._pore_forces, state, groups, current.water)
 
     def _weight(
         self, state: ConstructionState, gravity: Sequence[float], point: ParameterPoint
@@ -143,20 +163,6 @@ class _HeldEdge:
             pressure = self._pores.at(point).columns
             stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
         return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the loads are not affine in the free parameters, or None if they are."""
-    loads = [*case.loads.values()]
-    loads += [load for stage in case.stages for load in stage.loads.values()]
-    densities = [material.density for material in case.materials.values()]
-    factors = [f for load in loads if isinstance(load, Seismic) for f in load.factors]
-    reasons = (
-        product_obstacle("the seismic force", (factor, density), free)
-        for factor in factors
-        for density in densities
-    )
-    return next((reason for reason in reasons if reason), None)
 
 
 def _wet(water: Water | None, groups: Ints, sequence: ConstructionSequence) -> Bools:

@@ -22,7 +22,6 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.discretization import Discretization
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 
 Held = Mapping[int, Floats]
@@ -81,12 +80,3 @@ class PartialRelease:
         mine = self._discretization.points_of[group]
         volume[mine] = points.volume[mine]
         return points.forces(stress, volume)
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the held forces are not affine in the free parameters, or None if they are."""
-    for stage in case.stages:
-        for group, fraction in stage.release.items():
-            if fraction.parameter in free:
-                return f"{fraction.parameter}, the released part of '{group}', multiplies stresses"
-    return None

@@ -9,7 +9,7 @@ import numpy as np
 from geoident.fem.faces import FacetPatch, distance_to_faces, face_table, patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator
-from geoident.forward.gauges.observation import best_site
+from geoident.forward.gauges.observable import best_site
 from geoident.forward.stages import ConstructionSequence, element_number
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh

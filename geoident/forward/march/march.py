@@ -192,6 +192,11 @@ class Run:
         self._collapses: list[CollapseError] = []
 
     @property
+    def point(self) -> ParameterPoint:
+        """The parameters, and those by which the march differentiates."""
+        return self._point
+
+    @property
     def findings(self) -> RunFindings:
         """What was found so far; all of it once the states are through."""
         plastic = self._plastic_findings

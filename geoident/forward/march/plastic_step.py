@@ -16,12 +16,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
+from geoident.fem.location import format_point
 from geoident.fem.solvers.general import GeneralFactor
 from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.discretization import numbers
-from geoident.forward.gauges.observation import format_point
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.elastic_step import not_positive_definite
 from geoident.forward.march.equilibrium import Balance, solve

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
@@ -20,7 +21,6 @@ from geoident.fem.stiffness import (
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
 from geoident.forward.discretization import Discretization, Index, as_index
-from geoident.forward.gauges.observation import format_point
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints

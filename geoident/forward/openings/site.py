@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.fem.faces import face_table, patches
+from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.gauges.observation import format_point
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.location import Locator
+from geoident.fem.location import Locator, format_point
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.gauges.observation import format_point
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.forward.structures.members import (
     clamped_nodes,

@@ -28,7 +28,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
+from geoident.model.structures import Beam, Structure, structure_breach
 
 
 @dataclass(frozen=True)
@@ -171,15 +171,6 @@ def inadmissible(case: Case, values: Values) -> str | None:
         found = structure_breach(structure, values)
         if found:
             return f"of the structure '{name}' {found}"
-    return None
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the structures' stiffness is not affine in the free parameters, or None if it is."""
-    for name, structure in case.structures.items():
-        for key, scalar in structure_numbers(structure).items():
-            if scalar.parameter in free and key not in ("E", "EA", "EI"):
-                return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
     return None
 
 
