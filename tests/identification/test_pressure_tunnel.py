@@ -153,18 +153,19 @@ def test_simplex_agrees():
 def test_what_a_curve_that_ends_soon_after_yielding_tells():
     """The sum at which the wall yields, not the strengths; s only where it stands for the sum.
 
-    At the start nothing yields by the pressure, so no derivative tells the way: restarts do. All
-    that a search may end at lies far below the noise (phi < 0.2), so which it is depends on
-    rounding; of three searches one comes near.
+    From weak ground, so that derivatives tell the way. From strong ground, where nothing yields by
+    the pressure, one seed in eight ends at a sum a tenth too high, which meets the readings within
+    their accuracy too; which seed, depends on the last digits, so on the processor.
     """
     chamber = Chamber((0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0, 3.25))
     given = problem(chamber, finer(chamber).readings(TRUTH))
-    searches = [found(given, ComplementarityOptions(seed=seed)) for seed in (1, 2, 3)]
-    outcome, known = min(searches, key=lambda search: search[0].objective)
+    weak = zip(PARAMETERS, (0.5 * MPa, 20 * DEG, 1.0 * MPa), strict=True)
+    given = replace(given, parameters=tuple(replace(q, start=start) for q, start in weak))
+    outcome, known = found(given, ComplementarityOptions())
     assert yield_pressure(outcome.values) == pytest.approx(yield_pressure(TRUTH), rel=0.02)
     assert not known.determined[:2].any()
-    (finding,) = [text for text in known.findings if "one by one" in text]
-    assert finding.startswith("The readings do not determine c")
+    (finding,) = [text for text in known.findings if "cannot separate" in text]
+    assert finding.startswith("The readings cannot separate c")
     assert "phi" in finding
 
 
