@@ -15,7 +15,6 @@ from geoident.io.case.schema import CaseSection
 from geoident.io.case.sequence import ABSENT
 from geoident.io.case.structures import build_structures
 from geoident.io.case.values import Given
-from geoident.io.readings.case_readings import ReadReadings
 from geoident.io.text.faults import Faults
 from geoident.model.case import (
     Analysis,
@@ -39,14 +38,11 @@ from geoident.model.yielding import numbers_of_yield
 _AXES = "xyz"
 
 
-def build_case(
-    section: CaseSection, read: ReadReadings, mesh_file: str | None, faults: Faults
-) -> Case:
-    """The case; what does not fit its number of axes is noted as a fault.
+def build_case(section: CaseSection, mesh_file: str | None, faults: Faults) -> Case:
+    """The case without its readings; what does not fit its number of axes is noted as a fault.
 
     Args:
         section: the whole case as it is written.
-        read: readings that were read.
         mesh_file: path of the mesh, or None without one.
         faults: takes what is wrong.
     """
@@ -68,13 +64,11 @@ def build_case(
         loads=builder.build(section.loads, ("loads",)),
         stages=_stages(section, builder, faults),
         channels=build_channels(section, faults),
-        readings=read.readings,
+        readings=(),
         fit=_fit(section, strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
         water=build_water(section.water),
-        dates=read.dates,
-        notes=read.notes,
         structures=build_structures(section, faults),
     )
 

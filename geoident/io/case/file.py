@@ -6,9 +6,10 @@ else in the case or its readings; and later, elsewhere, what needs the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
+from geoident.model.gauges import Channel
 from geoident.model.methods import method_name
 
 STDIN_NAME = "<stdin>"
@@ -94,11 +96,22 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
-    case = build_case(section, read, mesh_path, faults)
+    case = build_case(section, mesh_path, faults)
     faults.raise_any()
+    channels = tuple(_less_zero(channel, read.zero_sd) for channel in case.channels)
+    case = replace(
+        case, readings=read.readings, dates=read.dates, notes=read.notes, channels=channels
+    )
     chain = [method_name(options) for options in case.fit.methods]
     resolved = resolved_text(section, chain)
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
+
+
+def _less_zero(channel: Channel, zero_sd: Mapping[str, float]) -> Channel:
+    """A channel with the accuracy of its readings less a measured zero."""
+    if channel.name not in zero_sd:
+        return channel
+    return replace(channel, accuracy=math.hypot(channel.accuracy, zero_sd[channel.name]))
 
 
 def files_of_text(text: str, path: str) -> tuple[str, ...]:

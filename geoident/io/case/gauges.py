@@ -23,14 +23,14 @@ Vector = tuple[float, ...]
 _AXES = "xyz"
 
 
-def channel_names(section: CaseSection) -> dict[str, str]:
-    """Names of all channels with the stage at which each reads zero."""
-    names: dict[str, str] = {}
+def sections_of_channels(section: CaseSection) -> dict[str, GaugeSection]:
+    """Names of all channels with what the case says of the gauge of each."""
+    names: dict[str, GaugeSection] = {}
     for name, gauge in section.gauges.items():
         if isinstance(gauge, ExtensometerSection):
-            names |= {f"{name}.{anchor}": gauge.zero for anchor in gauge.anchors}
+            names |= {f"{name}.{anchor}": gauge for anchor in gauge.anchors}
         else:
-            names[name] = gauge.zero
+            names[name] = gauge
     return names
 
 
@@ -162,7 +162,14 @@ class _Gauge:
             offset=_scalar(section.offset),
             drift=_scalar(section.drift),
             drift_per_stage=_scalar(section.drift_per_stage),
+            dimension=section.accuracy.dimension,
+            unit=_shown_in(section.accuracy),
         )
+
+
+def _shown_in(accuracy: Given) -> str:
+    """The unit in which readings are shown: lengths in mm, all else in that of the accuracy."""
+    return "mm" if accuracy.dimension == "length" else accuracy.unit
 
 
 def _scalar(given: Given | None) -> Scalar | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools
 from geoident.model.result import Grid, ParameterTable, Result
-from geoident.report.text.influence import by_distance
+from geoident.report.text.influence import by_distance, wide_diagnostics
 from geoident.report.text.quantities import in_unit, prior_in_unit, shown_unit
 
 Cell = str | int | float | bool
@@ -136,7 +136,7 @@ def _gauges(result: Result) -> CsvTable:
 def _diagnostics(result: Result) -> CsvTable:
     """How each used reading bears on the answer, the one that bears most first."""
     header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return CsvTable(header, ())
     names = result.parameters.names

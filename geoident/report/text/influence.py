@@ -25,10 +25,15 @@ def influence_text(result: Result) -> str:
 
 def influence_rows(result: Result) -> list[list[str]]:
     """The cells of that table, under `HEADER`."""
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return []
     return [_row(result, found, i, j) for i, j in by_distance(found)[:WORST]]
+
+
+def wide_diagnostics(result: Result) -> Diagnostics | None:
+    """The diagnostics by channel and stage: several readings in one place in one row."""
+    return None if result.diagnostics is None else result.diagnostics.wide(result.gauges)
 
 
 def _row(result: Result, found: Diagnostics, i: int, j: int) -> list[str]:
@@ -62,7 +67,7 @@ def influence_title(result: Result) -> str:
 
 def diagnostics_object(result: Result) -> dict[str, Any]:
     """The loss, the plain weighted squares, and one object for every used reading, worst first."""
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return {}
     return {

@@ -18,6 +18,7 @@ from geoident.errors import InputError, OutputError
 from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
 from geoident.model.result import Result
+from tests.support.results import changed_gauges
 
 Make = Callable[..., Result]
 
@@ -69,10 +70,9 @@ def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
         for name in [f.name for f in dataclasses.fields(result.parameters)]
     }
     cut["covariance"] = cut["correlation"] = np.empty((0, 0))
-    gauges = result.gauges
     empty = np.empty((0, 0))
-    gauges = dataclasses.replace(
-        gauges,
+    gauges = changed_gauges(
+        result.gauges,
         channels=(),
         stages=(),
         measured=empty,
@@ -80,8 +80,8 @@ def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
         sd=empty,
         used=empty.astype(bool),
         bad=empty.astype(bool),
-        first=gauges.first[:0],
-        second=gauges.second[:0],
+        first=result.gauges.first[:0],
+        second=result.gauges.second[:0],
     )
     result = dataclasses.replace(
         result,
@@ -128,7 +128,7 @@ def test_root_attributes_say_where_it_comes_from(tmp_path: Path, result_maker: M
     write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
     with h5py.File(tmp_path / "a.h5") as file:
         found = dict(file.attrs)
-    assert found["format"] == "geoident-result/1"
+    assert found["format"] == "geoident-result/2"
     assert found["versions"] == '{"geoident": "0.1.0", "numpy": "2.1"}'
     assert found["mesh_sha256"] == "b" * 64
     assert (found["seed"], found["exit_code"], found["factorizations"]) == (4, 0, 6)
