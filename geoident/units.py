@@ -219,6 +219,32 @@ def format_quantity(value: float, unit: str) -> str:
     return f"{value / UNITS[unit][1]:.6g} {unit}".rstrip()
 
 
+def si_unit(dimension: str) -> str:
+    """The SI unit of a dimension; empty for a pure number."""
+    return DIMENSIONS.get(dimension, "")
+
+
+def in_unit(value: float, unit: str, dimension: str) -> float:
+    """An SI value in a unit; in SI where the unit is none of the dimension.
+
+    Args:
+        value: SI.
+        unit: as the user wrote it.
+        dimension: of the value.
+
+    >>> in_unit(2.5e9, "GPa", "pressure")
+    2.5
+    """
+    known = UNITS.get(unit)
+    return value / known[1] if known and known[0] == dimension else value
+
+
+def shown_unit(unit: str, dimension: str) -> str:
+    """The unit that `in_unit` gives."""
+    known = UNITS.get(unit)
+    return unit if known and known[0] == dimension else si_unit(dimension)
+
+
 def normal_unit(text: str) -> str:
     """The key of `UNITS` that a spelling means: ``kN/m³`` is ``kN/m3``.
 

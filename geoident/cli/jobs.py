@@ -14,7 +14,7 @@ from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.report.text.json import dumps, result_object, summary_object
-from geoident.report.text.text import summary_text
+from geoident.report.text.result import summary_text
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
@@ -93,7 +93,7 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
 
 def _say_plan(job: Job, options: Options) -> int:
     """What would be done, on stdout; the model is built, nothing is solved."""
-    from geoident.report.text import check as check_text
+    from geoident.report.text.case import case_text
     from geoident.workflow.check import summarize
     from geoident.workflow.running.estimate import prepare
 
@@ -104,6 +104,6 @@ def _say_plan(job: Job, options: Options) -> int:
         plan = {"output": path, "up_to_date": job.up_to_date}
         click.echo(dumps({**summary_object(summary), **plan}))
     else:
-        click.echo(check_text.summary_text(summary))
+        click.echo(case_text(summary))
         click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
     return ExitCode.DONE

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from geoident.cli.next_steps import say_next
+from geoident.errors import ExitCode
 
 if TYPE_CHECKING:
     _Seconds = click.ParamType[float]
@@ -37,6 +38,14 @@ class Options:
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
+
+
+Arguments = Mapping[str, Any]
+"""Name to value of what a command is given besides the shared options."""
+Steps = tuple[str, ...]
+"""What to do next: command lines, or sentences."""
+Next = Callable[[Arguments, Options], Steps]
+"""From what a command was given to what comes after it."""
 
 
 class Duration(_Seconds):
@@ -119,10 +128,14 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Give a command some of the shared options; it gets them as one `Options`, its last argument.
 
     ``-q`` and ``-v`` belong to every command, and so does saying at its end what to do next.
+
+    Args:
+        names: of the shared options.
+        after: what to do next.
     """
     wanted = [*names, "quiet", "verbose"]
 
@@ -132,7 +145,8 @@ def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
             shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
             options = Options(**shared)
             code = function(**given, options=options)
-            say_next(click.get_current_context().info_name or "", given, options, code)
+            if code in (ExitCode.DONE, ExitCode.NOT_CONVERGED):
+                _say_next(after, given, options)
             return code
 
         decorated: Callable[..., int] = command
@@ -141,3 +155,13 @@ def takes(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
         return decorated
 
     return decorate
+
+
+def _say_next(after: Next, arguments: Arguments, options: Options) -> None:
+    """Say on stderr what to do next; not with ``-q``, nor to programs."""
+    if options.quiet or options.as_json:
+        return
+    steps = after(arguments, options)
+    if steps:
+        with suppress(OSError):
+            click.echo("\nNext:\n" + "\n".join(f"    {step}" for step in steps), err=True)

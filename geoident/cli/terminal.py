@@ -56,7 +56,7 @@ class Terminal:
 
     def step(self, iteration: Iteration) -> None:
         """One iteration: a line when verbose, else the live line."""
-        from geoident.report.text.text import iteration_text
+        from geoident.report.text.parameters import iteration_text
 
         line = iteration_text(iteration, self._parameters)
         self._pace.add(iteration.step)

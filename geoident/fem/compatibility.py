@@ -118,13 +118,11 @@ def strain_points(
     """
     volume = np.concatenate([g.volumes.ravel() for g in geometries])
     compatibility = _compatibility(mesh, geometries, kinematics.strains)
-    element, first = [], 0
-    for block, geometry in zip(mesh.blocks, geometries, strict=True):
-        element.append(np.repeat(np.arange(first, first + len(block)), geometry.volumes.shape[1]))
-        first += len(block)
+    per_element = [np.full(len(g.volumes), g.volumes.shape[1]) for g in geometries]
+    element = np.repeat(np.arange(mesh.n_elements), np.concatenate(per_element))
     position = [g.positions.reshape(-1, mesh.dim) for g in geometries]
     return StrainPoints(
-        compatibility, compatibility.T.tocsr(), volume, np.concatenate(element), np.vstack(position)
+        compatibility, compatibility.T.tocsr(), volume, element, np.vstack(position)
     )
 
 

@@ -1,58 +1,45 @@
-"""Reference elements: shape functions, quadrature and faces of every element kind.
+"""Reference elements: shape functions and quadrature of every kind of cell.
 
-Nodes are in VTK's order. Shape functions are not typed in one by one: an element is its node
-coordinates and its monomials, and N(xi) = m(xi) M^-1 with M the monomials at the nodes. So the
-numbering is stated once, in the coordinates, and N_a(xi_b) = delta_ab holds by construction.
+Shape functions are not typed in one by one: an element is its node coordinates and the functions
+that span its space, and N(xi) = m(xi) M^-1 with M these functions at the nodes. So the numbering is
+stated once, in the coordinates (`geoident.model.cells`), and N_a(xi_b) = delta_ab holds by
+construction.
+
+Spaces, with p the order (1 or 2):
+
+    tri, tet            all polynomials of degree p
+    line, quad, hex     serendipity [Arnold & Awanou, Found. Comput. Math. 11, 2011]: of degree p in
+                        each coordinate, squares of at most one of them in a term
+    wedge               the same with the triangle in the place of one coordinate: P_p(x, y) times
+                        P_p(z) without P_2 z^2 (15 nodes; Zienkiewicz & Taylor, The Finite Element
+                        Method, vol. 1, triangular prisms)
+    pyramid             all polynomials of degree p and, with w = 1 - z that falls from 1 at the
+                        base to 0 at the apex, the rational functions xy/w (5 nodes), or xyz/w,
+                        x^2 y/w and x y^2/w (13 nodes) [Bedrosian, Int. J. Numer. Meth. Eng. 35,
+                        1992]. On its faces these are the functions of triangles and of the
+                        quadrilateral, so pyramids join tetrahedra to hexahedra without gaps
+
+Every space holds all polynomials of degree p, which gives the order of convergence p + 1.
 
 Quadrature integrates the stiffness exactly on straight-sided (affine) elements. Strain points are
-these quadrature points: one for tri3 and tet4, for which the model is the founding paper's.
+these quadrature points: one for tri3 and tet4, for which the model is the founding paper's. With
+x = w s, y = w t the functions of a pyramid are polynomials in s, t, w, and the volume is
+w^2 ds dt dw: Gauss points in s and t times Gauss-Jacobi points in z with the weight w^2 (a conical
+product rule: Stroud, Approximate calculation of multiple integrals, 1971, section 2.5). It is exact
+for the forces of a constant stress on any straight-sided pyramid too, which is the patch test.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 
 import numpy as np
+from scipy.special import roots_jacobi
 
 from geoident.model.arrays import Floats, Ints
-
-_SIMPLEX_CORNERS = {
-    2: ((0, 0), (1, 0), (0, 1)),
-    3: ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-}
-_CUBE_CORNERS = {
-    1: ((-1,), (1,)),
-    2: ((-1, -1), (1, -1), (1, 1), (-1, 1)),
-    3: (
-        (-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
-        (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1),
-    ),
-}  # fmt: skip
-_HEX_EDGES = (
-    (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
-)  # fmt: skip
-_EDGES = {
-    "line3": ((0, 1),),
-    "tri6": ((0, 1), (1, 2), (2, 0)),
-    "quad8": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tet10": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hex20": _HEX_EDGES,
-}
-# Faces by corner nodes, outward by the right-hand rule (3-D) or with the element on the left (2-D).
-_CORNER_FACES = {
-    "tri": ((0, 1), (1, 2), (2, 0)),
-    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tet": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
-    "hex": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    "line": ((0,), (1,)),
-}
-_FAMILY = {
-    "line2": ("line", 1, 1), "line3": ("line", 1, 2),
-    "tri3": ("tri", 2, 1), "tri6": ("tri", 2, 2), "quad4": ("quad", 2, 1), "quad8": ("quad", 2, 2),
-    "tet4": ("tet", 3, 1), "tet10": ("tet", 3, 2), "hex8": ("hex", 3, 1), "hex20": ("hex", 3, 2),
-}  # fmt: skip
+from geoident.model.cells import CELLS, Cell, CellShape
 
 
 @dataclass(frozen=True)
@@ -60,81 +47,90 @@ class ReferenceElement:
     """One kind of element on its reference domain.
 
     Args:
-        kind: such as ``tri6``.
-        family: ``line``, ``tri``, ``quad``, ``tet`` or ``hex``.
-        dim: dimension of the reference domain.
-        order: 1 or 2.
+        cell: its corners, edges and faces.
         nodes: (n_a, dim) reference coordinates.
-        exponents: (n_a, dim) exponents of the monomials.
-        coefficients: (n_a, n_a) inverse of the monomials at the nodes.
+        exponents: (n_a, dim) exponents of the coordinates in the functions of its space.
+        apex: (n_a,) how often each function is divided by 1 - z; zeros but in pyramids.
+        coefficients: (n_a, n_a) inverse of these functions at the nodes.
         points: (n_q, dim) quadrature points.
         weights: (n_q,) quadrature weights.
-        edges: corner pairs with their mid-node, empty for order 1: (first, second, middle).
-        faces: node indices of every face, its nodes in the order of the face's own kind.
+        walls: (n_faces, dim + 1) the planes of the faces, see `outside`.
     """
 
-    kind: str
-    family: str
-    dim: int
-    order: int
+    cell: Cell
     nodes: Floats
     exponents: Ints
+    apex: Ints
     coefficients: Floats
     points: Floats
     weights: Floats
-    edges: tuple[tuple[int, int, int], ...]
-    faces: tuple[tuple[int, ...], ...]
+    walls: Floats
+
+    @property
+    def dim(self) -> int:
+        """Dimension of the reference domain."""
+        return self.cell.dim
 
     @property
     def n_nodes(self) -> int:
         """Nodes of the element."""
-        return int(self.nodes.shape[0])
-
-    @property
-    def n_corners(self) -> int:
-        """Corner nodes of the element; they come first."""
-        return self.n_nodes - len(self.edges)
-
-    @property
-    def face_kinds(self) -> tuple[str, ...]:
-        """Kind of every face."""
-        names = {2: "line2", 3: "tri3" if self.dim == 3 else "line3", 4: "quad4", 6: "tri6"}
-        names |= {8: "quad8", 1: "point"}
-        return tuple(names[len(face)] for face in self.faces)
+        return self.cell.n_nodes
 
     def shapes(self, xi: Floats) -> Floats:
         """Shape functions (n, n_a) at reference points (n, dim)."""
         powers = xi[:, None, :] ** self.exponents[None]
-        return np.asarray(np.prod(powers, axis=2) @ self.coefficients)
+        return np.asarray(np.prod(powers, axis=2) * self._over_w(xi) @ self.coefficients)
 
     def gradients(self, xi: Floats) -> Floats:
-        """Derivatives (n, n_a, dim) of the shape functions by the reference coordinates."""
+        """Derivatives (n, n_a, dim) of the shape functions by the reference coordinates.
+
+        At the apex of a pyramid, where they have no limit, those along its axis.
+        """
         result = np.empty((xi.shape[0], self.n_nodes, self.dim))
         powers = xi[:, None, :] ** self.exponents[None]
+        over = self._over_w(xi)
         for axis in range(self.dim):
             lowered = np.maximum(self.exponents[:, axis] - 1, 0)
             factors = powers.copy()
             factors[:, :, axis] = self.exponents[:, axis] * xi[:, None, axis] ** lowered
-            result[:, :, axis] = np.prod(factors, axis=2) @ self.coefficients
+            slopes = np.prod(factors, axis=2) * over
+            if axis == 2 and self.apex.any():
+                slopes += np.prod(powers, axis=2) * self.apex * self._over_w(xi, more=1)
+            result[:, :, axis] = slopes @ self.coefficients
         return result
+
+    def outside(self, xi: Floats) -> float:
+        """How far a reference point (dim,) lies outside, in parts of the height over a face.
+
+        Zero on the border, negative inside.
+        """
+        return float((self.walls[:, :-1] @ xi + self.walls[:, -1]).max())
+
+    def _over_w(self, xi: Floats, *, more: int = 0) -> Floats | float:
+        """(n, n_a) w^-(apex + more) with w = 1 - z, and 0 for w = 0; 1 if nothing is divided."""
+        if not self.apex.any():
+            return 1.0
+        w = 1.0 - xi[:, 2:]
+        powers = np.where(self.apex > 0, self.apex + more, 0)
+        return np.asarray(np.where(w == 0, powers == 0, np.where(w == 0, 1.0, w) ** -powers))
 
 
 @cache
 def reference_element(kind: str) -> ReferenceElement:
-    """The reference element of a kind: line2, line3, tri3, ..., hex20."""
-    family, dim, order = _FAMILY[kind]
-    corners = np.array(_CUBE_CORNERS[dim] if _is_cube(family) else _SIMPLEX_CORNERS[dim], float)
-    pairs = _EDGES[kind] if order == 2 else ()
-    middles = [(corners[a] + corners[b]) / 2 for a, b in pairs]
+    """The reference element of a kind: line2, line3, tri3, ..., pyramid13."""
+    cell = CELLS[kind]
+    corners = np.array(cell.shape.corners, float)
+    middles = [(corners[a] + corners[b]) / 2 for a, b in cell.edges]
     nodes = np.vstack([corners, *middles])
-    exponents = np.array(_monomials(family, dim, order), dtype=np.int64)
-    at_nodes = np.prod(nodes[:, None, :] ** exponents[None], axis=2)
-    points, weights = _stiffness_rule(family, dim, order)
-    edges = tuple((a, b, len(corners) + n) for n, (a, b) in enumerate(pairs))
-    return ReferenceElement(
-        kind, family, dim, order, nodes, exponents, np.linalg.inv(at_nodes), points, weights,
-        edges, tuple(_face_nodes(face, edges) for face in _CORNER_FACES[family]),
-    )  # fmt: skip
+    functions = np.array(_space(cell), dtype=np.int64)
+    exponents, apex = functions[:, : cell.dim], functions[:, cell.dim]
+    points, weights = _stiffness_rule(cell)
+    bare = ReferenceElement(
+        cell, nodes, exponents, apex, np.eye(cell.n_nodes), points, weights, _walls(cell.shape)
+    )
+    return replace(
+        bare, coefficients=np.asarray(np.linalg.inv(bare.shapes(nodes)), dtype=np.float64)
+    )
 
 
 def raised_rule(kind: str) -> tuple[Floats, Floats]:
@@ -144,53 +140,89 @@ def raised_rule(kind: str) -> tuple[Floats, Floats]:
     an axis. For the stiffness of bodies of revolution: see `kinematics`. Lines to quadrilaterals,
     straight-sided.
     """
-    family, dim, order = _FAMILY[kind]
-    if _is_cube(family):
-        return _cube_rule(dim, order + 1)
-    return _TRIANGLE_DEGREE_4 if order == 2 else _stiffness_rule("tri", 2, 2)
+    cell = CELLS[kind]
+    if cell.shape.name == "tri":
+        return _TRIANGLE_DEGREE_4 if cell.order == 2 else _simplex_degree_2(2)
+    return _gauss(cell.dim, cell.order + 1)
 
 
-def _is_cube(family: str) -> bool:
-    return family in ("line", "quad", "hex")
+def _space(cell: Cell) -> list[tuple[int, ...]]:
+    """Exponents of the coordinates, and how often it is divided by w, of every function."""
+    name, p = cell.shape.name, cell.order
+    exponents = product(range(p + 1), repeat=cell.dim)
+    match name:
+        case "tri" | "tet":
+            return [(*e, 0) for e in exponents if sum(e) <= p]
+        case "wedge":
+            pairs = [(e, (e[0] + e[1], e[2])) for e in exponents]
+            return [(*e, 0) for e, both in pairs if both[0] <= p and both.count(2) <= 1]
+        case "pyramid":
+            rational = [(1, 1, 0, 1)] if p == 1 else [(1, 1, 1, 1), (2, 1, 0, 1), (1, 2, 0, 1)]
+            return [(*e, 0) for e in exponents if sum(e) <= p] + rational
+        case _:
+            return [(*e, 0) for e in exponents if e.count(2) <= 1]
 
 
-def _monomials(family: str, dim: int, order: int) -> list[tuple[int, ...]]:
-    """Complete polynomials on simplices, Arnold and Awanou's serendipity space on cubes."""
-    exponents = product(range(order + 1), repeat=dim)
-    if _is_cube(family):
-        return [e for e in exponents if e.count(2) <= 1]
-    return [e for e in exponents if sum(e) <= order]
+def _walls(shape: CellShape) -> Floats:
+    """(n_faces, dim + 1) rows (a, c): a . xi + c is 0 on the face, -1 at the farthest corner."""
+    corners, rows = np.array(shape.corners, float), []
+    for face in shape.faces:
+        on = corners[list(face)]
+        normal = np.linalg.svd(on[1:] - on[0])[2][-1]
+        height = (corners - on[0]) @ normal
+        normal = -normal / height[np.abs(height).argmax()]
+        rows.append([*normal, -on[0] @ normal])
+    return np.asarray(np.round(np.array(rows), 12) + 0.0, dtype=np.float64)  # simple fractions
 
 
-def _face_nodes(
-    corners: tuple[int, ...], edges: tuple[tuple[int, int, int], ...]
-) -> tuple[int, ...]:
-    """Corner nodes of a face followed by its mid-nodes, in the order of the face's kind."""
-    middle = {frozenset((a, b)): m for a, b, m in edges}
-    if not middle or len(corners) == 1:
-        return corners
-    if len(corners) == 2:
-        return (*corners, middle[frozenset(corners)])
-    around = zip(corners, corners[1:] + corners[:1], strict=True)
-    return (*corners, *(middle[frozenset(pair)] for pair in around))
+def _stiffness_rule(cell: Cell) -> tuple[Floats, Floats]:
+    """Exact for the products of gradients on affine elements."""
+    n = cell.order + 1
+    match cell.shape.name:
+        case "tri" | "tet":
+            if cell.order == 2:
+                return _simplex_degree_2(cell.dim)
+            corners = cell.n_corners
+            return np.full((1, cell.dim), 1 / corners), np.array(
+                [1 / 2 if cell.dim == 2 else 1 / 6]
+            )
+        case "wedge":
+            triangle = _simplex_degree_2(2) if cell.order == 1 else _TRIANGLE_DEGREE_4
+            return _tensor(triangle, _gauss(1, n))
+        case "pyramid":
+            return _conical(_gauss(2, n), cell.order)
+        case _:
+            return _gauss(cell.dim, n)
 
 
-def _cube_rule(dim: int, n: int) -> tuple[Floats, Floats]:
+def _gauss(dim: int, n: int) -> tuple[Floats, Floats]:
+    """Gauss points, n an axis, on the line, square or cube from -1 to 1."""
     x, w = np.polynomial.legendre.leggauss(n)
     points = np.array(list(product(x, repeat=dim)))
     weights = np.array([np.prod(ws) for ws in product(w, repeat=dim)])
     return points, weights
 
 
-def _stiffness_rule(family: str, dim: int, order: int) -> tuple[Floats, Floats]:
-    """Exact for the products of gradients on affine elements."""
-    if _is_cube(family):
-        return _cube_rule(dim, order + 1)
-    n = dim + 1
-    volume = 1 / 2 if dim == 2 else 1 / 6
-    if order == 1:
-        return np.full((1, dim), 1 / n), np.array([volume])
-    # Degree 2: points on the medians (Zienkiewicz & Taylor, The Finite Element Method, vol. 1).
+def _tensor(base: tuple[Floats, Floats], axis: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """A rule on a plane figure times a rule on a line."""
+    places = [np.append(xy, z) for xy, z in product(base[0], axis[0][:, 0])]
+    return np.array(places), np.outer(base[1], axis[1]).ravel()
+
+
+def _conical(base: tuple[Floats, Floats], n: int) -> tuple[Floats, Floats]:
+    """A rule on the base of a pyramid times n Gauss-Jacobi points in z, with the weight (1 - z)^2.
+
+    On the line from -1 to 1, with (1 - r)^2 = 4 (1 - z)^2 and dr = 2 dz.
+    """
+    r, weight = roots_jacobi(n, 2, 0)
+    w = (1 - r) / 2
+    places = [[*(scale * st), 1 - scale] for st, scale in product(base[0], w)]
+    return np.array(places), np.outer(base[1], weight / 8).ravel()
+
+
+def _simplex_degree_2(dim: int) -> tuple[Floats, Floats]:
+    """Points on the medians (Zienkiewicz & Taylor, The Finite Element Method, vol. 1)."""
+    n, volume = dim + 1, 1 / 2 if dim == 2 else 1 / 6
     a = 2 / 3 if dim == 2 else (5 + 3 * np.sqrt(5)) / 20
     b = 1 / 6 if dim == 2 else (5 - np.sqrt(5)) / 20
     barycentric = np.full((n, n), b) + (a - b) * np.eye(n)

@@ -8,13 +8,15 @@ Distance of points from faces: segments in the plane, triangles in space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from geoident.fem.elements import reference_element
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.cells import CELLS
+from geoident.model.mesh import ElementBlock, Mesh, spans
 
 
 @dataclass(frozen=True)
@@ -26,16 +28,19 @@ class FaceTable:
         face: (n_f,) identity: faces of neighbours that coincide have the same one.
         block: (n_f,) block of the element.
         local: (n_f,) number of the face in its element.
-        n_faces: number of different faces.
-        keys: (n_faces,) key of each different face, ascending.
+        keys: what tells the faces apart.
     """
 
     element: Ints
     face: Ints
     block: Ints
     local: Ints
-    n_faces: int
-    keys: Ints
+    keys: FaceKeys
+
+    @property
+    def n_faces(self) -> int:
+        """Number of different faces."""
+        return len(self.keys.sorted)
 
     def free(self, present: Bools) -> Ints:
         """Rows (r,) that are outer faces of the body of present elements (n_elements,)."""
@@ -45,30 +50,85 @@ class FaceTable:
 
     def find(self, facets: ElementBlock) -> Ints:
         """Identity (n,) of the face at each of n facets, -1 where no element has it."""
-        n_corners = reference_element(facets.kind).n_corners
-        wanted = _keys(facets.nodes[:, :n_corners])
-        rows = np.minimum(np.searchsorted(self.keys, wanted), self.n_faces - 1)
-        return np.asarray(np.where(self.keys[rows] == wanted, rows, -1))
+        return self.keys.find(facets.nodes[:, : CELLS[facets.kind].n_corners])
 
 
 def face_table(mesh: Mesh) -> FaceTable:
     """The faces of all elements of a mesh."""
-    keys, elements, blocks, locals_ = [], [], [], []
-    first = 0
-    for number, block in enumerate(mesh.blocks):
-        reference = reference_element(block.kind)
-        for local, nodes in enumerate(reference.faces):
-            corners = [node for node in nodes if node < reference.n_corners]
-            keys.append(_keys(block.nodes[:, corners]))
-            elements.append(np.arange(first, first + len(block)))
+    corners, elements, blocks, locals_ = [], [], [], []
+    for number, (block, span) in enumerate(spans(mesh.blocks)):
+        for local, face in enumerate(CELLS[block.kind].shape.faces):
+            corners.append(block.nodes[:, face])
+            elements.append(np.arange(span.start, span.stop))
             blocks.append(np.full(len(block), number))
             locals_.append(np.full(len(block), local))
-        first += len(block)
-    unique, face = np.unique(np.concatenate(keys), return_inverse=True)
+    keys, face_of = FaceKeys.of(corners, mesh.n_nodes)
     return FaceTable(
-        np.concatenate(elements), face.astype(np.int64), np.concatenate(blocks),
-        np.concatenate(locals_), len(unique), unique,
-    )  # fmt: skip
+        np.concatenate(elements), face_of, np.concatenate(blocks), np.concatenate(locals_), keys
+    )
+
+
+@dataclass(frozen=True)
+class FaceKeys:
+    """Numbers by which faces are known, exact for meshes of any size.
+
+    Three corners tell the faces of a valid mesh apart, and triangles are told from quadrilaterals.
+    So a face with the smallest corners a < b < c is the pair of a and the tail 2 (b n + c) +
+    (whether it has four corners), n nodes in all. Where 2 n^3 is no 64-bit integer, the tails are
+    numbered.
+
+    Args:
+        n_nodes: n.
+        tails: (k,) the different tails, ascending; empty where they need not be numbered.
+        sorted: (n_faces,) key of each different face, ascending.
+    """
+
+    n_nodes: int
+    tails: Ints
+    sorted: Ints
+
+    @classmethod
+    def of(cls, corners: Sequence[Ints], n_nodes: int) -> tuple[Self, Ints]:
+        """The keys of some faces, and the identity of each face.
+
+        Args:
+            corners: the corner nodes of faces, (n_f, n_corners) each, n_corners from 1 to 4.
+            n_nodes: number of nodes of the mesh.
+        """
+        pairs = [_head_and_tail(rows, n_nodes) for rows in corners]
+        head, tail = (np.concatenate(part) for part in zip(*pairs, strict=True))
+        tails = np.unique(tail) if 2 * n_nodes**3 >= 2**63 else np.empty(0, np.int64)
+        bare = cls(n_nodes, tails, np.empty(0, np.int64))
+        keys, identity = np.unique(bare._joined(head, tail), return_inverse=True)
+        return replace(bare, sorted=keys), identity.astype(np.int64)
+
+    def find(self, corners: Ints) -> Ints:
+        """Identity (n,) of faces with corner nodes (n, n_corners), -1 for those not known."""
+        head, tail = _head_and_tail(corners, self.n_nodes)
+        wanted = self._joined(head, tail)
+        rows = np.minimum(np.searchsorted(self.sorted, wanted), len(self.sorted) - 1)
+        known = self.sorted[rows] == wanted
+        if len(self.tails):
+            known &= self.tails[self._place(tail)] == tail
+        return np.asarray(np.where(known, rows, -1))
+
+    def _joined(self, head: Ints, tail: Ints) -> Ints:
+        """(n,) one number for head and tail."""
+        if len(self.tails):
+            return head * len(self.tails) + self._place(tail)
+        return np.asarray(head * (2 * self.n_nodes**2) + tail)
+
+    def _place(self, tail: Ints) -> Ints:
+        return np.minimum(np.searchsorted(self.tails, tail), len(self.tails) - 1)
+
+
+def _head_and_tail(corners: Ints, n_nodes: int) -> tuple[Ints, Ints]:
+    """The smallest corner of faces (n, n_corners), and the others as one number."""
+    smallest = np.sort(corners, axis=1)[:, :3]
+    tail = np.zeros(len(corners), dtype=np.int64)
+    for column in smallest[:, 1:].T:
+        tail = tail * n_nodes + column
+    return smallest[:, 0], 2 * tail + (corners.shape[1] == 4)
 
 
 @dataclass(frozen=True)
@@ -94,40 +154,19 @@ def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
         table: its faces.
         rows: (r,) of the table.
     """
-    offsets = np.cumsum([0, *(len(block) for block in mesh.blocks)])
     found: dict[str, list[tuple[Ints, Ints]]] = {}
-    for number, block in enumerate(mesh.blocks):
-        reference = reference_element(block.kind)
-        for local, (face, kind) in enumerate(
-            zip(reference.faces, reference.face_kinds, strict=True)
-        ):
+    for number, (block, span) in enumerate(spans(mesh.blocks)):
+        cell = CELLS[block.kind]
+        for local, (face, kind) in enumerate(zip(cell.faces, cell.face_kinds, strict=True)):
             mine = rows[(table.block[rows] == number) & (table.local[rows] == local)]
             if len(mine):
                 element = table.element[mine]
-                nodes = block.nodes[element - offsets[number]][:, list(face)]
+                nodes = block.nodes[element - span.start][:, face]
                 found.setdefault(kind, []).append((nodes, element))
     return tuple(
         FacetPatch(kind, np.vstack([n for n, _ in parts]), np.concatenate([e for _, e in parts]))
         for kind, parts in found.items()
     )
-
-
-def face_centre(mesh: Mesh, nodes: Ints) -> Floats:
-    """Mean of the nodes of a face, (dim,) m, for messages."""
-    return np.asarray(mesh.points[nodes].mean(axis=0))
-
-
-def _keys(corners: Ints) -> Ints:
-    """(n,) one number for each face, from its three smallest corner nodes.
-
-    Three corners tell the faces of a valid mesh apart; 21 bits each hold two million nodes, and
-    larger meshes are beyond a direct solver on one machine.
-    """
-    smallest = np.sort(corners, axis=1)[:, :3]
-    key = np.zeros(len(corners), dtype=np.int64)
-    for column in smallest.T:
-        key = (key << 21) | column
-    return key
 
 
 def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats) -> float:
@@ -142,9 +181,8 @@ def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats
     """
     nearest = np.inf
     for patch in patches:
-        n_corners = reference_element(patch.kind).n_corners
-        for k in range(1, n_corners - 1) if mesh.dim == 3 else (1,):
-            corners = mesh.points[patch.nodes[:, [0, k, k + 1] if mesh.dim == 3 else [0, 1]]]
+        for piece in CELLS[patch.kind].shape.simplices:
+            corners = mesh.points[patch.nodes[:, piece]]
             away = _to_triangles if mesh.dim == 3 else _to_segments
             nearest = min(nearest, float(away(corners, point).min(initial=np.inf)))
     return nearest

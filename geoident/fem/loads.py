@@ -14,7 +14,7 @@ from geoident.fem.elements import raised_rule, reference_element
 from geoident.fem.faces import FacetPatch
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, rows_in
 
 
 @dataclass(frozen=True)
@@ -139,14 +139,11 @@ def weight_shares(mesh: Mesh, geometries: tuple[BlockGeometry, ...], elements: I
         elements: (k,) indices of the elements.
     """
     shares = np.zeros(mesh.n_nodes)
-    first = 0
-    for block, geometry in zip(mesh.blocks, geometries, strict=True):
-        mine = elements[(elements >= first) & (elements < first + len(block))] - first
-        volumes = geometry.volumes[mine] @ geometry.shapes
+    for (block, rows), geometry in zip(rows_in(mesh.blocks, elements), geometries, strict=True):
+        volumes = geometry.volumes[rows] @ geometry.shapes
         shares += np.bincount(
-            block.nodes[mine].ravel(), weights=volumes.ravel(), minlength=mesh.n_nodes
+            block.nodes[rows].ravel(), weights=volumes.ravel(), minlength=mesh.n_nodes
         )
-        first += len(block)
     return shares
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from geoident.fem.elements import ReferenceElement, reference_element
 from geoident.model.arrays import Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.mesh import ElementBlock, Mesh, spans
 
 REACH = 0.1
 """How far outside an element a point may lie to be taken by it, in parts of its size."""
@@ -49,15 +49,13 @@ class Locator:
         """The elements that hold a point (dim,), m, the best first; empty if there is none."""
         x = np.asarray(point, dtype=np.float64)
         found: list[Site] = []
-        first = 0
-        for block, (low, high) in zip(self._mesh.blocks, self._boxes, strict=True):
+        for (block, span), (low, high) in zip(spans(self._mesh.blocks), self._boxes, strict=True):
             near = np.flatnonzero(np.all((x >= low) & (x <= high), axis=1))
             found += [
                 site
                 for e in near
-                if (site := _site(self._mesh, block, int(e), first, x)) is not None
+                if (site := _site(self._mesh, block, int(e), span.start, x)) is not None
             ]
-            first += len(block)
         return tuple(sorted(found, key=lambda site: (max(site.outside, 1e-6), site.element)))
 
 
@@ -74,7 +72,7 @@ def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Sit
     xi = _inverse_map(reference, mesh.points[nodes], x)
     if xi is None:
         return None
-    outside = _outside(reference, xi)
+    outside = reference.outside(xi)
     if outside > REACH:
         return None
     return Site(first + e, nodes, reference.shapes(xi[None])[0], outside)
@@ -82,7 +80,7 @@ def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Sit
 
 def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats | None:
     """Reference coordinates of a point by Newton's method; None where it does not converge."""
-    xi = reference.nodes[: reference.n_corners].mean(axis=0)
+    xi = reference.nodes[: reference.cell.n_corners].mean(axis=0)
     size = np.ptp(corners, axis=0).max()
     for _ in range(_NEWTON_STEPS):
         error = reference.shapes(xi[None])[0] @ corners - x
@@ -96,10 +94,3 @@ def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Flo
         if np.abs(xi).max() > 10:
             return None
     return np.asarray(xi) if np.abs(error).max() <= 1e-9 * size else None
-
-
-def _outside(reference: ReferenceElement, xi: Floats) -> float:
-    """Signed distance from the reference domain in parts of its edge."""
-    if reference.family in ("tri", "tet"):
-        return float(max(-xi.min(), xi.sum() - 1))
-    return float(np.abs(xi).max() - 1) / 2

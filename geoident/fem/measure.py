@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
 from geoident.fem.compatibility import block_geometry
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.summary import MeshSummary, PartSummary
 
 
@@ -32,8 +33,8 @@ def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:
         kinds=tuple((block.kind, len(block)) for block in mesh.blocks),
         low=_corner(mesh, used, np.min),
         high=_corner(mesh, used, np.max),
-        groups=_parts(mesh, mesh.groups, _nodes_of(mesh.blocks), volumes),
-        facet_groups=_parts(mesh, mesh.facet_groups, _nodes_of(mesh.facets)),
+        groups=_parts(mesh, mesh.groups, partial(nodes_in, mesh.blocks), volumes),
+        facet_groups=_parts(mesh, mesh.facet_groups, partial(nodes_in, mesh.facets)),
         node_groups=_parts(mesh, mesh.node_groups, lambda members: members),
         ungrouped=int(np.count_nonzero(count == 0)),
         shared=int(np.count_nonzero(count > 1)),
@@ -61,17 +62,3 @@ def _parts(
 
 def _corner(mesh: Mesh, nodes: Ints, pick: Callable[..., Floats]) -> tuple[float, ...]:
     return tuple(float(x) for x in pick(mesh.points[nodes], axis=0))
-
-
-def _nodes_of(blocks: tuple[ElementBlock, ...]) -> Callable[[Ints], Ints]:
-    """A function from indices that count through some blocks to the nodes there."""
-
-    def nodes_of(members: Ints) -> Ints:
-        found, first = [np.empty(0, np.int64)], 0
-        for block in blocks:
-            mine = members[(members >= first) & (members < first + len(block))] - first
-            found.append(block.nodes[mine].ravel())
-            first += len(block)
-        return np.concatenate(found)
-
-    return nodes_of

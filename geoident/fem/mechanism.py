@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from geoident.fem.faces import FaceTable
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, spans
 
 _NULL = 1e-13  # relative to the largest eigenvalue of the Gram matrix; rounding is 1e-16 of it
 
@@ -104,13 +104,10 @@ def _pieces(table: FaceTable, present: Bools) -> Ints:
 def _piece_nodes(mesh: Mesh, present: Bools, piece: Ints) -> Ints:
     """(n, 2) pairs (piece, node), each once."""
     pairs = []
-    first = 0
-    for block in mesh.blocks:
-        mine = piece[first : first + len(block)]
-        kept = present[first : first + len(block)]
-        pieces = np.repeat(mine[kept], block.nodes.shape[1])
+    for block, span in spans(mesh.blocks):
+        kept = present[span]
+        pieces = np.repeat(piece[span][kept], block.nodes.shape[1])
         pairs.append((pieces << 32) | block.nodes[kept].ravel())
-        first += len(block)
     keys = np.unique(np.concatenate(pairs))
     return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
 

@@ -50,7 +50,7 @@ def _oriented_block(
 def _determinants(points: Floats, block: ElementBlock, xi: Floats) -> Floats:
     """Jacobian determinants (n_el, n) at the strain points (n_q, dim) and the corners."""
     reference = reference_element(block.kind)
-    corners = reference.nodes[: reference.n_corners]
+    corners = reference.nodes[: reference.cell.n_corners]
     local = reference.gradients(np.vstack([xi, corners]))
     return np.asarray(
         np.linalg.det(np.einsum("eai,qaj->eqij", points[block.nodes], local, optimize=True))

@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from geoident.fem.compatibility import BlockGeometry
 from geoident.fem.solvers.protocol import LowerPattern
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, rows_in
 
 _CHUNK = 4_000_000  # gradient products held at once, in numbers
 
@@ -80,15 +80,12 @@ def group_blocks(
     Args:
         mesh: the mesh.
         geometries: geometry of its blocks.
-        elements: element indices of the group.
+        elements: (k,) element indices of the group.
         rank: (n_nodes,) place of each node in the elimination order.
     """
     parts = []
-    first = 0
-    for block, geometry in zip(mesh.blocks, geometries, strict=True):
-        mine = elements[(elements >= first) & (elements < first + len(block))] - first
-        first += len(block)
-        parts += [_products(rank[block.nodes[e]], geometry, e) for e in _chunks(mine, geometry)]
+    for (block, rows), geometry in zip(rows_in(mesh.blocks, elements), geometries, strict=True):
+        parts += [_products(rank[block.nodes[e]], geometry, e) for e in _chunks(rows, geometry)]
     keys = np.concatenate([k for k, _ in parts]) if parts else np.empty(0, np.int64)
     unique, place = np.unique(keys, return_inverse=True)
     total = np.zeros((len(unique), geometries[0].gradients.shape[3] ** 2))
@@ -184,13 +181,12 @@ def _scalar_pattern(row: Ints, column: Ints, unknown: Ints, dim: int) -> tuple[L
 
 def node_graph(mesh: Mesh) -> tuple[Ints, Ints]:
     """Nodes that share an element: (indptr (n_nodes + 1,), indices), each its own neighbour."""
-    rows, columns, first = [], [], 0
-    for block in mesh.blocks:
-        n_el, n_a = block.nodes.shape
-        rows.append(np.repeat(np.arange(first, first + n_el), n_a))
-        columns.append(block.nodes.ravel())
-        first += n_el
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    incidence = sp.csr_array((np.ones(len(row)), (row, column)), shape=(first, mesh.n_nodes))
+    sizes = np.concatenate([np.full(len(block), block.nodes.shape[1]) for block in mesh.blocks])
+    nodes = np.concatenate([block.nodes.ravel() for block in mesh.blocks])
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    incidence = sp.csr_array(
+        (np.ones(len(nodes)), nodes, starts), shape=(mesh.n_elements, mesh.n_nodes)
+    )
+    incidence.sort_indices()
     graph = (incidence.T @ incidence).tocsr()
     return graph.indptr.astype(np.int64), graph.indices.astype(np.int64)

@@ -80,7 +80,7 @@ def beams(mesh: Mesh, edges: Ints, clamped: Bools) -> Members:
 
     Args:
         mesh: the mesh.
-        edges: node indices of the two ends of every member.
+        edges: (n, 2) node indices of the two ends of every member.
         clamped: (n_nodes,) nodes at which the beams do not turn.
     """
     n, ends = len(edges), mesh.points[edges]

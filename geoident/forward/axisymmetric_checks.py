@@ -20,7 +20,7 @@ from geoident.forward.in_situ.stress import in_situ_models
 from geoident.forward.stages import element_number
 from geoident.model.actions import Seismic
 from geoident.model.case import Analysis, Case, KeyPath
-from geoident.model.in_situ import Components, ConstantStress, HeimStress, InSitu
+from geoident.model.in_situ import InSitu
 from geoident.model.mesh import Mesh
 
 _SHOWN = 10
@@ -78,11 +78,11 @@ def _seismic_faults(case: Case) -> list[Fault]:
 
 def _stress_faults(case: Case, path: KeyPath, model: InSitu) -> Iterator[Fault]:
     """Horizontal stresses that differ, and shear."""
-    if isinstance(model, HeimStress) and model.K0_across not in (None, model.K0):
+    if not model.is_alike_horizontally:
         message = "the horizontal in-situ stresses of an axisymmetric analysis are equal (rr = tt)"
         yield _fault(case, (*path, "K0"), message, f"give one K0, or {_SOLID}")
-    for key, components in _tensors(model).items():
-        where = (*path, *key)
+    for key, components in model.tensors.items():
+        where = (*path, key) if key else path
         xx, _, zz, xy, _, _ = components
         if xx != zz:
             message = (
@@ -95,15 +95,6 @@ def _stress_faults(case: Case, path: KeyPath, model: InSitu) -> Iterator[Fault]:
                 "xy (rz) of the in-situ stress is not zero: shear on the axis has no direction"
             )
             yield _fault(case, (*where, "xy"), message, f"remove it, or {_SOLID}")
-
-
-def _tensors(model: InSitu) -> dict[KeyPath, Components]:
-    """The tensors that a model is made of, by their keys."""
-    if isinstance(model, ConstantStress):
-        return {(): model.components}
-    if isinstance(model, HeimStress):
-        return {} if model.tectonic is None else {("tectonic",): model.tectonic}
-    return {("at_surface",): model.at_surface, ("gradient",): model.gradient}
 
 
 def _fault(case: Case, path: KeyPath, message: str, hint: str) -> Fault:

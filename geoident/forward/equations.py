@@ -1,4 +1,4 @@
-"""The staged model as plain arrays: its complementarity system, where it has one (theory 5).
+"""The staged model as stages of arrays: its complementarity system, where it has one (theory 5).
 
 The march does not use this; the formulations of the complementarity method that solve all stages
 and parameters at once do. What is not affine in the parameters, and what is more than strain points
@@ -22,13 +22,13 @@ from geoident.forward.ground.elasticity import elasticity, elasticity_slopes
 from geoident.forward.in_situ import stress as in_situ
 from geoident.forward.in_situ.stress import BALANCED
 from geoident.forward.march.stage_equations import numbers
+from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.structures import members as structures
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.laws import is_smooth, law_slopes, yield_law
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Point
-from geoident.model.equations import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 
 if TYPE_CHECKING:
     from geoident.forward.model import StagedModel

@@ -18,10 +18,11 @@ from geoident.forward.march.plastic_step import PlasticOptions
 from geoident.forward.march.state import Push
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
+from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures import members as structures
 from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
-from geoident.model.equations import Condensed, StagedSystem
+from geoident.model.equations import BilinearSystem, Condensed
 from geoident.model.result import Counts
 
 _DEPENDENT = 1e-10
@@ -94,11 +95,15 @@ class StagedResponse:
         return self._model.march.plastic.activity(self.names)
 
     def system_obstacle(self) -> str | None:
-        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         return export_obstacle(self._model, self._start())
 
-    def system(self) -> StagedSystem:
-        """The equations of all stages as arrays."""
+    def system(self) -> BilinearSystem:
+        """The equations of all stages as one system of vectors."""
+        return bilinear(self.staged_system(), self._start())
+
+    def staged_system(self) -> StagedSystem:
+        """The equations stage by stage, as arrays."""
         model, start = self._model, self._start()
         values = model.values(start)
         added = model.instruments.added(values, self.names, self._row, self._state, self._times)

@@ -1,19 +1,14 @@
-"""What a forward model hands to condensation.
+"""Equations that a model hands to identifiers: numbers and vectors, whatever they stand for.
 
-The complementarity system of a staged model (theory 5) as plain arrays.
+Condensation takes `Condensed`. The formulations of the complementarity method that solve all stages
+and parameters at once take a `BilinearSystem`, with unknowns x and parameters p:
 
-At every stage, building on the stage ``base`` (the state before the first stage for -1),
+    R(x, p) = 0                              equations
+    s(x, p) >= 0,  lam >= 0,  s^T lam = 0    slacks s and multipliers lam, some of the entries of x
+    v(x, p)                                  readings
 
-    sigma_j = sigma_base + E (C du_j - N dlam_j)          sigma_base = 0 in what the stage places
-    C^T V sigma_j = F_j                                   on the free degrees of freedom
-    psi_j = N^T sigma_j - k - H (lam_base + dlam_j) <= 0,   dlam_j >= 0,   psi_j^T dlam_j = 0
-
-with F, k, H, E and the initial stress affine in the parameters p, and readings v that add up the
-steps of the stages between their zero and their own:
-
-    v_a = sum_j active[j, a] G_a du_j + offset_a
-
-N is fixed: what turns a plane (a friction angle) is not of this form.
+R, s and v are bilinear, y(x, p) = c_0 + A_0 x + sum_h p_h (c_h + A_h x), with sparse A. For given p
+and lam the equations determine all other unknowns.
 """
 
 from __future__ import annotations
@@ -24,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -49,140 +44,73 @@ class Condensed:
 
 
 @dataclass(frozen=True)
-class Affine:
-    """An array a_0 + sum_h p_h a_h.
+class Bilinear:
+    """m values c_0 + A_0 x + sum_h p_h (c_h + A_h x) of N unknowns x and n parameters p.
 
     Args:
-        constant: a_0, (...).
-        slopes: a_h, (..., n).
+        constant: (m,) c_0.
+        by_p: (m, n) c_h, column by column.
+        by_x: (m, N) sparse A_0.
+        products: A_h (m, N), sparse, of those parameters h for which it is not zero.
     """
 
     constant: Floats
-    slopes: Floats
+    by_p: Floats
+    by_x: sp.csr_array
+    products: Mapping[int, sp.csr_array]
 
-    def at(self, p: Floats) -> Floats:
-        """The array at parameters p (n,).
+    def at(self, p: Floats) -> tuple[Floats, sp.csr_array]:
+        """The vector c (m,) and the matrix A (m, N) of the values c + A x at parameters p (n,).
 
-        >>> Affine(np.ones(2), np.eye(2)).at(np.array([3.0, 5.0]))
-        array([4., 6.])
+        >>> one = sp.csr_array(np.eye(1))
+        >>> c, A = Bilinear(np.ones(1), np.ones((1, 1)), one, {0: one}).at(np.array([3.0]))
+        >>> c, A.toarray()
+        (array([4.]), array([[4.]]))
         """
-        return np.asarray(self.constant + self.slopes @ p)
-
-    @property
-    def depends_on(self) -> Bools:
-        """(n,) which parameters move it."""
-        axes = tuple(range(self.slopes.ndim - 1))
-        return np.asarray(np.any(self.slopes != 0.0, axis=axes))
-
-
-def fixed(array: Floats, n: int) -> Affine:
-    """An array (...) that none of n parameters moves."""
-    return Affine(array, np.zeros((*array.shape, n)))
+        matrix = self.by_x
+        for h, product in self.products.items():
+            matrix = matrix + float(p[h]) * product
+        return np.asarray(self.constant + self.by_p @ p), sp.csr_array(matrix)
 
 
 @dataclass(frozen=True)
-class PointSet:
-    """Strain points that come, go and change their law together.
+class BilinearSystem:
+    """A bilinear complementarity system of N unknowns, n parameters, q pairs and g readings.
 
-    Args:
-        name: in messages.
-        compatibility: C, (s m, d) sparse, component by component: row c m + i is component c of
-            point i; 1/m.
-        volume: V, (m,), m3.
-        initial: (s, m) stress before the first stage, Pa.
-    """
-
-    name: str
-    compatibility: sp.csr_array
-    volume: Floats
-    initial: Affine
-
-    @property
-    def n_points(self) -> int:
-        """Number m of strain points."""
-        return int(self.volume.shape[0])
-
-    @property
-    def n_strain(self) -> int:
-        """Number s of strain components."""
-        return int(self.initial.constant.shape[0])
-
-
-@dataclass(frozen=True)
-class PointLaw:
-    """The law of a material: elastic where it has no plane (y = 0).
-
-    Args:
-        elasticity: E, (s, s), Pa.
-        normals: n, (y, s), dimensionless.
-        distances: k, (y,), Pa.
-        hardening: H, (y, y), Pa; zero for perfect plasticity.
-    """
-
-    elasticity: Affine
-    normals: Floats
-    distances: Affine
-    hardening: Affine
-
-    @property
-    def n_planes(self) -> int:
-        """Number y of planes."""
-        return int(self.normals.shape[0])
-
-
-@dataclass(frozen=True)
-class LoadStage:
-    """One stage.
-
-    Args:
-        name: of the stage.
-        base: index of the stage it builds on; -1 for the state before the first.
-        laws: index of the law of every point set that is present.
-        fresh: point sets that begin without stress and without history.
-        dofs: (f,) free degrees of freedom.
-        forces: F, (d,), N.
-    """
-
-    name: str
-    base: int
-    laws: Mapping[int, int]
-    fresh: frozenset[int]
-    dofs: Ints
-    forces: Affine
-
-
-@dataclass(frozen=True)
-class StagedSystem:
-    """All stages of one identification problem.
+    Unknowns are of several kinds (displacements, the stresses of one material, ...). Those of one
+    kind have one unit and are of one size; so have equations and slacks that name the kind.
 
     Args:
         names: the n parameters.
-        sets: point sets.
-        laws: laws.
-        stages: J stages; each comes after the one on which it builds.
-        rows: G, (g, d) sparse; readings are in m where the rows are dimensionless.
-        active: (J, g) weight of the step of a stage in a reading.
-        offset: (g,) what the instruments add.
+        equations: R, N - q of them.
+        slacks: s, (q,).
+        readings: v, (g,).
+        multipliers: (q,) index in x of the multiplier that pairs with each slack.
+        stiffness: (q,) how fast a slack grows with its own multiplier where no displacement
+            follows, at parameters of the usual size; slack size by it is the multiplier's size.
+        work: (q,) slack times multiplier times this is the work of the pair, all in one unit.
+        kind_of_unknown: (N,) from 0; -1 for multipliers.
+        kind_of_equation: (N - q,) or -1 where an equation is in a unit of its own.
+        kind_of_slack: (q,).
     """
 
     names: tuple[str, ...]
-    sets: tuple[PointSet, ...]
-    laws: tuple[PointLaw, ...]
-    stages: tuple[LoadStage, ...]
-    rows: sp.csr_array
-    active: Floats
-    offset: Affine
-
-    @property
-    def n_dofs(self) -> int:
-        """Number d of degrees of freedom."""
-        return int(self.rows.shape[1])
+    equations: Bilinear
+    slacks: Bilinear
+    readings: Bilinear
+    multipliers: Ints
+    stiffness: Floats
+    work: Floats
+    kind_of_unknown: Ints
+    kind_of_equation: Ints
+    kind_of_slack: Ints
 
     @property
     def n_pairs(self) -> int:
-        """Number of complementarities: planes of present points, over all stages."""
-        return sum(
-            self.sets[s].n_points * self.laws[law].n_planes
-            for stage in self.stages
-            for s, law in stage.laws.items()
-        )
+        """Number q of pairs."""
+        return int(self.multipliers.shape[0])
+
+    @property
+    def determined(self) -> Ints:
+        """(N - q,) the unknowns that are no multipliers: what the equations determine."""
+        return np.setdiff1d(np.arange(len(self.kind_of_unknown)), self.multipliers)

@@ -151,6 +151,11 @@ def constants(elastic: Elastic) -> dict[str, Scalar]:
 def angles(elastic: Elastic) -> dict[str, Scalar]:
     """The numbers that say how the material axes lie, by name."""
     frame = getattr(elastic, "frame", None)
+    return {} if frame is None else angles_of(frame)
+
+
+def angles_of(frame: Frame) -> dict[str, Scalar]:
+    """The angles of a frame, by name; none where vectors give it."""
     if not isinstance(frame, Attitude):
         return {}
     return {f.name: getattr(frame, f.name) for f in fields(frame)}

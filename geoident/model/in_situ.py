@@ -8,6 +8,8 @@ equilibrium otherwise), no for one that grows with depth.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from geoident.model.parameter import Scalar
@@ -19,16 +21,35 @@ Components = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 """Numbers in the order xx, yy, zz, xy, yz, xz. In 2-D z is out of plane, yz and xz are zero."""
 
 
+class _Stress(ABC):
+    """What every in-situ stress knows of itself."""
+
+    @property
+    @abstractmethod
+    def tensors(self) -> Mapping[str, Components]:
+        """The stresses that it is made of as they are given, by their keys below its own."""
+
+    @property
+    def is_alike_horizontally(self) -> bool:
+        """Whether its ratios are the same in all horizontal directions."""
+        return True
+
+
 @dataclass(frozen=True)
-class ConstantStress:
+class ConstantStress(_Stress):
     """In-situ stress the same everywhere, tension positive, Pa."""
 
     components: Components
     held: bool | None = None
 
+    @property
+    def tensors(self) -> Mapping[str, Components]:
+        """The stress itself."""
+        return {"": self.components}
+
 
 @dataclass(frozen=True)
-class HeimStress:
+class HeimStress(_Stress):
     """Heim's in-situ stress: a vertical pressure and K0 times it on every horizontal plane.
 
     Either ``vertical`` (Pa, compression positive, the same everywhere) or ``unit_weight`` (N/m3)
@@ -54,9 +75,19 @@ class HeimStress:
     azimuth: Scalar | None = None
     tectonic: Components | None = None
 
+    @property
+    def tensors(self) -> Mapping[str, Components]:
+        """The tectonic stress, if there is one."""
+        return {} if self.tectonic is None else {"tectonic": self.tectonic}
+
+    @property
+    def is_alike_horizontally(self) -> bool:
+        """Whether one K0 holds along and across."""
+        return self.K0_across in (None, self.K0)
+
 
 @dataclass(frozen=True)
-class ProfileStress:
+class ProfileStress(_Stress):
     """A stress that changes linearly with depth: sigma = at_surface + gradient * depth.
 
     Depth is counted downwards from ``surface`` and is negative above it.
@@ -72,6 +103,11 @@ class ProfileStress:
     gradient: Components
     surface: Surface
     held: bool | None = None
+
+    @property
+    def tensors(self) -> Mapping[str, Components]:
+        """Stress at the surface and its change with depth."""
+        return {"at_surface": self.at_surface, "gradient": self.gradient}
 
 
 InSitu = ConstantStress | HeimStress | ProfileStress

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass, field
+from typing import TypeVar
 
-from geoident.model.arrays import Floats, Ints
+import numpy as np
 
-ELEMENT_KINDS_2D = ("tri3", "tri6", "quad4", "quad8")
-ELEMENT_KINDS_3D = ("tet4", "tet10", "hex8", "hex20")
-FACET_KINDS_2D = ("line2", "line3")
-FACET_KINDS_3D = ("tri3", "tri6", "quad4", "quad8")
+from geoident.model.arrays import Bools, Floats, Ints
+
+_Row = TypeVar("_Row", bound=Sized)
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ElementBlock:
     """Elements of one kind.
 
     Args:
-        kind: such as ``tri3`` or ``hex20``.
+        kind: a key of `geoident.model.cells.CELLS` that is usable, such as ``hex20``.
         nodes: (n_elements, nodes per element) node indices from 0, in VTK's order.
         numbers: (n_elements,) the numbers under which the user knows these elements
             (from the file, else counted from 1), for messages.
@@ -71,3 +71,35 @@ class Mesh:
     def n_elements(self) -> int:
         """Number of elements of all blocks."""
         return sum(len(block) for block in self.blocks)
+
+
+def spans(blocks: Iterable[_Row]) -> Iterator[tuple[_Row, slice]]:
+    """Every block with the slice of its elements among those of all blocks.
+
+    >>> [span for _, span in spans(["abc", "de"])]
+    [slice(0, 3, None), slice(3, 5, None)]
+    """
+    first = 0
+    for block in blocks:
+        yield block, slice(first, first + len(block))
+        first += len(block)
+
+
+def rows_in(
+    blocks: Iterable[ElementBlock], members: Ints | Bools
+) -> Iterator[tuple[ElementBlock, Ints]]:
+    """Every block with the rows in it of some elements, in the order in which these are given.
+
+    Args:
+        blocks: the elements or the facets of a mesh.
+        members: (n,) element (facet) indices, or (n_elements,) which elements.
+    """
+    chosen = np.flatnonzero(members) if members.dtype == bool else members
+    for block, span in spans(blocks):
+        yield block, chosen[(chosen >= span.start) & (chosen < span.stop)] - span.start
+
+
+def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
+    """Nodes (n,) of some elements, each once, ascending; arguments as for `rows_in`."""
+    found = [block.nodes[rows].ravel() for block, rows in rows_in(blocks, members)]
+    return np.unique(np.concatenate([np.empty(0, np.int64), *found]))

@@ -323,7 +323,7 @@ class Grid:
 
     Args:
         names: the parameters of the axes.
-        axes: for every axis its values, SI.
+        axes: for every axis its values (k,), SI.
         objective: (len(axes[0]), ...) discrepancy; infinite where the model has no solution.
     """
 

@@ -5,13 +5,16 @@ Which strengths and angles make a yield surface, and which bound those break tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from math import degrees, pi, tan
-from typing import Literal
+from typing import ClassVar, Literal
 
-from geoident.model.ground import Breach, Frame
+from geoident.model.ground import Breach, Frame, angles_of
 from geoident.model.parameter import Scalar
+
+Numbers = Mapping[str, float]
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""
@@ -33,15 +36,87 @@ class YieldPlane:
 
 
 @dataclass(frozen=True)
-class GivenPlanes:
+class _Surface(ABC):
+    """What every yield surface knows of itself. Its own numbers are its strengths and angles."""
+
+    kind: ClassVar[str]
+    """Name by which users know it, in cases and in the names of planes."""
+
+    @property
+    def strengths(self) -> dict[str, Scalar]:
+        """Its strengths and angles of strength, by name."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: number for name, number in given.items() if isinstance(number, Scalar)}
+
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """All numbers on which its planes depend."""
+        return tuple(self.strengths.values())
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether it is a law of principal stresses, not planes."""
+        return False
+
+    @property
+    @abstractmethod
+    def description(self) -> str:
+        """What it is, in a few words."""
+
+    def breach(self, values: Mapping[str, float]) -> Breach | None:
+        """The first bound that its strengths break at parameter values (SI), or None."""
+        return self._breach(self._values(values))
+
+    def apex(self, values: Mapping[str, float]) -> float | None:
+        """The largest tension that friction and cohesion alone leave, c / tan(phi), Pa.
+
+        None without friction, or where neither is a number of the surface.
+        """
+        numbers = self._values(values)
+        phi = numbers.get("friction", 0.0)
+        return numbers["cohesion"] / tan(phi) if 0.0 < phi < pi / 2 else None
+
+    @abstractmethod
+    def _breach(self, given: Numbers) -> Breach | None:
+        """The first bound that its strengths (SI, by name) break, or None."""
+
+    def _values(self, values: Mapping[str, float]) -> dict[str, float]:
+        return {name: number.value(values) for name, number in self.strengths.items()}
+
+
+@dataclass(frozen=True)
+class GivenPlanes(_Surface):
     """A polyhedron given plane by plane; ``hardening`` h: k grows by h lam of the same plane."""
+
+    kind = "planes"
 
     planes: tuple[YieldPlane, ...]
     hardening: Scalar = Scalar(0.0)
 
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """Hardening, and the distances of the planes."""
+        return (self.hardening, *(plane.distance for plane in self.planes))
+
+    @property
+    def description(self) -> str:
+        """What it is, in a few words."""
+        return "given planes"
+
+    def _breach(self, given: Numbers) -> Breach | None:
+        return _negative(given, "hardening")
+
+
+class _Coulomb(_Surface):
+    """A surface by cohesion and angle of friction."""
+
+    def _breach(self, given: Numbers) -> Breach | None:
+        found = _friction(given) or _cohesion(given) or _dilation(given)
+        return found or _negative(given, "tension")
+
 
 @dataclass(frozen=True)
-class MohrCoulomb:
+class MohrCoulomb(_Coulomb):
     """Mohr-Coulomb; Tresca where friction is zero. Planes: None for the smooth surface.
 
     Args:
@@ -53,6 +128,8 @@ class MohrCoulomb:
         fit: how the polyhedron lies.
     """
 
+    kind = "mohr-coulomb"
+
     cohesion: Scalar
     friction: Scalar
     dilation: Scalar | None = None
@@ -60,9 +137,24 @@ class MohrCoulomb:
     planes: int | None = None
     fit: Fit = "best"
 
+    @property
+    def is_smooth(self) -> bool:
+        """Whether no planes stand in its place."""
+        return self.planes is None
+
+    @property
+    def description(self) -> str:
+        """Its name, whether tension is cut off, and how its planes lie or how it flows."""
+        name = "Tresca" if self.friction.factor == 0.0 else "Mohr-Coulomb"
+        name = _with_tension(name, self.tension)
+        if not self.is_smooth:
+            return f"{name} ({self.fit} fit)"
+        flow = "with associated flow" if self.dilation is None else "with its own dilation"
+        return f"{name}, smooth, {flow}"
+
 
 @dataclass(frozen=True)
-class DruckerPrager:
+class DruckerPrager(_Coulomb):
     """Drucker-Prager's cone, faceted, through Mohr-Coulomb's c and phi.
 
     Args:
@@ -75,6 +167,8 @@ class DruckerPrager:
         fit: how the polyhedron lies to the cone.
     """
 
+    kind = "drucker-prager"
+
     cohesion: Scalar
     friction: Scalar
     match: Literal["outer", "inner", "plane-strain"] = "plane-strain"
@@ -82,9 +176,15 @@ class DruckerPrager:
     planes: int = 24
     fit: Fit = "best"
 
+    @property
+    def description(self) -> str:
+        """Its name, whether tension is cut off, and how its planes lie."""
+        name = _with_tension("Drucker-Prager's cone", self.tension)
+        return f"{name} ({self.fit} fit)"
+
 
 @dataclass(frozen=True)
-class WeakPlane:
+class WeakPlane(_Coulomb):
     """Coulomb on planes of one orientation (strata, joints): tau <= c - sigma_n tan(phi).
 
     Args:
@@ -95,55 +195,40 @@ class WeakPlane:
         planes: facets of the cone in a solid; in a section two suffice.
     """
 
+    kind = "weak-plane"
+
     frame: Frame
     cohesion: Scalar
     friction: Scalar
     tension: Scalar | None = None
     planes: int = 16
 
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """Strengths, and the angles by which it lies."""
+        return (*self.strengths.values(), *angles_of(self.frame).values())
+
+    @property
+    def description(self) -> str:
+        """What it is, in a few words."""
+        return "a weak plane"
+
 
 YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane
 
 
-Numbers = Mapping[str, float]
-
-_STRENGTHS = ("cohesion", "friction", "dilation", "tension", "hardening")
-
-
-def strengths(surface: YieldSurface) -> dict[str, Scalar]:
-    """The strengths and angles of strength of a surface, by name."""
-    given = {name: getattr(surface, name, None) for name in _STRENGTHS}
-    return {name: scalar for name, scalar in given.items() if scalar is not None}
-
-
-def numbers_of_yield(surface: YieldSurface) -> tuple[Scalar, ...]:
-    """All numbers on which its planes depend."""
-    distances = [p.distance for p in surface.planes] if isinstance(surface, GivenPlanes) else []
-    frame = getattr(surface, "frame", None)
-    angles = [s for s in vars(frame).values() if isinstance(s, Scalar)] if frame else []
-    return (*strengths(surface).values(), *distances, *angles)
-
-
 def yield_breach(surface: YieldSurface, values: Mapping[str, float]) -> Breach | None:
-    """The first bound that the strengths break at parameter values (SI), or None."""
-    numbers = {name: scalar.value(values) for name, scalar in strengths(surface).items()}
-    return _CHECKS[type(surface)](numbers)
+    """See the method of the surface."""
+    return surface.breach(values)
 
 
 def apex(surface: YieldSurface, values: Mapping[str, float]) -> float | None:
-    """The largest tension that friction and cohesion alone leave, c / tan(phi), Pa.
-
-    None without friction, or for planes that are given.
-    """
-    numbers = {name: scalar.value(values) for name, scalar in strengths(surface).items()}
-    phi = numbers.get("friction", 0.0)
-    if not 0.0 < phi < pi / 2:
-        return None
-    return numbers["cohesion"] / tan(phi)
+    """See the method of the surface."""
+    return surface.apex(values)
 
 
-def _coulomb(given: Numbers) -> Breach | None:
-    return _friction(given) or _cohesion(given) or _dilation(given) or _negative(given, "tension")
+def _with_tension(name: str, tension: Scalar | None) -> str:
+    return name if tension is None else f"{name} with a cut-off of tension"
 
 
 def _friction(given: Numbers) -> Breach | None:
@@ -167,19 +252,7 @@ def _dilation(given: Numbers) -> Breach | None:
     return Breach("dilation", given["dilation"], limit)
 
 
-def _planes(given: Numbers) -> Breach | None:
-    return _negative(given, "hardening")
-
-
 def _negative(given: Numbers, name: str) -> Breach | None:
     if given.get(name, 0.0) >= 0.0:
         return None
     return Breach(name, given[name], "it must not be negative")
-
-
-_CHECKS: Mapping[type, Callable[[Numbers], Breach | None]] = {
-    GivenPlanes: _planes,
-    MohrCoulomb: _coulomb,
-    DruckerPrager: _coulomb,
-    WeakPlane: _coulomb,
-}

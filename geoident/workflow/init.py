@@ -9,10 +9,10 @@ from pathlib import Path
 from geoident.errors import OutputError
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.measure import summarize_mesh
+from geoident.io.docs.case_schema import case_schema_text
 from geoident.io.docs.skeleton import skeleton
 from geoident.io.docs.templates import template_files
 from geoident.io.mesh.file import mesh_files, read_mesh
-from geoident.io.schema.document import case_schema_text
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.model.case import Analysis
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoident.io.schema.document import case_schema_text, key_page_text
+from geoident.io.docs.case_schema import case_schema_text, key_page_text
 
 
 def schema() -> str:

@@ -13,7 +13,7 @@ import pytest
 
 from geoident.cli.app import COMMANDS, geoident
 from geoident.cli.commands.completion import SHELLS
-from geoident.cli.next_steps import NEXT
+from geoident.cli.options import takes
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -41,11 +41,12 @@ class TestEveryCommand:
     def test_it_is_documented(self, name):
         assert f"geoident {name}" in README.read_text(encoding="utf-8")
 
-    def test_it_says_what_comes_next(self, name):
-        assert name in NEXT
-
 
 class TestNext:
+    def test_no_command_can_forget_it(self):
+        with pytest.raises(TypeError, match="after"):
+            takes()
+
     def test_after_a_fit_one_looks_at_it_and_predicts(self, trench, run):
         told = run("fit", "case.yaml")
         assert told.stdout == "case.fit.h5\n"

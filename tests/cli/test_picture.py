@@ -8,7 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from geoident.io.docs.templates import TEMPLATES
-from geoident.report.drawing.case_parts import parts_of, window
+from geoident.report.drawing.case import parts_of, window
 from geoident.workflow.check import check
 
 

@@ -1,12 +1,13 @@
 """A trench with a lined wall and a bolt, from the files to the forces that are shown."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result
-from geoident.report.page.sentences import structure_table
+from geoident.report.text.structures import force_table
 
 STRUCTURES = """\
 structures:
@@ -78,9 +79,11 @@ def test_forces_are_in_tables_and_in_the_report(lined, run):
     assert float(cells[3]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-11)
     assert cells[4:] == ["", "", ""]
     assert len(found) == 5
-    page = structure_table(read_result("case.fit.h5"))
-    assert page.count("<tr") == 4
-    assert "nail" in page
+    rows = force_table(read_result("case.fit.h5").members).rows
+    assert [row[:2] for row in rows] == [["wall", "second"], ["nail", "first"], ["nail", "second"]]
+    assert run("report", "case.fit.h5").exit_code == 0
+    page = Path("case.fit.html").read_text(encoding="utf-8")
+    assert "<td>nail</td><td>first</td>" in page
 
 
 def test_structure_outside_the_ground_is_refused_at_its_place(lined, run):

@@ -1,8 +1,9 @@
 """Docstrings say what a reader needs: shapes of arrays, arguments, errors.
 
 Held for every public function, method and class constructor of the package (constructors are
-described by their class): one that takes or returns arrays says their shapes, one with three or
-more arguments has `Args`, one that raises has `Raises`. Exempt are
+described by their class, dataclasses by their fields): one that takes or returns arrays says their
+shapes, in `Args` that of every array, one with three or more arguments has `Args`, one that raises
+has `Raises`. Exempt are
 
     commands      their docstring is the help on the screen, where options have help of their own
     operators     of numbers that carry derivatives, and what else Python calls by a special name
@@ -58,6 +59,7 @@ class Routine:
     place: str
     name: str
     arguments: tuple[str, ...]
+    arrays: tuple[str, ...]
     annotations: str
     raises: tuple[str, ...]
     doc: str
@@ -67,11 +69,19 @@ class Routine:
     def missing(self):
         """What the docstring lacks: shapes, Args, Raises."""
         wanted = {
-            "shapes": ARRAYS.search(self.annotations) and not SHAPE.search(self.doc),
+            "shapes": ARRAYS.search(self.annotations) and not self._says_shapes,
             "Args": len(self.arguments) >= MANY and "Args:" not in self.doc,
             "Raises": self.raises and "Raises:" not in self.doc,
         }
         return {what for what, lacks in wanted.items() if lacks}
+
+    @property
+    def _says_shapes(self):
+        """A shape anywhere, and with every argument that is an array where `Args` are given."""
+        _, _, given = self.doc.partition("Args:\n")
+        entries = [re.search(rf"^    {a}: .*(?:\n {{8}}.*)*", given, re.M) for a in self.arrays]
+        bare = [entry for entry in entries if entry and not SHAPE.search(entry[0])]
+        return SHAPE.search(self.doc) and not bare
 
 
 def routines(path):
@@ -84,8 +94,25 @@ def _routines(body, place, owner):
     for node in body.body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from _routines(node, place, node)
+            yield from _dataclass(node, place)
         elif isinstance(node, ast.FunctionDef) and _public(node.name, owner):
             yield _routine(node, place, owner)
+
+
+def _dataclass(node, place):
+    """The constructor that a dataclass has without writing it."""
+    if any("dataclass" in ast.unparse(d) for d in node.decorator_list):
+        written = [f.annotation for f in node.body if isinstance(f, ast.AnnAssign)]
+        yield Routine(
+            place=f"{place}:{node.lineno} {node.name}",
+            name=node.name,
+            arguments=(),
+            arrays=(),
+            annotations=" ".join(ast.unparse(a) for a in written),
+            raises=(),
+            doc=ast.get_docstring(node) or "",
+            command=False,
+        )
 
 
 def _public(name, owner):
@@ -102,11 +129,16 @@ def _routine(node, place, owner):
         place=f"{place}:{node.lineno} {prefix}{node.name}",
         name=node.name,
         arguments=tuple(a.arg for a in arguments),
+        arrays=tuple(a.arg for a in arguments if a.annotation and _is_array(a.annotation)),
         annotations=" ".join(ast.unparse(a) for a in written if a is not None),
         raises=tuple(_own_raises(node, frozenset())),
         doc=ast.get_docstring(described) or "",
         command=any(_of_command(d) for d in node.decorator_list),
     )
+
+
+def _is_array(annotation):
+    return re.match(rf"{ARRAYS.pattern}(?: \| None)?$", ast.unparse(annotation)) is not None
 
 
 def _own_raises(node, caught):
@@ -140,7 +172,7 @@ def told_elsewhere():
     return {
         (r.name, r.arguments)
         for r in everything()
-        if "." in r.place.split()[1] and r.name != "__init__" and not r.missing
+        if "." in r.place.split()[1] and r.arguments and r.name != "__init__" and not r.missing
     }
 
 
@@ -170,6 +202,10 @@ def test_docstrings_say(what):
         ('def f() -> None:\n    """Of it."""\n    try:\n        g()\n    except E as e:\n'
          "        raise e", set()),
         ('def _f(a: Floats, b: Floats, c: Floats) -> None:\n    """Private."""', None),
+        ('def f(x: Floats, y: Floats) -> None:\n    """Of it.\n\n    Args:\n        x: (n,).\n'
+         '        y: the same.\n    """', {"shapes"}),
+        ('@dataclass\nclass A:\n    """Of x."""\n\n    x: Floats', {"shapes"}),
+        ('@dataclass\nclass A:\n    """Of x (n,)."""\n\n    x: Floats', set()),
         ('class A:\n    """Of x."""\n\n    def __init__(self, x: Floats) -> None: ...', {"shapes"}),
     ],
 )  # fmt: skip

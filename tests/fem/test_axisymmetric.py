@@ -176,7 +176,7 @@ def test_quadrature_is_exact_where_the_integrand_is_a_polynomial(kind):
         axis = AXISYMMETRIC.on_axis(mesh.points)[nodes]
         moving = ~axis
         hoop *= moving[:, :, None] & moving[:, None, :]
-        with_edge = axis.sum(axis=1) == reference_element(kind).order + 1
+        with_edge = axis.sum(axis=1) == reference_element(kind).cell.order + 1
         assert with_edge.any() is np.bool_(inner == ON_AXIS)
         np.testing.assert_allclose(hoop[with_edge], 0.0, atol=1e-13)
 
@@ -278,4 +278,4 @@ def l2_error(kind, n):
 @kinds
 def test_displacement_converges_with_order_p_plus_one_up_to_the_axis(kind):
     slope = np.log2(l2_error(kind, 6) / l2_error(kind, 12))
-    assert slope > reference_element(kind).order + 1 - 0.25
+    assert slope > reference_element(kind).cell.order + 1 - 0.25

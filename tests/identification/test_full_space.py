@@ -54,20 +54,54 @@ def lined_opening(**strength: object):
     )
 
 
+def responses():
+    """Stage by stage with excavation, free moduli, stresses and strengths; parameters for each."""
+    opening = deep_opening(2)
+    return (
+        (
+            lined_opening().response([("wall", "open"), ("rock", "open")]),
+            np.array([5e9, 1.5e7, 2e6]),
+        ),
+        (opening.model.response(opening.pairs), np.array([0.8e7, 1.1e7])),
+    )
+
+
 def test_the_exported_arrays_answer_as_the_march() -> None:
-    """Stage by stage with excavation, free moduli, stresses and strengths."""
-    for site, pairs, p in (
-        (lined_opening(), [("wall", "open"), ("rock", "open")], np.array([5e9, 1.5e7, 2e6])),
-        (deep_opening(2).model, list(deep_opening(2).pairs), np.array([0.8e7, 1.1e7])),
-    ):
-        response = site.response(pairs)
+    for response, p in responses():
         assert response.system_obstacle() is None
         v, jacobian = response.evaluate(p)
-        arrays = ArrayModel(response.system())
+        arrays = ArrayModel(response.staged_system())
         found, slopes = arrays.evaluate(p)
         assert found == pytest.approx(v, rel=1e-9, abs=1e-12)
         assert slopes == pytest.approx(jacobian, rel=1e-7, abs=1e-7 * np.abs(jacobian).max())
         assert any(steps.any() for _, _, laws in arrays.march(p) for steps in laws.values())
+
+
+def test_the_bilinear_system_holds_at_what_the_march_finds() -> None:
+    """Equations, complementary slacks and readings, at other parameters than it was made at."""
+    for response, p in responses():
+        staged, system = response.staged_system(), response.system()
+        arrays = ArrayModel(staged)
+        x: list[np.ndarray] = []
+        for stage, (du, borne, steps) in zip(staged.stages, arrays.march(p), strict=True):
+            x.append(du[stage.dofs, 0])
+            for s in stage.laws:
+                x += [borne.stress[:, arrays.places[s], 0].ravel(), steps[s].ravel()]
+        found = np.concatenate(x)
+        vector, matrix = system.equations.at(p)
+        terms = np.abs(vector) + abs(matrix) @ np.abs(found)
+        assert np.abs(vector + matrix @ found).max() < 1e-9 * terms.max()
+        stresses = system.kind_of_equation > 0
+        assert np.all(np.abs(vector + matrix @ found)[stresses] < 1e-9 * terms[stresses].max())
+        vector, matrix = system.slacks.at(p)
+        slack, lam = vector + matrix @ found, found[system.multipliers]
+        assert slack.min() > -1e-9 * np.abs(vector).max()
+        assert lam.min() >= 0.0
+        assert np.all((lam == 0.0) | (np.abs(slack) < 1e-9 * np.abs(vector).max()))
+        assert np.any(lam > 0.0)
+        assert np.any(slack > 1e-3 * np.abs(vector).max())
+        vector, matrix = system.readings.at(p)
+        assert vector + matrix @ found == pytest.approx(response.readings(p), rel=1e-8)
 
 
 def test_what_turns_planes_is_refused_by_name() -> None:

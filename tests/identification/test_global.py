@@ -14,9 +14,14 @@ from geoident.errors import InputError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.complementarity import complementarity
-from geoident.identify.yield_limits.condensed_system import Influence, influence
+from geoident.identify.yield_limits.condensed_system import CondensedSystem, condensed
 from geoident.identify.yield_limits.global_bound import global_bound
-from geoident.identify.yield_limits.parameter_boxes import Energy, Region, examined, form_of
+from geoident.identify.yield_limits.parameter_boxes import (
+    EnergyInequality,
+    ParameterBox,
+    examined,
+    form_of,
+)
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, HuberOptions
 from geoident.model.parameter import Prior
 from geoident.model.result import Iteration
@@ -28,8 +33,8 @@ def silent(entry: Iteration) -> str | None:
     return None
 
 
-def condensed(problem: Problem) -> Influence:
-    return influence(problem, problem.response.system())  # type: ignore[attr-defined]
+def condensed_of(problem: Problem) -> CondensedSystem:
+    return condensed(problem, problem.response.system())  # type: ignore[attr-defined]
 
 
 def multipliers(problem: Problem, p: np.ndarray) -> np.ndarray:
@@ -44,7 +49,7 @@ def multipliers(problem: Problem, p: np.ndarray) -> np.ndarray:
 def test_the_condensed_system_is_the_model(pressures: tuple[float, ...]) -> None:
     """Complementary slacks, and the misfits, from the multipliers of the march."""
     problem = two_layers((3, 2), pressures, start=(1.2, 1.2))
-    system, p = condensed(problem), np.array([0.8, 0.9])
+    system, p = condensed_of(problem), np.array([0.8, 0.9])
     lam = multipliers(problem, p) / system.multiplier_size
     assert lam.max() > 0.0
     scaled = p / system.reference
@@ -62,20 +67,20 @@ def test_no_plane_that_is_reached_is_dropped_and_no_bound_is_too_high(
 ) -> None:
     """Random boxes of parameters, random parameters in them."""
     problem, rng = two_layers((4, 3), pressures, start=(1.2, 1.2)), np.random.default_rng(4)
-    system = condensed(problem)
+    system = condensed_of(problem)
     form = form_of(system.work[:, None] * system.slack_by_lam)
     dropped = 0
     for _ in range(4):
         centre = rng.uniform(0.85, 1.6, 2)
         half = rng.uniform(0.02, 0.15, 2) * centre
         lower, upper = (centre - half) / system.reference, (centre + half) / system.reference
-        energy = Energy(system, form, lower, upper)
+        energy = EnergyInequality(system, form, lower, upper)
         may = energy.reachable()
         dropped += int((~may).sum())
         inside = rng.uniform(centre - half, centre + half, (6, 2))
         best = 1.01 * max(phi(problem, p) for p in inside)
-        region = Region(lower, upper, 0.0, np.arange(system.n_pairs))
-        found = examined(system, form, region, best)
+        box = ParameterBox(lower, upper, 0.0, np.arange(system.n_pairs))
+        found = examined(system, form, box, best)
         assert found is not None
         for p in inside:
             lam = multipliers(problem, p) / system.multiplier_size

@@ -11,11 +11,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 from matplotlib.text import Text
 
+from geoident.report.drawing import album as album_module
+from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields import bands
 from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.style import image
-from geoident.report.page import figures as figures_module
-from geoident.report.page.figures import album, figure_files
 from geoident.report.page.svg import inline_svg
 from tests.support.results import STAGES, changed_gauges, example_result, small_result
 
@@ -183,7 +183,7 @@ def test_pictures_are_not_blank(plane):
 
 def test_files_are_named_by_figure_and_result(monkeypatch):
     scan = small_result()
-    monkeypatch.setattr(figures_module, "image", lambda picture, suffix: b"\x89PNG")
+    monkeypatch.setattr(album_module, "image", lambda picture, suffix: b"\x89PNG")
     one = figure_files([("a", scan)], ["png"])
     assert "scan.png" in one
     assert all(content.startswith(b"\x89PNG") for content in one.values())

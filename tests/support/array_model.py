@@ -18,9 +18,10 @@ from geoident.fem.yielding.law import LawSlopes, Planes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.stage_equations import Ground, NoEquilibrium, StageEquations
+from geoident.forward.staged_system import LoadStage, PointLaw, StagedSystem, bilinear
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
-from geoident.model.equations import LoadStage, PointLaw, StagedSystem
+from geoident.model.equations import BilinearSystem
 from geoident.model.result import Counts
 
 
@@ -86,8 +87,8 @@ class ArrayModel:
     def names(self) -> tuple[str, ...]:
         return self.staged.names
 
-    def system(self) -> StagedSystem:
-        return self.staged
+    def system(self) -> BilinearSystem:
+        return bilinear(self.staged, np.ones(len(self.names)))
 
     def system_obstacle(self) -> str | None:
         return None

@@ -22,8 +22,8 @@ from geoident.model.ground import Anisotropic, Elastic, Orthotropic, constants
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
-_TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
-_TYPES |= {"tri3": "CAX3", "tri6": "CAX6", "quad4": "CAX4", "quad8": "CAX8"}
+TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
+TYPES |= {"tri3": "CAX3", "tri6": "CAX6", "quad4": "CAX4", "quad8": "CAX8"}
 
 
 def write_first_stage(staged: StagedModel, path: Path) -> None:
@@ -107,7 +107,7 @@ def _write_elements(staged: StagedModel, present: np.ndarray, out) -> None:
                 & present[first : first + len(block)]
             )
             if len(mine):
-                out.write(f"*ELEMENT, TYPE={_TYPES[block.kind]}, ELSET=G{group}\n")
+                out.write(f"*ELEMENT, TYPE={TYPES[block.kind]}, ELSET=G{group}\n")
             for e in mine:
                 words = [str(first + e + 1), *(str(n + 1) for n in block.nodes[e])]
                 out.write(",".join(words[:12]) + (",\n" if words[12:] else "\n"))

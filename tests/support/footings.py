@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoident.forward.staged_system import Affine, PointLaw
 from geoident.identify.problem.problem import Problem
-from geoident.model.equations import Affine, PointLaw
 from geoident.model.parameter import Parameter
 
 from .array_model import ArrayModel

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.model.arrays import Floats
-from geoident.model.equations import (
+from geoident.forward.staged_system import (
     Affine,
     LoadStage,
     PointLaw,
@@ -18,6 +17,7 @@ from geoident.model.equations import (
     StagedSystem,
     fixed,
 )
+from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 
 DATA = Path(__file__).parents[1] / "identification" / "frames"

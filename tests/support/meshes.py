@@ -7,14 +7,24 @@ from itertools import permutations, product
 
 import numpy as np
 
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
+from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 
 KINDS_2D = ("tri3", "tri6", "quad4", "quad8")
-KINDS_3D = ("tet4", "tet10", "hex8", "hex20")
+KINDS_3D = tuple(
+    f"{shape}{n}"
+    for shape, counts in (
+        ("tet", (4, 10)),
+        ("hex", (8, 20)),
+        ("wedge", (6, 15)),
+        ("pyramid", (5, 13)),
+    )
+    for n in counts
+)
 KINDS = KINDS_2D + KINDS_3D
 _LINEAR = {"tri6": "tri3", "quad8": "quad4", "tet10": "tet4", "hex20": "hex8"}
+_LINEAR |= {"wedge15": "wedge6", "pyramid13": "pyramid5"}
 
 
 def box(
@@ -36,21 +46,22 @@ def from_grid(kind: str, points: np.ndarray, n: tuple[int, ...]) -> Mesh:
     """Elements of a kind on a grid of points (indexed 'ij'), with straight mid-nodes."""
     cells = _cells(n)
     linear = _LINEAR.get(kind, kind)
+    if linear == "pyramid5":
+        points, cells = _with_centres(points, cells)
     return build(kind, points, _split(cells, linear))
 
 
 def build(kind: str, points: np.ndarray, cells: np.ndarray) -> Mesh:
     """A mesh from linear cells, mid-nodes added for second-order kinds; faces of the box named."""
-    reference = reference_element(kind)
-    points, nodes = elevate(points, cells, kind) if reference.order == 2 else (points, cells)
+    cell = CELLS[kind]
+    points, nodes = elevate(points, cells, kind) if cell.order == 2 else (points, cells)
     block = ElementBlock(kind, nodes, np.arange(1, len(nodes) + 1))
     return with_outer_faces(Mesh(points, (block,), groups={"all": np.arange(len(nodes))}))
 
 
 def elevate(points: np.ndarray, cells: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Add the mid-nodes of a second-order kind to linear cells."""
-    edges = [(a, b) for a, b, _ in reference_element(kind).edges]
-    pairs = np.sort(np.stack([cells[:, list(edge)] for edge in edges], 1), axis=2)
+    pairs = np.sort(np.stack([cells[:, edge] for edge in CELLS[kind].edges], 1), axis=2)
     unique, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     middles = points[unique].mean(axis=1)
     added = len(points) + inverse.reshape(len(cells), -1)
@@ -139,7 +150,7 @@ def opening(
     points = _rounded(points) * radius
     mesh = Mesh(points, (block,), groups={"all": np.arange(len(joined))})
     mesh = with_outer_faces(mesh)
-    corners = points[joined[:, : reference_element(kind).n_corners]]
+    corners = points[joined[:, : CELLS[kind].n_corners]]
     inside = np.linalg.norm(corners, axis=2).max(axis=1) < radius * (1 + 1e-9)
     groups = {"core": np.flatnonzero(inside), "rock": np.flatnonzero(~inside)}
     return Mesh(points, mesh.blocks, mesh.facets, groups, mesh.facet_groups, {})
@@ -180,12 +191,23 @@ def _split(cells: np.ndarray, kind: str) -> np.ndarray:
             even = np.linalg.det(np.eye(3)[list(p)]) > 0
             tets.append(cells[:, t if even else [t[0], t[2], t[1], t[3]]])
         return np.vstack(tets)
+    if kind == "wedge6":
+        return np.vstack([cells[:, [0, 1, 2, 4, 5, 6]], cells[:, [0, 2, 3, 4, 6, 7]]])
+    if kind == "pyramid5":  # cells of nine nodes, the last one in the middle
+        inwards = [face[::-1] for face in CELLS["hex8"].faces]
+        return np.vstack([cells[:, [*face, 8]] for face in inwards])
     return cells
+
+
+def _with_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells with a node in their middle."""
+    middles = len(points) + np.arange(len(cells))
+    return np.vstack([points, points[cells].mean(axis=1)]), np.column_stack([cells, middles])
 
 
 def _cut_by_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hexahedra to 24 tetrahedra each, by centres of cells and faces: conforming on any grid."""
-    faces = [face[:4] for face in reference_element("hex8").faces]
+    faces = CELLS["hex8"].faces
     corners = cells[:, faces]
     keys, place = np.unique(np.sort(corners, axis=2).reshape(-1, 4), axis=0, return_inverse=True)
     face_nodes = len(points) + place.reshape(len(cells), 6)

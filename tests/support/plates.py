@@ -10,9 +10,7 @@ import scipy.sparse as sp
 
 from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.kinematics import kinematics_of
-from geoident.model.arrays import Floats
-from geoident.model.case import Analysis
-from geoident.model.equations import (
+from geoident.forward.staged_system import (
     Affine,
     LoadStage,
     PointLaw,
@@ -20,6 +18,8 @@ from geoident.model.equations import (
     StagedSystem,
     fixed,
 )
+from geoident.model.arrays import Floats
+from geoident.model.case import Analysis
 
 from .meshes import box
 

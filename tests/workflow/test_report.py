@@ -14,7 +14,7 @@ from geoident.model.result import (
     Result,
 )
 from geoident.report.text.json import dumps, result_object
-from geoident.report.text.text import result_text
+from geoident.report.text.result import result_text
 from tests.support.results import wide_gauges
 
 

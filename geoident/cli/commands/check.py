@@ -8,7 +8,8 @@ from importlib.util import find_spec
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import for_one, line, overrides
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import each, failures_as_json
 
 EPILOG = """\b
@@ -21,6 +22,10 @@ Examples:
 """
 
 _SUFFIXES = (".svg", ".png", ".pdf")
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    return for_one(arguments["cases"], lambda case: (line("fit", case, *overrides(options)),))
 
 
 @click.command(epilog=EPILOG)
@@ -36,7 +41,7 @@ _SUFFIXES = (".svg", ".png", ".pdf")
     type=click.Path(),
     help="Draw mesh, stages, supports and gauges into FILE.svg, .png or .pdf.",
 )
-@takes("overrides", "solver", "force", "as_json")
+@takes("overrides", "solver", "force", "as_json", after=_next)
 def command(
     cases: tuple[str, ...], identifiability: bool, picture: str | None, options: Options
 ) -> int:
@@ -67,7 +72,7 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 def _identifiability(case: str, options: Options) -> int:
     from geoident.report.text.json import dumps, plan_object
-    from geoident.report.text.text import plan_text
+    from geoident.report.text.result import plan_text
     from geoident.workflow.running.identifiability import identifiability
 
     with failures_as_json(case, options):
@@ -80,7 +85,7 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _check(case: str, picture: str | None, options: Options) -> int:
-    from geoident.report.text.check import summary_text
+    from geoident.report.text.case import case_text
     from geoident.report.text.json import dumps, summary_object
     from geoident.workflow.check import check
 
@@ -89,7 +94,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
     if options.as_json:
         click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:
-        click.echo(summary_text(checked.summary))
+        click.echo(case_text(checked.summary))
     if picture is not None:
         from geoident.report.drawing.case import case_picture
         from geoident.workflow.running.outputs import write_bytes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 from click.shell_completion import get_completion_class
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 
 SHELLS = ("bash", "zsh", "fish")
@@ -19,7 +20,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.argument("shell", type=click.Choice(SHELLS))
-@takes()
+@takes(after=always("open a new shell, and press Tab after geoident"))
 @click.pass_context
 def command(context: click.Context, shell: str, options: Options) -> int:
     """Print what makes the shell complete commands, options and files with the Tab key."""

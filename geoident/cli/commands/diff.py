@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from geoident.cli.error_boundary import code_of
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 from geoident.cli.several import failures_as_json
 from geoident.errors import ExitCode
@@ -52,7 +53,7 @@ Exit codes: 0 the same, 1 different, 70 a bug, others as for all commands.
     metavar="QUANTITY",
     help="Or by this much, such as 0.01mm or 1kPa, for numbers of that kind; may be repeated.",
 )
-@takes("as_json")
+@takes("as_json", after=always("geoident report A B   # both on one page"))
 def command(
     first: str, second: str, rtol: float, absolute: tuple[str, ...], options: Options
 ) -> int:
@@ -81,7 +82,7 @@ def _tolerance(rtol: float, absolute: tuple[str, ...]) -> Tolerance:
 
 
 def _diff(first: str, second: str, tolerance: Tolerance, options: Options) -> int:
-    from geoident.report.page.comparison import comparison_object, comparison_text
+    from geoident.report.text.comparison import comparison_object, comparison_text
     from geoident.report.text.json import dumps
     from geoident.workflow.diff import diff
 

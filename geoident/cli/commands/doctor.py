@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@takes("as_json")
+@takes("as_json", after=always("geoident init my-case"))
 def command(options: Options) -> int:
     """Tell versions, solvers and threads, and how to get faster ones."""
     from geoident.report.text.json import dumps
@@ -34,7 +35,7 @@ def command(options: Options) -> int:
 
 
 def _text(found: Diagnosis) -> str:
-    from geoident.report.text.layout import bullets, section, sections, table
+    from geoident.report.text.layout import TextTable, bullets, section, sections
 
     versions = [[name, version] for name, version in found.versions.items()]
     solvers = [
@@ -52,9 +53,9 @@ def _text(found: Diagnosis) -> str:
     ]
     limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
     return sections(
-        table(["program", "version"], versions),
-        table(["solver", "from", "threads", ""], solvers, right="llrl"),
-        table(["extra", "from"], extras),
+        TextTable(("program", "version"), versions).text,
+        TextTable(("solver", "from", "threads", ""), solvers, right="llrl").text,
+        TextTable(("extra", "from"), extras).text,
         f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
         section("To be faster", bullets(found.remedies)),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 from geoident.cli.several import each
 from geoident.errors import UsageError
@@ -46,7 +47,7 @@ Examples:
     type=click.Choice(TABLES),
     help="One table as CSV, to stdout or to the file -o.",
 )
-@takes("output", "force")
+@takes("output", "force", after=always("open .csv in a spreadsheet, .pvd or .vtkhdf in ParaView"))
 def command(
     results: tuple[str, ...], formats: tuple[str, ...], table: str | None, options: Options
 ) -> int:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import for_one, line, on_result, overrides, result_of
+from geoident.cli.options import Arguments, Options, Steps, takes
 
 EPILOG = """\b
 Examples:
@@ -18,11 +19,21 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    def steps(case: str) -> Steps:
+        if options.dry_run:
+            return (line("fit", case, *overrides(options)),)
+        return on_result(result_of("fit", case, options), "predict")
+
+    return for_one(arguments["cases"], steps)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json",
+    after=_next,
 )  # fmt: skip
 def command(cases: tuple[str, ...], options: Options) -> int:
     """Find the parameters that meet the readings.

@@ -4,9 +4,13 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
+
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import line
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.io.docs.templates import TEMPLATES
 
 EPILOG = """\b
@@ -20,6 +24,13 @@ Templates:
 """ + "\n".join(f"  {name:<8}{about}" for name, about in TEMPLATES.items())
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    case = str(Path(arguments["folder"]) / "case.yaml")
+    if arguments["mesh"] is not None:
+        return f"replace every FILL_IN in {shlex.quote(case)}", line("check", case)
+    return line("check", case), line("fit", case)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("folder", metavar="[DIR]", default=".", type=click.Path())
 @click.option(
@@ -30,7 +41,7 @@ Templates:
 @click.option(
     "--from", "mesh", metavar="MESH", type=click.Path(), help="Begin with a mesh of your own."
 )
-@takes("force")
+@takes("force", after=_next)
 def command(folder: str, template: str | None, mesh: str | None, options: Options) -> int:
     """Write a commented case with mesh and readings, on which fit works at once.
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import on_result, result_of
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import failures_as_json
 
 EPILOG = """\b
@@ -15,6 +16,10 @@ Examples:
   geoident predict case.fit.h5 --stages "bench 3,bench 4"
   geoident predict case.fit.h5 --case other-layout.yaml -o other.predict.h5
 """
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    return on_result(result_of("predict", arguments["result"], options))
 
 
 @click.command(epilog=EPILOG)
@@ -26,7 +31,7 @@ Examples:
     type=click.Path(),
     help="Another case, whose parameters are those of the fit.",
 )
-@takes("output", "overrides", "solver", "force", "fresh", "as_json")
+@takes("output", "overrides", "solver", "force", "fresh", "as_json", after=_next)
 def command(result: str, stages: str | None, case: str | None, options: Options) -> int:
     """Predict readings, with 95 % bands, from a fit.
 

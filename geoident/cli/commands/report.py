@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 from geoident.errors import UsageError
 
@@ -29,7 +30,9 @@ Examples:
     help="Format of these files; may be repeated.  [default: svg]",
 )
 @click.option("--no-page", is_flag=True, help="Only the figures.")
-@takes("output", "force")
+@takes(
+    "output", "force", after=always("open it in a browser or a viewer; a browser prints it to PDF")
+)
 def command(
     results: tuple[str, ...],
     folder: str | None,
@@ -56,7 +59,7 @@ def command(
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
     _require_matplotlib()
-    from geoident.report.page.figures import figure_files
+    from geoident.report.drawing.album import figure_files
     from geoident.report.page.page import report_page
 
     place = "" if no_page else page_path(results, output=options.output)

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import line, overrides, result_of
+from geoident.cli.options import Arguments, Options, Steps, takes
 
 EPILOG = """\b
 Examples:
@@ -17,9 +18,27 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    case = arguments["case"]
+    if options.dry_run:
+        return (line("scan", case, *overrides(options)),)
+    return line("show", result_of("scan", case, options)), line("fit", case)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
-@takes("output", "overrides", "seed", "max_time", "solver", "dry_run", "force", "fresh", "as_json")
+@takes(
+    "output",
+    "overrides",
+    "seed",
+    "max_time",
+    "solver",
+    "dry_run",
+    "force",
+    "fresh",
+    "as_json",
+    after=_next,
+)
 def command(case: str, options: Options) -> int:
     """Compute the discrepancy on a grid of one or two parameters.
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.next_steps import always
 from geoident.cli.options import Options, takes
 
 EPILOG = """\b
@@ -21,7 +22,7 @@ An editor with a YAML language server completes and checks a case whose first li
 
 @click.command(epilog=EPILOG)
 @click.option("--markdown", is_flag=True, help="The page of all keys, for people.")
-@takes()
+@takes(after=always("write in the first line of a case: # yaml-language-server: $schema=FILE"))
 def command(markdown: bool, options: Options) -> int:
     """Print the JSON schema of case files, for editors, or all keys for people."""
     from geoident.workflow.schema import key_page, schema

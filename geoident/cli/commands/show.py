@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import line
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import each, failures_as_json
 
 EPILOG = """\b
@@ -18,10 +19,14 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    return line("report", *arguments["results"]), line("export", *arguments["results"])
+
+
 @click.command(epilog=EPILOG)
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...", type=click.Path())
 @click.option("--csv", "as_csv", is_flag=True, help="All tables as CSV, one below the other.")
-@takes("as_json")
+@takes("as_json", after=_next)
 def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
     """Print results: parameters, findings, readings and predictions.
 
@@ -36,7 +41,7 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
-    from geoident.report.text.text import result_text
+    from geoident.report.text.result import result_text
     from geoident.workflow.running.inputs import case_path
     from geoident.workflow.show import show
 

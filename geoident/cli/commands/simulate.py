@@ -4,11 +4,14 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.options import Options, takes
+from geoident.cli.next_steps import line, new_name, overrides
+from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import failures_as_json
 
 if TYPE_CHECKING:
@@ -22,10 +25,25 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    case, file = arguments["case"], options.output
+    if file in (None, "-"):
+        return (line("simulate", case, *overrides(options), "-o", new_name("simulated", ".csv")),)
+    return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
+
+
+def _seen_from(case: str, file: str) -> str:
+    """A path as a case names it."""
+    try:
+        return Path(os.path.relpath(file, Path(case).parent)).as_posix()
+    except ValueError:  # another drive
+        return str(Path(file).absolute())
+
+
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
-@takes("output", "overrides", "seed", "solver", "force", "as_json")
+@takes("output", "overrides", "seed", "solver", "force", "as_json", after=_next)
 def command(case: str, noise: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
@@ -48,8 +66,8 @@ def command(case: str, noise: bool, options: Options) -> int:
 
 def _say(simulated: Simulated, case: str, options: Options) -> None:
     """The readings to stdout or to a file; with a file, its path to stdout."""
+    from geoident.report.text.gauges import readings_csv
     from geoident.report.text.json import dumps, simulation_object
-    from geoident.report.text.readings import readings_csv
     from geoident.workflow.running.outputs import write_text
 
     readings = simulated.readings

@@ -40,7 +40,7 @@ class Rows(Generic[_Number]):
 
     @property
     def all(self) -> npt.NDArray[_Number]:
-        """The rows in use: a view, to be read and written."""
+        """The rows in use (size, ...): a view, to be read and written."""
         return self._rows[: self.size]
 
 

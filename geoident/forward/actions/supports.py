@@ -12,7 +12,7 @@ from geoident.forward.stages import Timeline, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.mesh import Mesh, nodes_in
 
 
 def fixed_dofs(case: Case, mesh: Mesh) -> Bools:
@@ -29,10 +29,10 @@ def fixed_dofs(case: Case, mesh: Mesh) -> Bools:
 def group_nodes(mesh: Mesh, name: str) -> Ints:
     """Nodes of a group of facets, nodes or elements (searched in this order)."""
     if name in mesh.facet_groups:
-        return _nodes_of(mesh.facets, mesh.facet_groups[name])
+        return nodes_in(mesh.facets, mesh.facet_groups[name])
     if name in mesh.node_groups:
         return mesh.node_groups[name]
-    return _nodes_of(mesh.blocks, mesh.groups[name])
+    return nodes_in(mesh.blocks, mesh.groups[name])
 
 
 def support_faults(case: Case, mesh: Mesh) -> list[Fault]:
@@ -147,7 +147,7 @@ def _has_ground(mesh: Mesh, locator: Locator, load: PointForce, present: Bools) 
     """Whether a point force acts on ground that is present."""
     if not isinstance(load.place, str):
         return point_site(locator, load, present) is not None
-    here = _nodes_of(mesh.blocks, np.flatnonzero(present))
+    here = nodes_in(mesh.blocks, present)
     nodes = group_nodes(mesh, load.place)
     return len(nodes) > 0 and bool(np.isin(nodes, here).all())
 
@@ -173,12 +173,3 @@ def _face_fault(case: Case, load: FaceLoad, path: KeyPath, stage: str) -> Fault:
         "of the ground: elements stand on both sides, or on none",
         hint="let the load begin when the face is open, and 'remove' it before it is gone",
     )
-
-
-def _nodes_of(blocks: tuple[ElementBlock, ...], elements: Ints) -> Ints:
-    nodes, first = [], 0
-    for block in blocks:
-        mine = elements[(elements >= first) & (elements < first + len(block))] - first
-        nodes.append(block.nodes[mine].ravel())
-        first += len(block)
-    return np.unique(np.concatenate(nodes)) if nodes else np.empty(0, np.int64)

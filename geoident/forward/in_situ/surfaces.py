@@ -6,22 +6,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.model.dual import Jet, Point
 from geoident.model.in_situ import Surface
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, rows_in
 
 _INSIDE = 1e-9
 """How far outside a face, in parts of its size, a vertical line may pass and still meet it."""
-
-# Facets with nodes on their edges are cut into flat pieces: parts of a line, triangles.
-_PIECES: dict[str, tuple[tuple[int, ...], ...]] = {
-    "line2": ((0, 1),),
-    "line3": ((0, 2), (2, 1)),
-    "tri3": ((0, 1, 2),),
-    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    "quad4": ((0, 1, 2), (0, 2, 3)),
-    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
-}
 
 
 class Topography:
@@ -76,11 +67,9 @@ class Depths:
 
 def _pieces(mesh: Mesh, group: str) -> Ints:
     """(n, dim) nodes of the flat pieces of a group of facets."""
-    wanted, first, found = mesh.facet_groups[group], 0, []
-    for block in mesh.facets:
-        mine = wanted[(wanted >= first) & (wanted < first + len(block))] - first
-        found += [block.nodes[mine][:, list(piece)] for piece in _PIECES[block.kind]]
-        first += len(block)
+    found = []
+    for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
+        found += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
     return np.vstack(found)
 
 

@@ -15,9 +15,9 @@ from geoident.fem.faces import face_table, patches
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.gauges.observation import format_point
 from geoident.forward.stages import Timeline
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, nodes_in
 
 ROUND = 0.02
 """How far the wall may lie off its circle, in parts of the radius."""
@@ -102,7 +102,8 @@ class _Search:
         self._inside = np.isin(timeline.group_of, list(groups))
         self._present = timeline.present(0)
         self._wall = np.intersect1d(
-            self._nodes(self._inside), self._nodes(self._present & ~self._inside)
+            nodes_in(mesh.blocks, self._inside),
+            nodes_in(mesh.blocks, self._present & ~self._inside),
         )
 
     def site(self, given: Circle) -> Site | str:
@@ -204,20 +205,9 @@ class _Search:
         found = patches(self._mesh, table, table.free(self._present))
         return np.unique(np.concatenate([patch.nodes.ravel() for patch in found]))
 
-    def _nodes(self, elements: Bools) -> Ints:
-        parts, first = [np.empty(0, np.int64)], 0
-        for block in self._mesh.blocks:
-            parts.append(block.nodes[elements[first : first + len(block)]].ravel())
-            first += len(block)
-        return np.unique(np.concatenate(parts))
-
     def _elements_at(self, nodes: Ints) -> Ints:
-        parts, first = [np.empty(0, np.int64)], 0
-        for block in self._mesh.blocks:
-            touching = np.isin(block.nodes, nodes).any(axis=1)
-            parts.append(first + np.flatnonzero(touching))
-            first += len(block)
-        return np.concatenate(parts)
+        touching = [np.isin(block.nodes, nodes).any(axis=1) for block in self._mesh.blocks]
+        return np.flatnonzero(np.concatenate(touching))
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -19,7 +19,7 @@ from geoident.forward.structures.members import (
 )
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.structures import Beam, Bolts, Structure
 
 
@@ -105,13 +105,7 @@ def _missing(
                 if holding_site(locator, point, present) is None:
                     return ("ends", n, k), f"the end {format_point(point)} lies"
         return None
-    here = np.zeros(mesh.n_nodes, dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        here[block.nodes[present[first : first + len(block)]]] = True
-        first += len(block)
-    nodes = group_nodes(mesh, structure.group)
-    lost = nodes[~here[nodes]]
+    lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
     if len(lost) == 0:
         return None
     return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"

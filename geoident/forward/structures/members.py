@@ -25,8 +25,9 @@ from geoident.forward.ground.elasticity import Values
 from geoident.forward.stages import State, Timeline
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
+from geoident.model.cells import CELLS
 from geoident.model.dual import Jet, Point
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, rows_in
 from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
 
 
@@ -214,12 +215,9 @@ def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> 
 
 def straight_pieces(mesh: Mesh, group: str) -> Ints:
     """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
-    edges, first = [], 0
-    for block in mesh.facets:
-        mine = mesh.facet_groups[group]
-        nodes = block.nodes[mine[(mine >= first) & (mine < first + len(block))] - first]
-        first += len(block)
-        edges += [nodes] if block.kind == "line2" else [nodes[:, [0, 2]], nodes[:, [2, 1]]]
+    edges = []
+    for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
+        edges += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
     joined = np.concatenate(edges)
     _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
     return joined[np.sort(once)]
@@ -232,10 +230,7 @@ def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
     """
     balance = np.zeros(len(edges))
     along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
-    first = 0
-    for block in mesh.blocks:
-        here = np.flatnonzero(present[first : first + len(block)])
-        first += len(block)
+    for block, here in rows_in(mesh.blocks, present):
         centre = mesh.points[block.nodes[here]].mean(axis=1)
         holds = _incidence(mesh, block.nodes[here])
         both = (holds[edges[:, 0]] * holds[edges[:, 1]]).tocoo()

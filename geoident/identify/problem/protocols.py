@@ -10,18 +10,18 @@ from typing import Protocol, runtime_checkable
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity
-from geoident.model.equations import Condensed, StagedSystem
+from geoident.model.equations import BilinearSystem, Condensed
 from geoident.model.result import Counts
 
 __all__ = [
     "Activity",
     "AffineElastic",
+    "BilinearSystem",
     "ComplementaritySystem",
     "Condensed",
     "HasOpening",
     "OpeningForm",
     "Response",
-    "StagedSystem",
     "YieldSystem",
 ]
 
@@ -106,7 +106,7 @@ class ComplementaritySystem(YieldSystem, Protocol):
     """A yield system that shows its equations: full-space and global need this (theory 5)."""
 
     def system_obstacle(self) -> str | None:
-        """Why the equations are not those of a `StagedSystem`, a clause, or None if they are."""
+        """Why the equations are not those of a `BilinearSystem`, a clause, or None if they are."""
 
-    def system(self) -> StagedSystem:
+    def system(self) -> BilinearSystem:
         """The equations, with readings in the order of the response."""

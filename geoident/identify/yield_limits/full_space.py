@@ -57,7 +57,7 @@ def full_space(problem: Problem, options: ComplementarityOptions, observe: Obser
     why = formulation_obstacle(problem.response, "full-space")
     if why is not None:
         raise InputError([Fault("method-not-possible", f"This is not possible here: {why}.")])
-    return _Search(problem, observe).run()
+    return _Smoothing(problem, observe).run()
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class _Solution:
     word: str
 
 
-class _Search:
+class _Smoothing:
     """The sequence of programs."""
 
     def __init__(self, problem: Problem, observe: Observer) -> None:
@@ -148,9 +148,14 @@ def solver(
         watch: is told x (N,) and the objective of every iteration; True stops the solver.
     """
     casadi: Any = import_module("casadi")
-    n, m = program.x.numel(), program.constraints.numel()
+    n, m = program.variables.numel(), program.constraints.numel()
     callback = _callback(casadi, n, m, watch)
-    nlp = {"x": program.x, "p": program.mu, "f": program.objective, "g": program.constraints}
+    nlp = {
+        "x": program.variables,
+        "p": program.mu,
+        "f": program.objective,
+        "g": program.constraints,
+    }
     quiet = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
     ipopt = {"print_level": 0, "sb": "yes", "max_iter": _MOST_STEPS, "mu_strategy": "adaptive"}
     options = {**quiet, "iteration_callback": callback, "ipopt": ipopt}

@@ -1,11 +1,11 @@
 """The global optimum of small problems, proven (theory 5, ``formulation: global``).
 
 The implicit method finds what is probably the best point; here a bound is proven. Displacements are
-eliminated (`influence`), and branch and bound works on boxes of parameters, the one with the lowest
-bound first:
+eliminated (`condensed_system`), and branch and bound works on boxes of parameters, the one with the
+lowest bound first:
 
     examine  planes that are reached nowhere in the box are dropped, the box is bounded from below
-             and made smaller (`regions`);
+             and made smaller (`parameter_boxes`);
     solve    where few pairs are left, branch and bound over them, exactly (`mixed_program`);
     cut      into halves, where many are.
 
@@ -14,7 +14,7 @@ is taken over after Gauss-Newton on the model itself, so what is reported was ev
 model. The bound is the lowest of all boxes. The discrepancy is a sum of squares in standard
 deviations: a difference below ``gap`` means nothing, so the gap is measured against max(phi, 1).
 
-For small systems: the influence matrix is dense. Needs the extra ``global`` (SCIP).
+For small systems: the condensed system is dense. Needs the extra ``global`` (SCIP).
 """
 
 from __future__ import annotations
@@ -30,16 +30,25 @@ from geoident.identify.problem.methods import formulation_obstacle
 from geoident.identify.problem.problem import Observer, Outcome, Problem
 from geoident.identify.problem.protocols import ComplementaritySystem
 from geoident.identify.yield_limits.complementarity import complementarity
-from geoident.identify.yield_limits.condensed_system import Influence, influence
-from geoident.identify.yield_limits.mixed_program import solve_region
-from geoident.identify.yield_limits.parameter_boxes import Form, Region, examined, form_of
+from geoident.identify.yield_limits.condensed_system import (
+    CondensedSystem,
+    condensed,
+    condensing_obstacle,
+)
+from geoident.identify.yield_limits.mixed_program import solve_box
+from geoident.identify.yield_limits.parameter_boxes import (
+    EnergyForm,
+    ParameterBox,
+    examined,
+    form_of,
+)
 from geoident.model.arrays import Floats
-from geoident.model.equations import StagedSystem
+from geoident.model.equations import BilinearSystem
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
 from geoident.model.result import Iteration
 
 MOST_PAIRS = 2000
-"""Planes times strain points times stages: the influence matrix is dense."""
+"""Planes times strain points times stages: the condensed system is dense."""
 
 FEW_PAIRS = 40
 """As many as branch and bound over them settles at once."""
@@ -57,7 +66,7 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     Args:
         problem: readings, model and parameters with finite bounds.
         options: gap, number of boxes; the others serve the implicit method that goes first.
-        observe: is told of every box; its reason to stop ends the search with the bound so far.
+        observe: is reported of every box; its reason to stop ends the search with the bound so far.
 
     Returns:
         The best point that the model evaluated, its certificate with bound and gap.
@@ -74,7 +83,7 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     first = complementarity(problem, replace(options, formulation="implicit"), observe)
     if first.status == "out-of-budget":
         return first
-    return _Search(problem, options, observe, first).run(influence(problem, system))
+    return _BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
 
 
 def _refuse(why: str | None) -> None:
@@ -94,23 +103,17 @@ def _problem_obstacle(problem: Problem) -> str | None:
     return None
 
 
-def _system_obstacle(system: StagedSystem) -> str | None:
-    names = np.array(system.names)
-    for law in system.laws:
-        elastic = names[law.elasticity.depends_on]
-        if elastic.size:
-            return f"{elastic[0]} changes a modulus, so displacements can't be eliminated"
-        if np.any(law.hardening.slopes < 0.0) or np.any(law.hardening.constant < 0.0):
-            return "hardening that one plane takes from another has no convex energy here"
-    if system.n_pairs > MOST_PAIRS:
+def _system_obstacle(system: BilinearSystem) -> str | None:
+    why = condensing_obstacle(system)
+    if why is None and system.n_pairs > MOST_PAIRS:
         return (
             f"{system.n_pairs} pairs of planes and multipliers are more than {MOST_PAIRS} "
             "(planes times strain points times stages); use a coarser mesh or fewer planes"
         )
-    return None
+    return why
 
 
-class _Search:
+class _BranchAndBound:
     """Branch and bound over boxes of parameters."""
 
     def __init__(
@@ -125,17 +128,17 @@ class _Search:
         self.best = first
         self.before = first.iterations
         self.done = np.inf
-        self.regions = 0
-        self.form: Form | None = None
+        self.examined = 0
+        self.form: EnergyForm | None = None
 
-    def run(self, system: Influence) -> Outcome:
+    def run(self, system: CondensedSystem) -> Outcome:
         """All boxes, the most promising first."""
         everything = np.arange(system.n_pairs)
         if not system.products:
             self.form = form_of(system.work[:, None] * system.slack_by_lam)
-        todo = [Region(system.lower, system.upper, 0.0, everything)]
-        while todo and self.history.stop is None and self.regions < self.options.max_regions:
-            todo.sort(key=lambda region: region.bound)
+        todo = [ParameterBox(system.lower, system.upper, 0.0, everything)]
+        while todo and self.history.stop is None and self.examined < self.options.max_regions:
+            todo.sort(key=lambda box: box.bound)
             if todo[0].bound >= self.goal:
                 break
             todo += self.visit(system, todo.pop(0))
@@ -151,35 +154,35 @@ class _Search:
         """A box with a bound of this is done with."""
         return self.best.objective - self.slack
 
-    def visit(self, system: Influence, region: Region) -> list[Region]:
+    def visit(self, system: CondensedSystem, box: ParameterBox) -> list[ParameterBox]:
         """What is left to do of a box."""
-        self.regions += 1
+        self.examined += 1
         better = max(self.best.objective, self.slack)
-        found = examined(system, self.form, region, better)
+        found = examined(system, self.form, box, better)
         if found is None:
-            self.finish(self.best.objective)
-            return self.told(region, [])
+            self.close(self.best.objective)
+            return self.reported(box, [])
         if found.bound >= self.goal:
-            self.finish(found.bound)
-            return self.told(found, [])
+            self.close(found.bound)
+            return self.reported(found, [])
         if len(found.kept) <= FEW_PAIRS or found.size <= SMALL:
-            solved = solve_region(system, found, self.form, best=better, gap=0.5 * self.options.gap)
+            solved = solve_box(system, found, self.form, best=better, gap=0.5 * self.options.gap)
             if solved.p is not None:
                 self.improve(solved.p * system.reference)
             if solved.complete or found.size <= SMALLEST:
-                self.finish(min(solved.bound, self.best.objective))
-                return self.told(found, [])
+                self.close(min(solved.bound, self.best.objective))
+                return self.reported(found, [])
             found = replace(found, bound=max(found.bound, solved.bound))
-        return self.told(found, list(found.halves()))
+        return self.reported(found, list(found.halves()))
 
-    def finish(self, bound: float) -> None:
+    def close(self, bound: float) -> None:
         """Keeps the lowest bound of the boxes that are done with."""
         self.done = min(self.done, bound)
 
-    def told(self, region: Region, left: list[Region]) -> list[Region]:
+    def reported(self, box: ParameterBox, left: list[ParameterBox]) -> list[ParameterBox]:
         """Tells the observer; returns what is left."""
-        note = f"box {self.regions}: bound {region.bound:.6g}, {len(region.kept)} pairs"
-        self.history.record(self.best.values, self.best.objective, step=region.size, note=note)
+        note = f"box {self.examined}: bound {box.bound:.6g}, {len(box.kept)} pairs"
+        self.history.record(self.best.values, self.best.objective, step=box.size, note=note)
         return left
 
     def improve(self, p: Floats) -> None:
@@ -200,9 +203,9 @@ class _Search:
         )
         return replace(self.problem, parameters=tuple(parameters))
 
-    def outcome(self, todo: list[Region]) -> Outcome:
+    def outcome(self, todo: list[ParameterBox]) -> Outcome:
         """The best point with what is proven."""
-        bound = min([self.done, self.best.objective, *(region.bound for region in todo)])
+        bound = min([self.done, self.best.objective, *(box.bound for box in todo)])
         bound = max(bound, 0.0)
         gap = (self.best.objective - bound) / max(self.best.objective, 1.0)
         proven = gap <= 1.001 * self.options.gap
@@ -210,7 +213,7 @@ class _Search:
         if proof is not None:
             words = (
                 f"No parameters within the bounds have a discrepancy below {bound:.6g}; "
-                f"{self.regions} boxes of parameters were examined",
+                f"{self.examined} boxes of parameters were examined",
             )
             kind = "global" if proven else proof.kind
             proof = replace(proof, kind=kind, bound=bound, gap=gap, remarks=words)
@@ -230,7 +233,7 @@ class _Search:
                 f"{bound:.6g} is a proven bound."
             )
         return "not-converged", (
-            f"After {self.regions} boxes the proven bound is {bound:.6g}: raise max_regions or "
+            f"After {self.examined} boxes the proven bound is {bound:.6g}: raise max_regions or "
             "give tighter bounds."
         )
 

@@ -1,11 +1,11 @@
-"""The condensed problem of a small region, exactly: branch and bound over complementarities.
+"""The condensed problem of a small box, exactly: branch and bound over complementarities.
 
     min  sum r^2 + priors     r = v_0 + V_p p + V_lam lam
     s = s_0 + S_p p + M lam + h(p, lam),   (s_i, lam_i) a special ordered set: one of them is zero
 
-by SCIP (Bestuzheva and others 2021), with the energy inequality of `regions`, which follows from
-the complementarity but not from its relaxation. Products of hardening and multipliers, if any, are
-quadratic equations, which SCIP branches on as well.
+by SCIP (Bestuzheva and others 2021), with the energy inequality of `parameter_boxes`, which follows
+from the complementarity but not from its relaxation. Products of hardening and multipliers, if any,
+are quadratic equations, which SCIP branches on as well.
 """
 
 from __future__ import annotations
@@ -16,22 +16,26 @@ from typing import Any
 
 import numpy as np
 
-from geoident.identify.yield_limits.condensed_system import Influence
-from geoident.identify.yield_limits.parameter_boxes import Energy, Form, Region
+from geoident.identify.yield_limits.condensed_system import CondensedSystem
+from geoident.identify.yield_limits.parameter_boxes import (
+    EnergyForm,
+    EnergyInequality,
+    ParameterBox,
+)
 from geoident.model.arrays import Floats
 
 _MOST_NODES = 500
-"""Then cutting the region is better. Not seconds: the same run gives the same numbers."""
+"""Then cutting the box is better. Not seconds: the same run gives the same numbers."""
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What branch and bound found out about a region.
+    """What branch and bound found out about a box.
 
     Args:
         bound: proven lower bound of the discrepancy; infinite where nothing is below the best.
         p: (n,) the best scaled parameters, or None.
-        complete: the region is done with; otherwise the nodes were used up.
+        complete: the box is done with; otherwise the nodes were used up.
     """
 
     bound: float
@@ -39,19 +43,19 @@ class Solved:
     complete: bool
 
 
-def solve_region(
-    system: Influence, region: Region, form: Form | None, *, best: float, gap: float
+def solve_box(
+    system: CondensedSystem, box: ParameterBox, form: EnergyForm | None, *, best: float, gap: float
 ) -> Solved:
-    """Branch and bound over the pairs of a region.
+    """Branch and bound over the pairs of a box.
 
     Args:
         system: the whole condensed system.
-        region: of it.
+        box: of its parameters.
         form: of the energy of the whole system, or None where parameters change it.
         best: the lowest discrepancy known; only what is below is of interest.
         gap: relative difference of bound and optimum that is near enough.
     """
-    model, p = _program(system, region, form, best)
+    model, p = _program(system, box, form, best)
     model.setParam("limits/nodes", _MOST_NODES)
     model.setParam("limits/gap", float(gap))
     model.optimize()
@@ -61,19 +65,19 @@ def solve_region(
     found = None
     if model.getNSols():
         found = np.array([model.getVal(x) for x in p])
-    bound = max(region.bound, float(model.getDualbound()))
+    bound = max(box.bound, float(model.getDualbound()))
     return Solved(bound, found, status in ("optimal", "gaplimit"))
 
 
 def _program(
-    system: Influence, region: Region, form: Form | None, best: float
+    system: CondensedSystem, box: ParameterBox, form: EnergyForm | None, best: float
 ) -> tuple[Any, list[Any]]:
     scip: Any = import_module("pyscipopt")
     model = scip.Model()
     model.hideOutput()
-    part = system.only(region.kept)
-    p = [model.addVar(lb=a, ub=b) for a, b in zip(region.lower, region.upper, strict=True)]
-    lam = [model.addVar(lb=0.0) for _ in region.kept]
+    part = system.only(box.kept)
+    p = [model.addVar(lb=a, ub=b) for a, b in zip(box.lower, box.upper, strict=True)]
+    lam = [model.addVar(lb=0.0) for _ in box.kept]
     _complementarity(scip, model, part, p, lam)
     edge = float(np.sqrt(best))
     r = [model.addVar(lb=-edge, ub=edge) for _ in part.misfit]
@@ -83,12 +87,14 @@ def _program(
     total = model.addVar(lb=0.0, ub=best)
     model.addCons(scip.quicksum(x * x for x in r) <= total)
     model.setObjective(total)
-    few = None if form is None else form.only(region.kept)
-    _energy(scip, model, Energy(part, few, region.lower, region.upper), lam)
+    few = None if form is None else form.only(box.kept)
+    _energy(scip, model, EnergyInequality(part, few, box.lower, box.upper), lam)
     return model, p
 
 
-def _complementarity(scip: Any, model: Any, part: Influence, p: list[Any], lam: list[Any]) -> None:
+def _complementarity(
+    scip: Any, model: Any, part: CondensedSystem, p: list[Any], lam: list[Any]
+) -> None:
     grown = {
         h: [_linear(scip, 0.0, row, lam) if row.any() else None for row in product]
         for h, product in part.products.items()
@@ -104,7 +110,7 @@ def _complementarity(scip: Any, model: Any, part: Influence, p: list[Any], lam: 
         model.addConsSOS1([lam[i], slack], [1, 2])
 
 
-def _energy(scip: Any, model: Any, energy: Energy, lam: list[Any]) -> None:
+def _energy(scip: Any, model: Any, energy: EnergyInequality, lam: list[Any]) -> None:
     if not energy.convex or not lam:
         return
     size = float(np.abs(energy.linear).max(initial=0.0)) or 1.0

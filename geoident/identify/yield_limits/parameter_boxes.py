@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.identify.yield_limits.condensed_system import Influence
+from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.model.arrays import Bools, Floats, Ints
 
 _RANK = 1e-10
@@ -34,7 +34,7 @@ _CLOSE = 1e-5
 
 
 @dataclass(frozen=True)
-class Region:
+class ParameterBox:
     """A box of scaled parameters and what is known of it.
 
     Args:
@@ -54,20 +54,20 @@ class Region:
         """The longest edge."""
         return float(np.max(self.upper - self.lower, initial=0.0))
 
-    def halves(self) -> tuple[Region, Region]:
+    def halves(self) -> tuple[ParameterBox, ParameterBox]:
         """The box cut across its longest edge."""
         h = int(np.argmax(self.upper - self.lower))
         middle = 0.5 * (self.lower[h] + self.upper[h])
         below, above = self.upper.copy(), self.lower.copy()
         below[h], above[h] = middle, middle
         return (
-            Region(self.lower, below, self.bound, self.kept),
-            Region(above, self.upper, self.bound, self.kept),
+            ParameterBox(self.lower, below, self.bound, self.kept),
+            ParameterBox(above, self.upper, self.bound, self.kept),
         )
 
 
 @dataclass(frozen=True)
-class Form:
+class EnergyForm:
     """The quadratic form of the energy inequality.
 
     Args:
@@ -82,12 +82,12 @@ class Form:
     exact: Bools
     convex: bool
 
-    def only(self, kept: Ints) -> Form:
+    def only(self, kept: Ints) -> EnergyForm:
         """The form in which only the multipliers of the pairs (k,) are not zero."""
-        return Form(self.root[:, kept], self.carried[kept], self.exact[kept], self.convex)
+        return EnergyForm(self.root[:, kept], self.carried[kept], self.exact[kept], self.convex)
 
 
-def form_of(weighted: Floats) -> Form:
+def form_of(weighted: Floats) -> EnergyForm:
     """The form of W M, (q, q)."""
     values, vectors = np.linalg.eigh(0.5 * (weighted + weighted.T))
     top = float(values.max(initial=0.0))
@@ -98,10 +98,10 @@ def form_of(weighted: Floats) -> Form:
     off = np.abs(carried @ root - weighted).max(axis=1, initial=0.0)
     exact = off <= 1e-8 * np.abs(weighted).max(initial=0.0)
     convex = bool(values.min(initial=0.0) >= -1e-9 * top)
-    return Form(root, carried, exact, convex)
+    return EnergyForm(root, carried, exact, convex)
 
 
-class Energy:
+class EnergyInequality:
     """The energy inequality of a system in one box.
 
     Args:
@@ -116,7 +116,9 @@ class Energy:
         convex: without which nothing follows.
     """
 
-    def __init__(self, system: Influence, form: Form | None, lower: Floats, upper: Floats) -> None:
+    def __init__(
+        self, system: CondensedSystem, form: EnergyForm | None, lower: Floats, upper: Floats
+    ) -> None:
         by_p = system.slack_by_p
         slack = system.slack + np.minimum(by_p * lower, by_p * upper).sum(axis=1)
         self.linear: Floats = system.work * slack
@@ -169,43 +171,50 @@ def shortest(G: Floats, h: Floats) -> Floats | None:
     return np.asarray(-r[:-1] / r[-1] * size)
 
 
-def examined(system: Influence, form: Form | None, region: Region, best: float) -> Region | None:
-    """A region with its unreachable planes, its bound and its box improved; None if empty.
+def examined(
+    system: CondensedSystem, form: EnergyForm | None, box: ParameterBox, best: float
+) -> ParameterBox | None:
+    """A box without its unreachable planes, smaller and with a better bound; None if it is empty.
 
     Args:
         system: the whole condensed system.
         form: of its energy, or None where parameters change it.
-        region: of it.
+        box: of its parameters.
         best: the lowest discrepancy known; what is above is of no interest.
     """
-    part = system.only(region.kept)
-    few = None if form is None else form.only(region.kept)
-    energy = Energy(part, few, region.lower, region.upper)
+    part = system.only(box.kept)
+    few = None if form is None else form.only(box.kept)
+    energy = EnergyInequality(part, few, box.lower, box.upper)
     may = energy.reachable()
-    relaxed = _Relaxation(part, energy, region, may, best)
+    relaxed = _Relaxation(part, energy, box, may, best)
     bound = relaxed.bound()
     if bound is None:
         return None
-    lower, upper = relaxed.box()
-    return Region(lower, upper, max(bound, region.bound), region.kept[may])
+    lower, upper = relaxed.edges()
+    return ParameterBox(lower, upper, max(bound, box.bound), box.kept[may])
 
 
 class _Relaxation:
     """The linear program; columns are p, lam, the misfits r and t = sum r^2."""
 
     def __init__(
-        self, part: Influence, energy: Energy, region: Region, may: Bools, best: float
+        self,
+        part: CondensedSystem,
+        energy: EnergyInequality,
+        box: ParameterBox,
+        may: Bools,
+        best: float,
     ) -> None:
         from pyscipopt import LP  # noqa: PLC0415  (an extra)
 
-        self.part, self.energy, self.region = part, energy, region
-        n, q, g = len(region.lower), part.n_pairs, len(part.misfit)
+        self.part, self.energy, self.box = part, energy, box
+        n, q, g = len(box.lower), part.n_pairs, len(part.misfit)
         self.n, self.q, self.g = n, q, g
         self.lp = LP()
         infinity = self.lp.infinity()
         edge = np.sqrt(best)
-        lower = [*region.lower, *np.zeros(q), *np.full(g, -edge), 0.0]
-        upper = [*region.upper, *np.where(may, infinity, 0.0), *np.full(g, edge), best]
+        lower = [*box.lower, *np.zeros(q), *np.full(g, -edge), 0.0]
+        upper = [*box.upper, *np.where(may, infinity, 0.0), *np.full(g, edge), best]
         count = n + q + g + 1
         self.lp.addCols(
             [[] for _ in range(count)],
@@ -219,7 +228,7 @@ class _Relaxation:
     def _rows(self) -> None:
         part, infinity = self.part, self.lp.infinity()
         grown = part.slack_by_lam + sum(
-            (self.region.upper[h] * product for h, product in part.products.items()),
+            (self.box.upper[h] * product for h, product in part.products.items()),
             np.zeros_like(part.slack_by_lam),
         )
         for constant, row in zip(part.slack, np.hstack([part.slack_by_p, grown]), strict=True):
@@ -235,15 +244,15 @@ class _Relaxation:
         self._add_for_lam(self.energy.linear, 0.0)
 
     def bound(self) -> float | None:
-        """Lower bound of the discrepancy; None if the region is proven to be empty."""
+        """Lower bound of the discrepancy; None if the box is proven to be empty."""
         x = self._minimise(self.n + self.q + self.g, 1.0, rounds=_MANY_ROUNDS)
         if x is not None:
             return float(x[-1])
-        return None if self.lp.getDualRay() is not None else self.region.bound
+        return None if self.lp.getDualRay() is not None else self.box.bound
 
-    def box(self) -> tuple[Floats, Floats]:
+    def edges(self) -> tuple[Floats, Floats]:
         """(n,) and (n,): the smallest and largest parameters of the relaxation."""
-        lower, upper = self.region.lower.copy(), self.region.upper.copy()
+        lower, upper = self.box.lower.copy(), self.box.upper.copy()
         slack = 1e-6 * (upper - lower)
         for h in range(self.n):
             low, high = self._minimise(h, 1.0), self._minimise(h, -1.0)

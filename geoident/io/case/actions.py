@@ -1,20 +1,32 @@
-"""Actions from outside in a case: from their sections to the model."""
+"""Actions on the ground of a case: loads, water and temperature, and what they are built into."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any
 
-from geoident.io.case.action_schema import (
-    LoadSection,
-    TemperatureFieldSection,
-    TemperatureSection,
-    WaterLoadSection,
-    WaterSection,
-)
-from geoident.io.case.gauges import vector
+from pydantic import Discriminator, Field, Tag, model_validator
+
 from geoident.io.case.in_situ import surface_of
-from geoident.io.case.values import Given
-from geoident.io.text.faults import Faults
+from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.values import (
+    Coefficient,
+    Coefficients,
+    Coordinates,
+    Forces,
+    Given,
+    Level,
+    LevelOrGroup,
+    LineForces,
+    Name,
+    Stress,
+    Stresses,
+    TemperatureChange,
+    TemperatureValues,
+    Text,
+    UnitWeight,
+    scalar_of,
+)
 from geoident.model.actions import (
     HeadLine,
     Load,
@@ -27,118 +39,252 @@ from geoident.model.actions import (
     Water,
     WaterPressure,
 )
-from geoident.model.case import Analysis, KeyPath
+from geoident.model.case import Analysis
 from geoident.model.parameter import Scalar
 
 WATER = Scalar(9.81e3)
 """Unit weight of water, N/m3."""
 
+_WATER_WEIGHT = "Of the water; 9.81 kN/m3 if missing."
 
-class LoadBuilder:
-    """Makes the loads of a case.
+
+class FallSection(Section):
+    """Uplift: the level of the water falls linearly along a line, and is constant beyond it."""
+
+    start: Coordinates = Field(
+        alias="from", description="Where the level is still that of the load."
+    )
+    end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
+    level: Level = Field(description="Level of the water there.")
+
+    @model_validator(mode="after")
+    def _some_length(self) -> FallSection:
+        if [x.factor for x in self.start] == [x.factor for x in self.end]:
+            wrongs = Wrongs()
+            wrongs.add(("to",), "zero-length", "the line begins and ends at one point")
+            wrongs.raise_any()
+        return self
+
+    def line(self, context: Context) -> HeadLine:
+        """The line for the model."""
+        start = _point(self.start, context.at("from"))
+        return HeadLine(start, _point(self.end, context.at("to")), self.level.scalar)
+
+
+class WaterLoadSection(Section):
+    """Pressure of water on a face, growing with depth below a level; above it the face is dry."""
+
+    level: Level = Field(description="Level of the water.", examples=["120 m", "$level"])
+    unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
+    falls: FallSection | None = Field(
+        None, description="Uplift: how the level falls along the face."
+    )
+
+    def load(self, group: str, context: Context) -> WaterPressure:
+        """The pressure on a group of faces."""
+        falls = None if self.falls is None else self.falls.line(context.at("falls"))
+        return WaterPressure(group, self.level.scalar, _weight(self.unit_weight), falls)
+
+
+class LoadSection(Section):
+    """A load: a pressure, a traction or water on faces, a force, or a pseudo-static earthquake."""
+
+    on: Name | None = Field(
+        None,
+        description="Group of lines (2-D) or surfaces (solid) in the mesh; for a force a group of "
+        "nodes, which share it equally.",
+    )
+    at: Coordinates | None = Field(None, description="Point on which a force acts.")
+    pressure: Stress | None = Field(None, description="Positive pushes onto the ground.")
+    traction: Stresses | None = Field(
+        None, description="Force per area in the coordinate directions."
+    )
+    water: WaterLoadSection | None = Field(None, description="Pressure of water on the faces.")
+    force: Forces | None = Field(
+        None, description="Force in the coordinate directions (solid; axisymmetric: of all around)."
+    )
+    line_force: LineForces | None = Field(
+        None, description="Force per metre out of plane in the directions x, y (plane strain)."
+    )
+    seismic: Coefficients | None = Field(
+        None,
+        description="Parts of its own weight that act on all ground in the coordinate directions.",
+        examples=["[0.1, 0]"],
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> LoadSection:
+        wrongs = Wrongs()
+        kinds = [kind for kind in _LOADS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            message = f"found {' and '.join(kinds) or 'no kind of load'}; exactly one of "
+            wrongs.add((), "wrong-pair", f"{message}{', '.join(_LOADS)} is expected")
+        else:
+            self._check_place(kinds[0], wrongs)
+        wrongs.raise_any()
+        return self
+
+    def _check_place(self, kind: str, wrongs: Wrongs) -> None:
+        places = [key for key in ("on", "at") if getattr(self, key) is not None]
+        if kind == "seismic":
+            expected, good = "neither 'on' nor 'at' is expected", not places
+        elif kind in ("force", "line_force"):
+            expected, good = "'at' with a point, or 'on' with a group is expected", len(places) == 1
+        else:
+            expected, good = "'on' with a group of faces is expected", places == ["on"]
+        if not good:
+            found = " and ".join(f"'{place}'" for place in places) or "no place"
+            wrongs.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
+
+    def load(self, context: Context) -> Load:
+        """The load for the model; what cannot be is noted as a fault."""
+        kind = next(kind for kind in _LOADS if getattr(self, kind) is not None)
+        return _LOADS[kind](self, getattr(self, kind), context)
+
+    def _pressure(self, given: Given, context: Context) -> Pressure:
+        return Pressure(self.on or "", given.scalar)
+
+    def _traction(self, given: Sequence[Given], context: Context) -> Traction:
+        return Traction(self.on or "", _scalars(given, context.at("traction")))
+
+    def _water(self, given: WaterLoadSection, context: Context) -> WaterPressure:
+        return given.load(self.on or "", context.at("water"))
+
+    def _force(self, given: Sequence[Given], context: Context) -> PointForce:
+        plane = context.analysis is Analysis.PLANE_STRAIN
+        wanted, wrong, unit = (
+            ("line_force", "force", "kN/m") if plane else ("force", "line_force", "kN")
+        )
+        if getattr(self, wrong) is not None:
+            message = f"'{wrong}' in {context.analysis.value} analysis; '{wanted}' is expected"
+            hint = f"Give it in {unit}."
+            context.at(wrong).refuse("wrong-dimension", message, hint, key=True)
+        value = _scalars(given, context.at(wanted))
+        at = None if self.at is None else _point(self.at, context.at("at"))
+        return PointForce(self.on or "" if at is None else at, value)
+
+    def _seismic(self, given: Sequence[Given], context: Context) -> Seismic:
+        return Seismic(_scalars(given, context.at("seismic")))
+
+
+_LOADS: Mapping[str, Callable[[LoadSection, Any, Context], Load]] = {
+    "pressure": LoadSection._pressure,
+    "traction": LoadSection._traction,
+    "water": LoadSection._water,
+    "force": LoadSection._force,
+    "line_force": LoadSection._force,
+    "seismic": LoadSection._seismic,
+}
+"""Keys of a load, of which it has exactly one, and what each is built by."""
+
+
+class WaterSection(Section):
+    """Water in the pores: stresses are effective, the pressure of the water loads the skeleton."""
+
+    table: LevelOrGroup = Field(
+        description="Level, or group of lines (2-D) or surfaces (solid), below which the pores are "
+        "full of still water.",
+        examples=["250 m", "water-table"],
+    )
+    unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
+    groups: list[Name] | None = Field(
+        None, description="Element groups with water in their pores; all if missing."
+    )
+
+    def water(self) -> Water:
+        """The water for the model."""
+        groups = None if self.groups is None else tuple(self.groups)
+        return Water(surface_of(self.table), _weight(self.unit_weight), groups)
+
+
+class TemperatureFieldSection(Section):
+    """Changes of temperature at points: linear between them, the nearest beyond them."""
+
+    points: list[Coordinates] | None = Field(None, description="Coordinates of the points.")
+    values: TemperatureValues | None = Field(None, description="Change at each point.")
+    file: Text | None = Field(
+        None,
+        description="In place of points and values: a CSV file whose first line names the columns "
+        "with their units, such as 'x [m], y [m], change [K]' (and z [m] in a solid).",
+    )
+    factor: Coefficient | None = Field(None, description="Multiplies all changes; 1 if missing.")
+
+    @model_validator(mode="after")
+    def _as_many(self) -> TemperatureFieldSection:
+        wrongs = Wrongs()
+        if self.file is not None or not self.points or not self.values:
+            given = [key for key in ("points", "values", "file") if getattr(self, key) is not None]
+            message = f"found {' and '.join(given) or 'neither'}; points with values, or a file, is"
+            wrongs.add((), "wrong-pair", f"{message} expected")
+        elif len(self.points) != len(self.values):
+            message = f"{len(self.values)} values for {len(self.points)} points"
+            wrongs.add(("values",), "wrong-number", message, "Write one value for each point.")
+        wrongs.raise_any()
+        return self
+
+    def field(self, context: Context) -> TemperatureField:
+        """The changes for the model."""
+        points = (
+            _point(point, context.at("points", n)) for n, point in enumerate(self.points or ())
+        )
+        values = tuple(value.factor for value in self.values or ())
+        factor = scalar_of(self.factor) or Scalar(1.0)
+        return TemperatureField(tuple(points), values, factor)
+
+
+def _shape(value: object) -> str:
+    return "mapping" if isinstance(value, dict | TemperatureFieldSection) else "text"
+
+
+TemperatureSection = Annotated[
+    Annotated[TemperatureChange, Tag("text")] | Annotated[TemperatureFieldSection, Tag("mapping")],
+    Discriminator(_shape),
+]
+
+
+def build_loads(
+    sections: Mapping[str, LoadSection], context: Context, *, gravity: bool
+) -> dict[str, Load]:
+    """The loads at a place of the case, by name; what cannot be is noted as a fault.
 
     Args:
-        analysis: kind of analysis.
-        gravity: whether there is any.
-        faults: takes note of what does not fit.
+        sections: name to section.
+        context: of the key `loads`.
+        gravity: whether the case has any, of which shaking is a part.
     """
-
-    def __init__(self, analysis: Analysis, *, gravity: bool, faults: Faults) -> None:
-        self._analysis = analysis
-        self._dim = analysis.dim
-        self._gravity = gravity
-        self._faults = faults
-
-    def build(self, sections: Mapping[str, LoadSection], path: KeyPath) -> dict[str, Load]:
-        """The loads at a place of the case, by name."""
-        return {name: self._load(load, (*path, name)) for name, load in sections.items()}
-
-    def _load(self, section: LoadSection, path: KeyPath) -> Load:
-        group = section.on or ""
-        if section.pressure is not None:
-            return Pressure(group, section.pressure.scalar)
-        if section.traction is not None:
-            return Traction(group, self._scalars(section.traction, (*path, "traction")))
-        if section.water is not None:
-            return self._water(group, section.water, (*path, "water"))
-        if section.seismic is not None:
-            return self._seismic(section.seismic, (*path, "seismic"))
-        return self._force(section, path)
-
-    def _water(self, group: str, section: WaterLoadSection, path: KeyPath) -> WaterPressure:
-        falls = None
-        if section.falls is not None:
-            place = (*path, "falls")
-            start = self._point(section.falls.start, (*place, "from"))
-            end = self._point(section.falls.end, (*place, "to"))
-            falls = HeadLine(start, end, section.falls.level.scalar)
-        weight = section.unit_weight
-        return WaterPressure(group, section.level.scalar, weight.scalar if weight else WATER, falls)
-
-    def _seismic(self, given: Sequence[Given], path: KeyPath) -> Seismic:
-        if not self._gravity:
+    for name, section in sections.items():
+        if section.seismic is not None and not gravity:
             message = "there is no gravity, of which it is a part"
-            self._faults.add(path, "no-gravity", message, "Add 'gravity: 9.81 m/s2'.", key=True)
-        return Seismic(self._scalars(given, path))
-
-    def _force(self, section: LoadSection, path: KeyPath) -> PointForce:
-        plane = self._analysis is Analysis.PLANE_STRAIN
-        wanted, wrong = ("line_force", "force") if plane else ("force", "line_force")
-        given = getattr(section, wanted) or getattr(section, wrong)
-        if getattr(section, wrong) is not None:
-            kind = self._analysis.value
-            message = f"'{wrong}' in {kind} analysis; '{wanted}' is expected"
-            unit = "kN/m" if plane else "kN"
-            self._faults.add(
-                (*path, wrong), "wrong-dimension", message, f"Give it in {unit}.", key=True
-            )
-        value = self._scalars(given, (*path, wanted))
-        at = None if section.at is None else self._point(section.at, (*path, "at"))
-        return PointForce(section.on or "" if at is None else at, value)
-
-    def _scalars(self, given: Sequence[Given], path: KeyPath) -> tuple[Scalar, ...]:
-        vector(given, self._dim, path, self._faults, what=f"the {str(path[-1]).replace('_', ' ')}")
-        return tuple(number.scalar for number in given)
-
-    def _point(self, given: Sequence[Given], path: KeyPath) -> tuple[float, ...]:
-        return vector(given, self._dim, path, self._faults, what="the point") or ()
-
-
-def build_water(section: WaterSection | None) -> Water | None:
-    """Water in the pores."""
-    if section is None:
-        return None
-    weight = section.unit_weight.scalar if section.unit_weight else WATER
-    groups = None if section.groups is None else tuple(section.groups)
-    return Water(surface_of(section.table), weight, groups)
+            hint = "Add 'gravity: 9.81 m/s2'."
+            context.at(name, "seismic").refuse("no-gravity", message, hint, key=True)
+    return {name: section.load(context.at(name)) for name, section in sections.items()}
 
 
 def build_temperature(
-    sections: Mapping[str, TemperatureSection], path: KeyPath, dim: int, faults: Faults
+    sections: Mapping[str, TemperatureSection], context: Context
 ) -> dict[str, Temperature]:
     """Changes of temperature by group.
 
     Args:
-        sections: what the case says, by group.
-        path: of the key.
-        dim: number of axes.
-        faults: takes what is wrong.
+        sections: group to what is given for it.
+        context: of the key `temperature`.
     """
     return {
-        group: _field(given, (*path, group), dim, faults)
+        group: given.field(context.at(group))
         if isinstance(given, TemperatureFieldSection)
         else given.scalar
         for group, given in sections.items()
     }
 
 
-def _field(
-    section: TemperatureFieldSection, path: KeyPath, dim: int, faults: Faults
-) -> TemperatureField:
-    points = [
-        vector(point, dim, (*path, "points", n), faults, what="the point") or ()
-        for n, point in enumerate(section.points or ())
-    ]
-    factor = section.factor.scalar if section.factor else Scalar(1.0)
-    values = tuple(value.factor for value in section.values or ())
-    return TemperatureField(tuple(points), values, factor)
+def _weight(given: Given | None) -> Scalar:
+    return scalar_of(given) or WATER
+
+
+def _scalars(given: Sequence[Given], context: Context) -> tuple[Scalar, ...]:
+    context.vector(given, f"the {str(context.path[-1]).replace('_', ' ')}")
+    return tuple(number.scalar for number in given)
+
+
+def _point(given: Sequence[Given], context: Context) -> tuple[float, ...]:
+    return context.vector(given, "the point") or ()

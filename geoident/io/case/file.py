@@ -7,24 +7,25 @@ else in the case or its readings; and later, elsewhere, what needs the mesh.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import yaml
 from pydantic import ValidationError
 
 from geoident.errors import InputError
-from geoident.io.case.build import build_case
+from geoident.io.case.case import CaseSection, build_case
 from geoident.io.case.overrides import apply_overrides
 from geoident.io.case.references import check_references
-from geoident.io.case.resolve import resolved_text
-from geoident.io.case.schema import CaseSection
 from geoident.io.case.temperature_file import with_temperatures
-from geoident.io.case.words import kind_of
 from geoident.io.readings.case_readings import read_all
 from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.values import kind_of
 from geoident.io.text.blanks import refuse_blanks
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
@@ -32,7 +33,7 @@ from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
 from geoident.model.gauges import Channel
-from geoident.model.methods import method_name
+from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
 
@@ -96,14 +97,18 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
-    case = build_case(section, mesh_path, faults)
+    case = replace(
+        build_case(section, faults),
+        mesh_file=mesh_path,
+        readings=read.readings,
+        dates=read.dates,
+        notes=read.notes,
+    )
     faults.raise_any()
     channels = tuple(_less_zero(channel, read.zero_sd) for channel in case.channels)
-    case = replace(
-        case, readings=read.readings, dates=read.dates, notes=read.notes, channels=channels
-    )
+    case = replace(case, channels=channels)
     chain = [method_name(options) for options in case.fit.methods]
-    resolved = resolved_text(section, chain)
+    resolved = _resolved_text(section, chain)
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
 
 
@@ -177,3 +182,43 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
         hint = faults.did_you_mean(path.name, beside, what=what)
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return str(path)
+
+
+def _resolved_text(section: CaseSection, chain: Sequence[str]) -> str:
+    """The case as YAML, without empty sections and options of methods and losses not used.
+
+    Quantities stay as they were written, so that the text can be read as a case again.
+
+    Args:
+        section: the case.
+        chain: names of the methods, those that stand for a missing one among them.
+    """
+    data = section.model_dump(by_alias=True, exclude_none=True)
+    fit: dict[str, Any] = {"method": chain[0], **data["fit"]}
+    data["fit"] = fit
+    for name in (METHOD_OPTIONS.keys() | LOSS_OPTIONS.keys()) - {*chain, section.fit.loss}:
+        fit.pop(name, None)
+    return yaml.dump(
+        _without_empty(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
+    )
+
+
+def _without_empty(node: Any) -> Any:
+    """The same without empty lists and mappings, which stand for missing keys."""
+    if isinstance(node, Mapping):
+        return {key: _without_empty(value) for key, value in node.items() if value not in ({}, [])}
+    if isinstance(node, list):
+        return [_without_empty(value) for value in node]
+    return node if isinstance(node, str) else str(node).lower()
+
+
+class _Dumper(yaml.SafeDumper):
+    """Leaves out the quotes wherever `yaml_reader` reads the same text without them."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+_NULL = re.compile(r"(?:~|null|Null|NULL|)$")
+_Dumper.yaml_implicit_resolvers = {}
+_Dumper.add_implicit_resolver("tag:yaml.org,2002:null", _NULL, ["~", "n", "N", ""])

@@ -1,4 +1,7 @@
-"""The section `fit` of a case file, made from the table of methods and their option types."""
+"""How the parameters of a case are identified.
+
+The section `fit` is made from the table of methods and their option types.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +12,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
-from geoident.io.case.values import (
+from geoident.io.schema.section import Section
+from geoident.io.schema.values import (
     AnyQuantity,
     Count,
     Given,
     Length,
+    Name,
     Of,
+    ParameterName,
     Positive,
     SharesUnit,
+    require_text,
     shape_of,
 )
-from geoident.io.case.words import Name, ParameterName, require_text
-from geoident.io.schema.section import Section
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
+from geoident.model.case import FitSettings
 from geoident.model.methods import (
     LOSS_OPTIONS,
     METHOD_OPTIONS,
+    ClosedFormOptions,
     LossOptions,
     MethodOptions,
     ScanAxis,
@@ -75,6 +82,10 @@ class AxisSection(Section):
     stop: AnyQuantity = Field(alias="to", description="Last value.")
     points: Annotated[int, Count(least=2)] | None = Field(None, description="Number of values.")
 
+    def scan_axis(self, points: int) -> ScanAxis:
+        """The axis, with this number of values where it does not give its own."""
+        return ScanAxis(self.start.factor, self.stop.factor, self.points or points)
+
 
 class FitBase(Section):
     """How the parameters are identified."""
@@ -111,13 +122,50 @@ class FitBase(Section):
         return (self.method,) if isinstance(self.method, str) else tuple(self.method)
 
     def options(self, name: str) -> Section:
-        """The options of a method or a loss."""
-        section = getattr(self, field_name(name))
+        """The section with the options of a method or a loss."""
+        section = getattr(self, _field_name(name))
         assert isinstance(section, Section)
         return section
 
+    def settings(self, *, strengths: bool) -> FitSettings:
+        """The same for the model, in SI units.
 
-def field_name(name: str) -> str:
+        Args:
+            strengths: strengths of yield limits are parameters.
+        """
+        opening = self._method("closed-form")
+        assert isinstance(opening, ClosedFormOptions)
+        return FitSettings(
+            tuple(self._method(name) for name in self.chain(strengths=strengths)),
+            None if self.stages is None else tuple(self.stages),
+            self._loss(),
+            opening,
+        )
+
+    def _method(self, name: str) -> MethodOptions:
+        kind, given = METHOD_OPTIONS[name], self.options(name)
+        values = {option.name: _plain(getattr(given, option.name)) for option in fields(kind)}
+        if name == "scan":
+            values["grid"] = {
+                parameter: axis.scan_axis(values["points"])
+                for parameter, axis in values["grid"].items()
+            }
+        return kind(**values)
+
+    def _loss(self) -> LossOptions:
+        kind = LOSS_OPTIONS[self.loss]
+        given = self.options(self.loss) if fields(kind) else None
+        return kind(**{option.name: _plain(getattr(given, option.name)) for option in fields(kind)})
+
+
+def _plain(value: Any) -> Any:
+    """An option as numbers in SI units."""
+    if isinstance(value, list):
+        return tuple(_plain(entry) for entry in value)
+    return value.factor if isinstance(value, Given) else value
+
+
+def _field_name(name: str) -> str:
     """Name of the attribute that holds the options of a method or a loss."""
     return name.replace("-", "_")
 
@@ -166,7 +214,7 @@ def _fit_model() -> type[FitBase]:
         model = _option_model(kind)
         description = f"Options of {name}."
         field = Field(default_factory=model, alias=name, description=description)
-        definitions[field_name(name)] = (model, field)
+        definitions[_field_name(name)] = (model, field)
     return create_model("FitSection", __base__=FitBase, __doc__=FitBase.__doc__, **definitions)
 
 

@@ -1,179 +1,274 @@
-"""Gauges of a case to channels: every gauge is one or more relative displacements."""
+"""Gauges of a case: their sections, and the channels that they are made into.
+
+Every gauge, whatever its kind, is one or more relative displacements.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Annotated, Literal
 
-from geoident.io.case.schema import (
-    CaseSection,
-    ConvergenceSection,
-    DisplacementSection,
-    ExtensometerSection,
-    GaugeSection,
-    SettlementSection,
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.values import (
+    Accuracy,
+    Coordinates,
+    Direction,
+    Drift,
+    Given,
+    Line,
+    Name,
+    Offset,
+    scalar_of,
+    shape_of,
 )
-from geoident.io.case.values import Given
-from geoident.io.text.faults import Faults
-from geoident.model.case import Analysis, KeyPath
+from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel
-from geoident.model.parameter import Scalar
 
 Vector = tuple[float, ...]
+_Motion = tuple[str, Vector | None, Vector, Vector]
+"""Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
+
 _AXES = "xyz"
 
 
-def sections_of_channels(section: CaseSection) -> dict[str, GaugeSection]:
+class _Gauge(Section):
+    accuracy: Accuracy = Field(
+        description="Standard deviation of one reading.", examples=["0.1 mm"]
+    )
+    zero: Name = Field(
+        VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
+    )
+    offset: Offset | None = Field(
+        None,
+        description="Added to all readings after the zero: a misread zero, a head that slipped.",
+        examples=["$off1"],
+    )
+    drift: Drift | None = Field(
+        None,
+        description="What the gauge gains by itself in time since its zero; needs dates.",
+        examples=["$drift1"],
+    )
+    drift_per_stage: Offset | None = Field(
+        None, description="What the gauge gains by itself in every stage since its zero."
+    )
+
+    @model_validator(mode="after")
+    def _one_drift(self) -> _Gauge:
+        if self.drift is not None and self.drift_per_stage is not None:
+            wrongs = Wrongs()
+            message = "found drift and drift_per_stage; one of them is expected"
+            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+            wrongs.raise_any()
+        return self
+
+    def channel_names(self, name: str) -> list[str]:
+        """Names of the channels of a gauge of this name."""
+        return [name]
+
+    @abstractmethod
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The channels of a gauge of this name; none, with a fault, where they cannot be."""
+
+    def _reads(self, channel: str, gauge: str, motion: _Motion, key: KeyPath) -> Channel:
+        """One channel.
+
+        Args:
+            channel: its name.
+            gauge: name of the gauge.
+            motion: what is read.
+            key: where the channel is written.
+        """
+        kind, first, second, direction = motion
+        return Channel(
+            name=channel,
+            gauge=gauge,
+            kind=kind,
+            first=first,
+            second=second,
+            direction=direction,
+            accuracy=self.accuracy.factor,
+            zero=self.zero,
+            key=key,
+            offset=scalar_of(self.offset),
+            drift=scalar_of(self.drift),
+            drift_per_stage=scalar_of(self.drift_per_stage),
+            dimension=self.accuracy.dimension,
+            unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
+        )
+
+
+class ExtensometerSection(_Gauge):
+    """Change of distance between a head and anchors, positive when they move apart.
+
+    One channel per anchor, named GAUGE.ANCHOR.
+    """
+
+    kind: Literal["extensometer"]
+    head: Coordinates = Field(description="Coordinates of the head.")
+    anchors: dict[Name, Coordinates] = Field(min_length=1, description="Name to coordinates.")
+
+    def channel_names(self, name: str) -> list[str]:
+        """One name for every anchor."""
+        return [f"{name}.{anchor}" for anchor in self.anchors]
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """One channel for every anchor."""
+        head = _point(self.head, context.at("head"))
+        found = []
+        for anchor, given in self.anchors.items():
+            place = context.at("anchors", anchor)
+            motion = _distance(self.kind, head, _point(given, place), place)
+            if motion is not None:
+                found.append(self._reads(f"{name}.{anchor}", name, motion, place.path))
+        return found
+
+
+class ConvergenceSection(_Gauge):
+    """Change of distance between two points, positive when they move apart."""
+
+    kind: Literal["convergence"]
+    between: Line = Field(description="The two points.")
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The one channel."""
+        place = context.at("between")
+        first, second = (_point(point, place.at(n)) for n, point in enumerate(self.between))
+        motion = _distance(self.kind, first, second, place)
+        return [] if motion is None else [self._reads(name, name, motion, context.path)]
+
+
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
+    Discriminator(shape_of),
+]
+
+
+class DisplacementSection(_Gauge):
+    """Displacement of a point in a direction, relative to the ground or to another point."""
+
+    kind: Literal["displacement"]
+    point: Coordinates = Field(description="The point whose motion is read.")
+    relative_to: Reference = Field("ground", description="A point, or fixed ground.")
+    component: Literal["x", "y", "z"] | None = Field(None, description="Coordinate direction.")
+    direction: Direction | None = Field(
+        None, description="Direction vector in place of a component; its length does not matter."
+    )
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> DisplacementSection:
+        wrongs = Wrongs()
+        if (self.component is None) == (self.direction is None):
+            found = "neither" if self.component is None else "both"
+            message = f"found {found}; either component or direction is expected"
+            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+        if self.direction is not None and not any(x.factor for x in self.direction):
+            wrongs.add(("direction",), "zero-direction", "the direction has length zero")
+        wrongs.raise_any()
+        return self
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The one channel."""
+        motion = _displacement(self, self._unit(context), context)
+        return [] if motion is None else [self._reads(name, name, motion, context.path)]
+
+    def _unit(self, context: Context) -> Vector | None:
+        if self.direction is not None:
+            given = context.at("direction").vector(self.direction, "the direction")
+            return None if given is None else _unit(given)
+        axis = _AXES.index(self.component or "x")
+        if axis < context.dim:
+            return _axis(axis, context.dim, 1.0)
+        message = "a plane model has no displacement along z"
+        context.at("component").refuse("wrong-dimension", message, "Use x or y.")
+        return None
+
+
+class SettlementSection(_Gauge):
+    """Settlement of a point, positive downwards, relative to the ground or to another point."""
+
+    kind: Literal["settlement"]
+    point: Coordinates = Field(description="The point whose settlement is read.")
+    relative_to: Reference = Field("ground", description="A point, or fixed ground.")
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The one channel."""
+        down = _axis(context.dim - 1, context.dim, -1.0)
+        motion = _displacement(self, down, context)
+        return [] if motion is None else [self._reads(name, name, motion, context.path)]
+
+
+GaugeSection = Annotated[
+    ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
+    Field(discriminator="kind"),
+]
+Gauges = Mapping[str, GaugeSection]
+
+
+def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
     """Names of all channels with what the case says of the gauge of each."""
-    names: dict[str, GaugeSection] = {}
-    for name, gauge in section.gauges.items():
-        if isinstance(gauge, ExtensometerSection):
-            names |= {f"{name}.{anchor}": gauge for anchor in gauge.anchors}
-        else:
-            names[name] = gauge
-    return names
+    return {
+        channel: gauge for name, gauge in gauges.items() for channel in gauge.channel_names(name)
+    }
 
 
-def build_channels(section: CaseSection, faults: Faults) -> tuple[Channel, ...]:
-    """The channels of all gauges, in the order of the file."""
-    dim = Analysis(section.analysis).dim
+def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
+    """The channels of all gauges, in the order of the file.
+
+    Args:
+        gauges: name to section.
+        context: of the key `gauges`.
+    """
     channels: dict[str, Channel] = {}
-    for name, gauge in section.gauges.items():
-        for channel in _Gauge(name, gauge, dim, faults).channels():
+    for name, gauge in gauges.items():
+        for channel in gauge.channels(name, context.at(name)):
             if channel.name in channels:
                 message = f"two channels are named '{channel.name}'"
-                faults.add(channel.key, "duplicate-channel", message, "Rename one.", key=True)
+                context.faults.add(
+                    channel.key, "duplicate-channel", message, "Rename one.", key=True
+                )
             channels[channel.name] = channel
     return tuple(channels.values())
 
 
-def vector(
-    given: Sequence[Given], dim: int, path: KeyPath, faults: Faults, *, what: str
-) -> Vector | None:
-    """Components in SI units; None, with a fault, where their number is not that of the axes.
-
-    Args:
-        given: the components as they are written.
-        dim: number of axes.
-        path: of the key.
-        faults: takes what is wrong.
-        what: has these components, for the message.
-    """
-    if len(given) == dim:
-        return tuple(number.factor for number in given)
-    message = f"{what} has {len(given)} components; {dim} expected ({', '.join(_AXES[:dim])})"
-    hint = f"'analysis' says that there are {dim}: correct it or the components."
-    faults.add(path, "wrong-dimension", message, hint)
-    return None
+def _point(given: list[Given], place: Context) -> Vector | None:
+    return place.vector(given, "the point")
 
 
-class _Gauge:
-    """One gauge on its way to channels."""
-
-    def __init__(self, name: str, section: GaugeSection, dim: int, faults: Faults) -> None:
-        self.name = name
-        self.section = section
-        self.dim = dim
-        self.faults = faults
-        self.path: KeyPath = ("gauges", name)
-
-    def channels(self) -> list[Channel]:
-        section = self.section
-        if isinstance(section, ExtensometerSection):
-            return self._extensometer(section)
-        if isinstance(section, ConvergenceSection):
-            ends = [self._point(p, "between", n) for n, p in enumerate(section.between)]
-            return self._distance(self.name, ends[0], ends[1], "between")
-        return self._displacement(section)
-
-    def _point(self, given: Sequence[Given], *key: str | int) -> Vector | None:
-        return vector(given, self.dim, (*self.path, *key), self.faults, what="the point")
-
-    def _extensometer(self, section: ExtensometerSection) -> list[Channel]:
-        head = self._point(section.head, "head")
-        found: list[Channel] = []
-        for anchor, given in section.anchors.items():
-            point = self._point(given, "anchors", anchor)
-            found += self._distance(f"{self.name}.{anchor}", head, point, "anchors", anchor)
-        return found
-
-    def _distance(
-        self, name: str, first: Vector | None, second: Vector | None, *key: str
-    ) -> list[Channel]:
-        if first is None or second is None:
-            return []
-        direction = _unit(tuple(b - a for a, b in zip(first, second, strict=True)))
-        if direction is None:
-            self._refuse_zero(*key)
-            return []
-        written = key if self.section.kind == "extensometer" else ()
-        return [self._channel(name, first, second, direction, written)]
-
-    def _displacement(self, section: DisplacementSection | SettlementSection) -> list[Channel]:
-        point = self._point(section.point, "point")
-        ground = isinstance(section.relative_to, str)
-        first = None if ground else self._point(list(section.relative_to), "relative_to")  # type: ignore[arg-type]
-        direction = self._direction(section)
-        if point is None or direction is None or (first is None and not ground):
-            return []
-        if first == point:
-            self._refuse_zero("relative_to")
-            return []
-        return [self._channel(self.name, first, point, direction, ())]
-
-    def _direction(self, section: DisplacementSection | SettlementSection) -> Vector | None:
-        if isinstance(section, SettlementSection):
-            return _axis(self.dim - 1, self.dim, -1.0)
-        if section.direction is not None:
-            path = (*self.path, "direction")
-            given = vector(section.direction, self.dim, path, self.faults, what="the direction")
-            return None if given is None else _unit(given)
-        axis = _AXES.index(section.component or "x")
-        if axis < self.dim:
-            return _axis(axis, self.dim, 1.0)
-        message = "a plane model has no displacement along z"
-        self.faults.add((*self.path, "component"), "wrong-dimension", message, "Use x or y.")
+def _distance(
+    kind: str, first: Vector | None, second: Vector | None, place: Context
+) -> _Motion | None:
+    """Change of distance between two points; None, with a fault, where they are one."""
+    if first is None or second is None:
         return None
-
-    def _refuse_zero(self, *key: str) -> None:
-        message = "both points are the same, so nothing can be read between them"
-        hint = "Correct the coordinates of one."
-        self.faults.add((*self.path, *key), "zero-length", message, hint)
-
-    def _channel(
-        self,
-        name: str,
-        first: Vector | None,
-        second: Vector,
-        direction: Vector,
-        key: tuple[str, ...],
-    ) -> Channel:
-        section = self.section
-        return Channel(
-            name=name,
-            gauge=self.name,
-            kind=section.kind,
-            first=first,
-            second=second,
-            direction=direction,
-            accuracy=section.accuracy.factor,
-            zero=section.zero,
-            key=(*self.path, *key),
-            offset=_scalar(section.offset),
-            drift=_scalar(section.drift),
-            drift_per_stage=_scalar(section.drift_per_stage),
-            dimension=section.accuracy.dimension,
-            unit=_shown_in(section.accuracy),
-        )
+    direction = _unit(tuple(b - a for a, b in zip(first, second, strict=True)))
+    if direction is None:
+        _refuse_one_point(place)
+        return None
+    return kind, first, second, direction
 
 
-def _shown_in(accuracy: Given) -> str:
-    """The unit in which readings are shown: lengths in mm, all else in that of the accuracy."""
-    return "mm" if accuracy.dimension == "length" else accuracy.unit
+def _displacement(
+    section: DisplacementSection | SettlementSection, direction: Vector | None, context: Context
+) -> _Motion | None:
+    """Motion of a point against another one, or against fixed ground."""
+    point = _point(section.point, context.at("point"))
+    given = section.relative_to
+    first = None if isinstance(given, str) else _point(given, context.at("relative_to"))
+    if point is None or direction is None or (first is None and not isinstance(given, str)):
+        return None
+    if first == point:
+        _refuse_one_point(context.at("relative_to"))
+        return None
+    return section.kind, first, point, direction
 
 
-def _scalar(given: Given | None) -> Scalar | None:
-    return None if given is None else given.scalar
+def _refuse_one_point(place: Context) -> None:
+    message = "both points are the same, so nothing can be read between them"
+    place.refuse("zero-length", message, "Correct the coordinates of one.")
 
 
 def _unit(components: Vector) -> Vector | None:

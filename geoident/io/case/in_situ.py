@@ -1,18 +1,24 @@
-"""In-situ stress of a case: from its section to the model."""
+"""The in-situ stress of a case: one section per model, and what it is built into."""
 
 from __future__ import annotations
 
-from geoident.io.case.in_situ_schema import (
-    ConstantModel,
-    GradientSection,
-    HeimModel,
-    InSituSection,
-    ProfileModel,
-    StressSection,
+from abc import abstractmethod
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.values import (
+    Angle,
+    Coefficient,
+    Flag,
+    Given,
+    LevelOrGroup,
+    Name,
+    Stress,
+    UnitWeight,
+    scalar_of,
 )
-from geoident.io.case.values import Given
-from geoident.io.text.faults import Faults
-from geoident.model.case import KeyPath
 from geoident.model.in_situ import (
     Components,
     ConstantStress,
@@ -27,28 +33,199 @@ _NAMES = ("xx", "yy", "zz", "xy", "yz", "xz")
 _OUT_OF_PLANE = ("yz", "xz")
 _HORIZONTAL = {2: ("xx", "zz"), 3: ("xx", "yy", "xy")}
 
-_Model = ConstantModel | HeimModel | ProfileModel
-_Parts = ConstantModel | StressSection | GradientSection
+_HELD = (
+    "Whether the ground beyond the edges of the model holds the stress there in all stages; "
+    "if missing: true for a stress that is the same everywhere, false if it grows with depth."
+)
+_SURFACE = (
+    "Where depth is counted from: a level, or a group of lines (2-D) or surfaces (solid) of the "
+    "mesh with topography. Beyond its footprint the level of its nearest node counts."
+)
+
+
+class _Model(Section):
+    @abstractmethod
+    def stress(self, context: Context) -> InSitu:
+        """The stress for the model; what cannot be is noted as a fault."""
+
+
+class StressSection(Section):
+    """Components of a stress, tension positive; 0 if missing."""
+
+    xx: Stress | None = Field(None, description="Normal stress along x.")
+    yy: Stress | None = Field(None, description="Normal stress along y.")
+    zz: Stress | None = Field(None, description="Normal stress along z (out of plane in 2-D).")
+    xy: Stress | None = Field(None, description="Shear stress.")
+    yz: Stress | None = Field(None, description="Shear stress (solid only).")
+    xz: Stress | None = Field(None, description="Shear stress (solid only).")
+
+
+class GradientSection(Section):
+    """Change of each component per metre of depth, tension positive; 0 if missing."""
+
+    xx: UnitWeight | None = Field(None, description="Of the normal stress along x.")
+    yy: UnitWeight | None = Field(None, description="Of the normal stress along y.")
+    zz: UnitWeight | None = Field(None, description="Of the normal stress along z.")
+    xy: UnitWeight | None = Field(None, description="Of the shear stress.")
+    yz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
+    xz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
+
+
+class ConstantModel(_Model):
+    """In-situ stress that is the same everywhere; tension is positive."""
+
+    model: Literal["constant"]
+    xx: Stress = Field(description="Normal stress along x, tension positive.")
+    yy: Stress = Field(description="Normal stress along y, tension positive.")
+    zz: Stress = Field(description="Normal stress along z (out of plane in 2-D).")
+    xy: Stress | None = Field(None, description="Shear stress; 0 if missing.")
+    yz: Stress | None = Field(None, description="Shear stress (solid only); 0 if missing.")
+    xz: Stress | None = Field(None, description="Shear stress (solid only); 0 if missing.")
+    held: Flag | None = Field(None, description=_HELD)
+
+    def stress(self, context: Context) -> ConstantStress:
+        """The same everywhere."""
+        return ConstantStress(_components(self, context), held=self.held)
+
+
+class HeimModel(_Model):
+    """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
+
+    The vertical is y in 2-D and z in a solid.
+    """
+
+    model: Literal["heim"]
+    K0: Coefficient = Field(
+        description="Ratio of horizontal to vertical stress: along x, or along `azimuth`."
+    )
+    K0_across: Coefficient | None = Field(
+        None,
+        description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
+    )
+    azimuth: Angle | None = Field(
+        None,
+        description="Solid: direction of K0, clockwise from north (y); along x if missing.",
+        examples=["35 deg", "$azimuth"],
+    )
+    vertical: Stress | None = Field(
+        None, description="Vertical pressure, compression positive, the same everywhere."
+    )
+    unit_weight: UnitWeight | None = Field(
+        None, description="Weight of the ground: the pressure grows with depth below `surface`."
+    )
+    surface: LevelOrGroup | None = Field(
+        None, description=_SURFACE, examples=["300 m", "topography"]
+    )
+    tectonic: StressSection | None = Field(
+        None,
+        description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
+        "xx, yy, xy (solid).",
+    )
+    held: Flag | None = Field(None, description=_HELD)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> HeimModel:
+        given = [k for k in ("vertical", "unit_weight", "surface") if getattr(self, k) is not None]
+        if given not in (["vertical"], ["unit_weight", "surface"]):
+            wrongs = Wrongs()
+            message = f"found {' and '.join(given) or 'neither'}; vertical, or unit_weight with"
+            hint = "Give 'vertical' alone, or 'unit_weight' and 'surface'."
+            wrongs.add((), "wrong-pair", f"{message} surface, is expected", hint)
+            wrongs.raise_any()
+        return self
+
+    def stress(self, context: Context) -> HeimStress:
+        """Vertical, and horizontal in parts of it."""
+        if self.azimuth is not None and context.dim == 2:
+            message = "a plane model has no azimuth"
+            hint = "K0 acts along x, K0_across out of plane."
+            context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
+        tectonic = None
+        if self.tectonic is not None:
+            place = context.at("tectonic")
+            tectonic = _components(self.tectonic, place)
+            _require_horizontal(self.tectonic, place)
+        return HeimStress(
+            K0=self.K0.scalar,
+            vertical=scalar_of(self.vertical),
+            unit_weight=scalar_of(self.unit_weight),
+            surface=None if self.surface is None else surface_of(self.surface),
+            held=self.held,
+            K0_across=scalar_of(self.K0_across),
+            azimuth=scalar_of(self.azimuth),
+            tectonic=tectonic,
+        )
+
+
+class ProfileModel(_Model):
+    """A stress that changes linearly with depth: at_surface + gradient * depth."""
+
+    model: Literal["profile"]
+    surface: LevelOrGroup = Field(description=_SURFACE, examples=["300 m", "topography"])
+    at_surface: StressSection = Field(
+        default_factory=StressSection,
+        description="Stress at the surface: with its horizontal components, the tectonic part.",
+    )
+    gradient: GradientSection = Field(
+        default_factory=GradientSection,
+        description="Change per metre of depth; yy: -26 kN/m3 is the weight of the ground in 2-D.",
+    )
+    held: Flag | None = Field(None, description=_HELD)
+
+    def stress(self, context: Context) -> ProfileStress:
+        """Linear in depth."""
+        return ProfileStress(
+            at_surface=_components(self.at_surface, context.at("at_surface")),
+            gradient=_components(self.gradient, context.at("gradient")),
+            surface=surface_of(self.surface),
+            held=self.held,
+        )
+
+
+ZoneSection = Annotated[ConstantModel | HeimModel | ProfileModel, Field(discriminator="model")]
+
+_ZONES = "Element group to a model of its own, where its stress differs (a fault zone)."
+
+
+class ConstantSection(ConstantModel):
+    """In-situ stress that is the same everywhere; tension is positive."""
+
+    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+
+
+class HeimSection(HeimModel):
+    """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
+
+    The vertical is y in 2-D and z in a solid.
+    """
+
+    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+
+
+class ProfileSection(ProfileModel):
+    """A stress that changes linearly with depth: at_surface + gradient * depth."""
+
+    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+
+
+InSituSection = Annotated[
+    ConstantSection | HeimSection | ProfileSection, Field(discriminator="model")
+]
 
 
 def build_in_situ(
-    section: InSituSection | None, dim: int, faults: Faults
+    section: InSituSection | None, context: Context
 ) -> tuple[InSitu | None, dict[str, InSitu]]:
     """The in-situ stress, and that of groups of their own.
 
     Args:
-        section: what the case says, or None.
-        dim: number of axes.
-        faults: takes what is wrong.
+        section: what stands under the key `in_situ`.
+        context: of this key.
     """
     if section is None:
         return None, {}
-    path: KeyPath = ("in_situ",)
-    zones = {
-        name: _model(zone, (*path, "groups", name), dim, faults)
-        for name, zone in section.groups.items()
-    }
-    return _model(section, path, dim, faults), zones
+    zones = {name: zone.stress(context.at("groups", name)) for name, zone in section.groups.items()}
+    return section.stress(context), zones
 
 
 def surface_of(given: Given | str) -> Surface:
@@ -56,60 +233,24 @@ def surface_of(given: Given | str) -> Surface:
     return given if isinstance(given, str) else given.scalar
 
 
-def _model(given: _Model, path: KeyPath, dim: int, faults: Faults) -> InSitu:
-    if isinstance(given, ConstantModel):
-        return ConstantStress(_components(given, path, dim, faults), held=given.held)
-    if isinstance(given, HeimModel):
-        return _heim(given, path, dim, faults)
-    return ProfileStress(
-        at_surface=_components(given.at_surface, (*path, "at_surface"), dim, faults),
-        gradient=_components(given.gradient, (*path, "gradient"), dim, faults),
-        surface=surface_of(given.surface),
-        held=given.held,
-    )
-
-
-def _heim(given: HeimModel, path: KeyPath, dim: int, faults: Faults) -> HeimStress:
-    if given.azimuth is not None and dim == 2:
-        message = "a plane model has no azimuth"
-        hint = "K0 acts along x, K0_across out of plane."
-        faults.add((*path, "azimuth"), "wrong-dimension", message, hint, key=True)
-    tectonic = None
-    if given.tectonic is not None:
-        place = (*path, "tectonic")
-        tectonic = _components(given.tectonic, place, dim, faults)
-        _require_horizontal(given.tectonic, place, dim, faults)
-    return HeimStress(
-        K0=given.K0.scalar,
-        vertical=_scalar(given.vertical),
-        unit_weight=_scalar(given.unit_weight),
-        surface=None if given.surface is None else surface_of(given.surface),
-        held=given.held,
-        K0_across=_scalar(given.K0_across),
-        azimuth=_scalar(given.azimuth),
-        tectonic=tectonic,
-    )
-
-
-def _components(given: _Parts, path: KeyPath, dim: int, faults: Faults) -> Components:
+def _components(
+    given: ConstantModel | StressSection | GradientSection, context: Context
+) -> Components:
     """The six components; those that a plane model does not have are faults."""
-    if dim == 2:
+    if context.dim == 2:
         for name in _OUT_OF_PLANE:
             if getattr(given, name) is not None:
                 message = f"a plane model has no stress {name}"
-                faults.add((*path, name), "wrong-dimension", message, "Remove it.", key=True)
-    xx, yy, zz, xy, yz, xz = (_scalar(getattr(given, name)) or Scalar(0.0) for name in _NAMES)
+                context.at(name).refuse("wrong-dimension", message, "Remove it.", key=True)
+    xx, yy, zz, xy, yz, xz = (scalar_of(getattr(given, name)) or Scalar(0.0) for name in _NAMES)
     return xx, yy, zz, xy, yz, xz
 
 
-def _require_horizontal(given: StressSection, path: KeyPath, dim: int, faults: Faults) -> None:
+def _require_horizontal(given: StressSection, context: Context) -> None:
     for name in _NAMES:
-        plane = dim == 3 or name not in _OUT_OF_PLANE
-        if plane and name not in _HORIZONTAL[dim] and getattr(given, name) is not None:
-            message = f"{name} is not horizontal; {', '.join(_HORIZONTAL[dim])} are"
+        plane = context.dim == 3 or name not in _OUT_OF_PLANE
+        horizontal = _HORIZONTAL[context.dim]
+        if plane and name not in horizontal and getattr(given, name) is not None:
+            message = f"{name} is not horizontal; {', '.join(horizontal)} are"
             hint = "Use 'model: profile' for stresses of any direction."
-            faults.add((*path, name), "wrong-dimension", message, hint, key=True)
-
-
-def _scalar(given: Given | None) -> Scalar | None:
-    return None if given is None else given.scalar
+            context.at(name).refuse("wrong-dimension", message, hint, key=True)

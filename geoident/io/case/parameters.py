@@ -1,4 +1,4 @@
-"""The section of a case file that says what is identified."""
+"""The parameters of a case: what is identified, and what is known of it before."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.values import AnyQuantity, Bounds, Given
 from geoident.io.schema.section import Section, Wrongs
+from geoident.io.schema.values import AnyQuantity, Bounds, Given
 from geoident.model.case import KeyPath
+from geoident.model.parameter import Parameter, Prior
 from geoident.units import DIMENSIONLESS, DIMENSIONS, UNITS, with_article
 
 
@@ -43,6 +44,20 @@ class ParameterSection(Section):
             self._check_prior(wrongs)
         wrongs.raise_any()
         return self
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of this name, in SI units."""
+        prior = self.prior
+        return Parameter(
+            name=name,
+            start=self.start.factor,
+            lower=self.bounds[0].factor,
+            upper=self.bounds[1].factor,
+            scale=self.scale,
+            prior=Prior(prior.mean.factor, prior.sd.factor, prior.kind) if prior else None,
+            dimension=self.start.dimension,
+            unit=self.start.unit,
+        )
 
     def _numbers(self) -> list[tuple[KeyPath, Given]]:
         numbers: list[tuple[KeyPath, Given]] = [

@@ -1,26 +1,18 @@
-"""Yield surfaces of a material: from their sections to the model, and whether they are possible."""
+"""Yield surfaces of a material: one section per kind, and what it is built into."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from math import hypot
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.frames import FrameBuilder
+from geoident.io.case.frames import attitude, axes_about
 from geoident.io.case.parameters import ParameterSection
-from geoident.io.case.values import Given
-from geoident.io.case.yield_schema import (
-    DruckerPragerSection,
-    MohrCoulombSection,
-    PlanesSection,
-    TrescaSection,
-    WeakPlaneSection,
-    YieldPlaneSection,
-    YieldSection,
-)
-from geoident.io.text.faults import Faults
-from geoident.model.case import KeyPath
+from geoident.io.schema.section import Context, Section, require_one_of
+from geoident.io.schema.values import Angle, Count, Direction, Given, Name, Stress, scalar_of
 from geoident.model.ground import Elastic, Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
@@ -31,239 +23,372 @@ from geoident.model.yielding import (
     WeakPlane,
     YieldPlane,
     YieldSurface,
-    yield_breach,
 )
 
 _COMPONENTS = {2: ([0, 1, 3], [0, 1, 2, 3]), 3: ([0, 1, 2, 3, 4, 5],)}
 _STRESSES = ("xx", "yy", "zz", "xy", "yz", "xz")
 _ROUNDED = 2e-3  # what lengths of normals written with three digits may differ from one
 _SAME = 1e-6
-_FEWEST: Mapping[type, tuple[int, int]] = {
-    TrescaSection: (4, 48),
-    MohrCoulombSection: (4, 48),
-    DruckerPragerSection: (6, 10),
-    WeakPlaneSection: (4, 4),
-}
-"""Numbers of planes to begin with, in a section and in a solid."""
 
-Sections = Sequence[tuple[KeyPath, YieldSection]]
-
-
-def build_yields(
-    path: KeyPath, given: object, elastic: Elastic, dim: int, faults: Faults
-) -> tuple[YieldSurface, ...]:
-    """The yield surfaces of a material.
-
-    Args:
-        path: of its key `yield`.
-        given: what stands there: nothing, a section, or a list of them.
-        elastic: its elasticity.
-        dim: dimensions of the mesh.
-        faults: where what cannot be is noted.
-    """
-    sections = surfaces_at(path, given)
-    surfaces = tuple(_Builder(place, dim, faults).build(section) for place, section in sections)
-    _check_smooth(sections, elastic, dim, faults)
-    return surfaces
+_FIT = (
+    "How the planes lie to the smooth surface: inside it, around it, or so that they are of the "
+    "same size on average (`best`, if missing)."
+)
+_TENSION = "Largest tensile principal stress; limited by the other strengths alone if missing."
+_COHESION = Field(description="Cohesion.", examples=["1.5 MPa", "$c"])
+_FRICTION = Field(description="Angle of friction, from 0 to below 90 deg.", examples=["35 deg"])
 
 
-def surfaces_at(path: KeyPath, given: object) -> Sections:
-    """The sections of yield surfaces under a key `yield`, each with its own path."""
-    if isinstance(given, list):
-        return [((*path, n), section) for n, section in enumerate(given)]
-    return [] if given is None else [(path, given)]  # type: ignore[list-item]
+class _Surface(Section):
+    """A yield surface: what all kinds have in common."""
+
+    @abstractmethod
+    def surface(self, context: Context) -> YieldSurface:
+        """The surface for the model; what cannot be is noted as a fault."""
+
+    def key_of(self, strength: str) -> str:
+        """The key under which a strength of the model stands."""
+        return strength
+
+    @property
+    def numbers(self) -> list[Given]:
+        """The numbers of the section itself."""
+        values = [getattr(self, name) for name in type(self).model_fields]
+        return [value for value in values if isinstance(value, Given)]
 
 
-def check_strengths(
-    sections: Sections,
-    surfaces: Sequence[YieldSurface],
-    parameters: Mapping[str, ParameterSection],
-    faults: Faults,
-) -> None:
-    """Note strengths that are inadmissible as given, or at the start of the parameters.
+class YieldPlaneSection(Section):
+    """One plane of a yield surface: normal^T stress <= distance, tension positive."""
 
-    Args:
-        sections: surfaces as they are written, with their keys.
-        surfaces: the same surfaces, built.
-        parameters: with their starts.
-        faults: takes what is wrong.
-    """
-    starts = {name: p.start for name, p in parameters.items()}
-    values = {name: start.factor for name, start in starts.items()}
-    for (path, section), surface in zip(sections, surfaces, strict=True):
-        ties = [number for number in _numbers(section) if number.parameter is not None]
-        known = [t for t in ties if t.parameter in starts]
-        if len(known) < len(ties) or any(
-            starts[t.parameter or ""].dimension != t.dimension for t in known
-        ):
-            continue  # a fault by itself
-        found = yield_breach(surface, values)
-        if found is None:
-            continue
-        key = "strength" if getattr(section, "strength", None) else found.constant
-        given: Given = getattr(section, key)
-        message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
-        if given.parameter is not None:
-            message = f"'{given.text}' is {found.shown} at the start; {found.limit}"
-            hint = f"Change the start of {given.parameter}."
-        faults.add((*path, key), "out-of-range", message, hint)
+    name: Name | None = Field(None, description="In tables and reports; 'plane N' if missing.")
+    normal: Direction = Field(
+        description="Unit normal: factors of the stresses xx, yy, xy in 2-D (or xx, yy, zz, xy), "
+        "of xx, yy, zz, xy, yz, xz in a solid.",
+        examples=[["0.6", "0", "0.8"]],
+    )
+    distance: Stress = Field(
+        description="Distance k of the plane from the stress-free state; planes that name the same "
+        "parameter are tied.",
+        examples=["2 MPa", "$k1"],
+    )
 
+    def unit_normal(self, context: Context) -> tuple[float, ...]:
+        """The normal (6,) of length one; zeros, with a fault, where it is none.
 
-def _numbers(section: BaseModel) -> list[Given]:
-    values = [getattr(section, name) for name in type(section).model_fields]
-    return [value for value in values if isinstance(value, Given)]
-
-
-def _check_smooth(sections: Sections, elastic: Elastic, dim: int, faults: Faults) -> None:
-    """The smooth surface is a law of principal stresses, which go with no other directions."""
-    planes = 16 if dim == 2 else 96
-    for path, section in sections:
-        if not isinstance(section, TrescaSection | MohrCoulombSection) or section.planes:
-            continue
-        hint = f"Add 'planes: {planes}' to it."
-        if len(sections) > 1:
-            message = "a smooth surface stands alone; here another one holds as well"
-            faults.add(path, "smooth-surface", message, hint)
-        elif not isinstance(elastic, Isotropic):
-            message = "a smooth surface goes with isotropic elasticity only"
-            faults.add(path, "smooth-surface", message, hint)
-
-
-class _Builder:
-    """One yield surface on its way from its section to the model."""
-
-    def __init__(self, path: KeyPath, dim: int, faults: Faults) -> None:
-        self.path = path
-        self.dim = dim
-        self.faults = faults
-
-    def build(self, section: YieldSection) -> YieldSurface:
-        if isinstance(section, PlanesSection):
-            return self._given(section)
-        self._check_count(section)
-        if isinstance(section, DruckerPragerSection):
-            return DruckerPrager(
-                section.cohesion.scalar,
-                section.friction.scalar,
-                section.match,
-                _scalar(section.tension),
-                section.planes,
-                section.fit or "best",
-            )
-        if isinstance(section, WeakPlaneSection):
-            return self._weak(section)
-        return self._coulomb(section)
-
-    def _coulomb(self, section: TrescaSection | MohrCoulombSection) -> MohrCoulomb:
-        fit = self._fit(section)
-        if isinstance(section, TrescaSection):
-            strength = section.strength or section.cohesion
-            assert strength is not None
-            tension = _scalar(section.tension)
-            return MohrCoulomb(strength.scalar, Scalar(0.0), None, tension, section.planes, fit)
-        if section.dilation is not None and section.planes is not None:
-            message = "planes flow along their normals, with the angle of friction as dilation"
-            hint = "Leave out 'dilation', or 'planes' for the smooth surface."
-            self.faults.add((*self.path, "dilation"), "dilation", message, hint)
-        return MohrCoulomb(
-            section.cohesion.scalar,
-            section.friction.scalar,
-            _scalar(section.dilation),
-            _scalar(section.tension),
-            section.planes,
-            fit,
-        )
-
-    def _fit(self, section: TrescaSection | MohrCoulombSection) -> Fit:
-        if section.fit is not None and section.planes is None:
-            message = "'fit' says how planes lie to the smooth surface; there are none"
-            hint = "Add 'planes: 16', or leave out 'fit'."
-            self.faults.add((*self.path, "fit"), "no-planes", message, hint)
-        return section.fit or "best"
-
-    def _weak(self, section: WeakPlaneSection) -> WeakPlane:
-        frames = FrameBuilder(self.path, self.dim, self.faults)
-        frame = (
-            frames.attitude(section.dip, section.dip_direction)
-            if section.normal is None
-            else frames.about(section.normal)
-        )
-        strengths = section.cohesion.scalar, section.friction.scalar, _scalar(section.tension)
-        return WeakPlane(frame, *strengths, section.planes)
-
-    def _check_count(
-        self, section: TrescaSection | MohrCoulombSection | DruckerPragerSection | WeakPlaneSection
-    ) -> None:
-        """Too few planes, or a polygon that is not its own mirror image."""
-        planes, kind = section.planes, type(section)
-        if planes is None or (kind is WeakPlaneSection and self.dim == 2):
-            return
-        fewest = _FEWEST[kind][self.dim - 2]
-        polygon = kind is WeakPlaneSection or (kind is not DruckerPragerSection and self.dim == 2)
-        if planes >= fewest and not (polygon and planes % 2):
-            return
-        expected = f"{'an even number ' if polygon else 'a number '}from {fewest} on"
-        message = f"found {planes}; {expected} is expected"
-        hint = f"Write 'planes: {max(fewest, planes + planes % 2)}'."
-        self.faults.add((*self.path, "planes"), "number-of-planes", message, hint)
-
-    def _given(self, section: PlanesSection) -> GivenPlanes:
-        planes = [
-            YieldPlane(
-                plane.name or f"plane {n}",
-                self._normal((*self.path, "planes", n - 1, "normal"), plane),
-                plane.distance.scalar,
-            )
-            for n, plane in enumerate(section.planes, start=1)
-        ]
-        self._check_different(planes)
-        return GivenPlanes(tuple(planes), _scalar(section.hardening) or Scalar(0.0))
-
-    def _normal(self, path: KeyPath, plane: YieldPlaneSection) -> tuple[float, ...]:
-        """Its six components; zeros with a fault where it is none."""
-        numbers = [number.factor for number in plane.normal]
-        ways = _COMPONENTS[self.dim]
+        Args:
+            context: of the key `normal`.
+        """
+        numbers = [number.factor for number in self.normal]
+        ways = _COMPONENTS[context.dim]
         places = next((way for way in ways if len(way) == len(numbers)), None)
         full = [0.0] * 6
         if places is None:
             expected = " or ".join(str(len(way)) for way in ways)
             message = f"found {len(numbers)} components; {expected} expected"
             hint = f"They are of {', or '.join(', '.join(_STRESSES[k] for k in w) for w in ways)}."
-            self.faults.add(path, "wrong-dimension", message, hint)
+            context.refuse("wrong-dimension", message, hint)
             return tuple(full)
         length = hypot(*numbers)
         if length == 0:
-            self.faults.add(
-                path, "zero-direction", "the normal has length zero", "Write a unit normal."
-            )
+            context.refuse("zero-direction", "the normal has length zero", "Write a unit normal.")
             return tuple(full)
         unit = [number / length for number in numbers]
         if abs(length - 1) > _ROUNDED:
             message = f"the normal has length {length:.4g}; a unit normal is expected"
             hint = f"Write '[{', '.join(f'{x:.6g}' for x in unit)}]', and the distance along it."
-            self.faults.add(path, "not-unit", message, hint)
+            context.refuse("not-unit", message, hint)
         for place, number in zip(places, unit, strict=True):
             full[place] = number
         return tuple(full)
 
-    def _check_different(self, planes: Sequence[YieldPlane]) -> None:
-        """Two planes of one normal, of which only one can count, and names used twice."""
-        for n, plane in enumerate(planes):
-            for m, other in enumerate(planes[:n]):
-                if any(plane.normal) and _near(plane.normal, other.normal):
-                    path = (*self.path, "planes", n, "normal")
-                    message = f"planes {m + 1} and {n + 1} have the same normal"
-                    hint = "Keep the one with the smaller distance; the other has no effect."
-                    self.faults.add(path, "same-normal", message, hint)
-                if plane.name == other.name:
-                    path = (*self.path, "planes", n, "name")
-                    message = f"planes {m + 1} and {n + 1} have the same name '{plane.name}'"
-                    self.faults.add(path, "same-name", message, "Rename one.")
+
+class PlanesSection(_Surface):
+    """A yield surface given plane by plane; all of them hold, the flow is along their normals."""
+
+    type: Literal["planes"] = Field(description="Kind of yield surface.")
+    planes: list[YieldPlaneSection] = Field(min_length=1, description="The planes.")
+    hardening: Stress | None = Field(
+        None, description="Growth of a distance per plastic strain on its plane; 0 if missing."
+    )
+
+    def surface(self, context: Context) -> GivenPlanes:
+        """The planes, of which no two have the same normal or name."""
+        planes = [
+            YieldPlane(
+                plane.name or f"plane {n + 1}",
+                plane.unit_normal(context.at("planes", n, "normal")),
+                plane.distance.scalar,
+            )
+            for n, plane in enumerate(self.planes)
+        ]
+        _check_different(planes, context.at("planes"))
+        return GivenPlanes(tuple(planes), scalar_of(self.hardening) or Scalar(0.0))
+
+
+class _Coulomb(_Surface):
+    tension: Stress | None = Field(None, description=_TENSION)
+    planes: Annotated[int, Count()] | None = Field(
+        None,
+        description="Planes in place of the smooth surface: in 2-D the sides of the polygon in "
+        "place of Mohr's circle (even; three planes each), in a solid the number of planes (from "
+        "48 on, taken six at a time).",
+        examples=["16"],
+    )
+    fit: Fit | None = Field(None, description=_FIT)
+
+    def _fit(self, context: Context) -> Fit:
+        if self.planes is not None:
+            _check_count(self.planes, 4 if context.dim == 2 else 48, context, even=context.dim == 2)
+        elif self.fit is not None:
+            message = "'fit' says how planes lie to the smooth surface; there are none"
+            hint = "Add 'planes: 16', or leave out 'fit'."
+            context.at("fit").refuse("no-planes", message, hint)
+        return self.fit or "best"
+
+
+class TrescaSection(_Coulomb):
+    """Tresca: the shear stress is limited, whatever the pressure."""
+
+    type: Literal["tresca"] = Field(description="Kind of yield surface.")
+    strength: Stress | None = Field(
+        None, description="Shear strength: half the compressive one.", examples=["2 MPa"]
+    )
+    cohesion: Stress | None = Field(None, description="Another name of the shear strength.")
+
+    @model_validator(mode="after")
+    def _one_strength(self) -> TrescaSection:
+        ways = [("strength",), ("cohesion",)]
+        require_one_of(self, ways, "strength is", "Give the shear strength once.")
+        return self
+
+    def surface(self, context: Context) -> MohrCoulomb:
+        """Mohr-Coulomb without friction."""
+        strength = self.strength or self.cohesion
+        assert strength is not None
+        tension, fit = scalar_of(self.tension), self._fit(context)
+        return MohrCoulomb(strength.scalar, Scalar(0.0), None, tension, self.planes, fit)
+
+    def key_of(self, strength: str) -> str:
+        """The shear strength has two names."""
+        return "strength" if self.strength is not None else strength
+
+
+class MohrCoulombSection(_Coulomb):
+    """Mohr-Coulomb: smooth (exact in principal stresses), or by `planes`."""
+
+    type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
+    cohesion: Stress = _COHESION
+    friction: Angle = _FRICTION
+    dilation: Angle | None = Field(
+        None,
+        description="Angle of dilation, from 0 to that of friction: the flow is associated if "
+        "missing. Only without `planes`.",
+    )
+
+    def surface(self, context: Context) -> MohrCoulomb:
+        """The surface, smooth or by planes."""
+        if self.dilation is not None and self.planes is not None:
+            message = "planes flow along their normals, with the angle of friction as dilation"
+            hint = "Leave out 'dilation', or 'planes' for the smooth surface."
+            context.at("dilation").refuse("dilation", message, hint)
+        return MohrCoulomb(
+            self.cohesion.scalar,
+            self.friction.scalar,
+            scalar_of(self.dilation),
+            scalar_of(self.tension),
+            self.planes,
+            self._fit(context),
+        )
+
+
+class DruckerPragerSection(_Surface):
+    """Drucker-Prager's cone by planes, from the cohesion and friction of Mohr-Coulomb."""
+
+    type: Literal["drucker-prager"] = Field(description="Kind of yield surface.")
+    cohesion: Stress = _COHESION
+    friction: Angle = _FRICTION
+    match: Literal["outer", "inner", "plane-strain"] = Field(
+        "plane-strain",
+        description="Where the cone meets Mohr-Coulomb: in triaxial compression (its outer edges), "
+        "in extension (inner edges), or so that both carry the same in plane strain.",
+    )
+    tension: Stress | None = Field(None, description=_TENSION)
+    planes: Annotated[int, Count()] = Field(
+        24, description="Least number of planes: from 6 on in 2-D, from 10 on in a solid."
+    )
+    fit: Fit | None = Field(None, description=_FIT)
+
+    def surface(self, context: Context) -> DruckerPrager:
+        """The cone by planes."""
+        _check_count(self.planes, 6 if context.dim == 2 else 10, context, even=False)
+        strengths = self.cohesion.scalar, self.friction.scalar
+        tension, fit = scalar_of(self.tension), self.fit or "best"
+        return DruckerPrager(*strengths, self.match, tension, self.planes, fit)
+
+
+class WeakPlaneSection(_Surface):
+    """Coulomb's law on planes of one orientation, such as strata or joints.
+
+    The planes lie by dip and dip_direction, or by their normal, as those of a
+    transversely-isotropic material.
+    """
+
+    type: Literal["weak-plane"] = Field(description="Kind of yield surface.")
+    dip: Angle | None = Field(
+        None,
+        description="Inclination of the planes, from the horizontal downwards. In 2-D without "
+        "`dip_direction`: the apparent dip, falling towards +x.",
+        examples=["35 deg", "$dip"],
+    )
+    dip_direction: Angle | None = Field(
+        None, description="Azimuth of the line of dip, clockwise from north (y) in a solid."
+    )
+    normal: Direction | None = Field(
+        None, description="Normal of the planes in x, y, z; its length does not matter."
+    )
+    cohesion: Stress = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
+    friction: Angle = Field(description="Angle of friction on the planes.", examples=["25 deg"])
+    tension: Stress | None = Field(
+        None, description="Largest tensile stress across the planes; cohesion / tan friction else."
+    )
+    planes: Annotated[int, Count()] = Field(
+        16, description="Sides of the polygon in place of the circle of shear stress in a solid."
+    )
+
+    @model_validator(mode="after")
+    def _one_attitude(self) -> WeakPlaneSection:
+        ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
+        hint = "Planes that lie flat: 'dip: 0 deg'."
+        require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
+        return self
+
+    def surface(self, context: Context) -> WeakPlane:
+        """The planes; their number counts in a solid only."""
+        if context.dim == 3:
+            _check_count(self.planes, 4, context, even=True)
+        frame = (
+            attitude(context, self.dip, self.dip_direction)
+            if self.normal is None
+            else axes_about(context, self.normal)
+        )
+        strengths = self.cohesion.scalar, self.friction.scalar, scalar_of(self.tension)
+        return WeakPlane(frame, *strengths, self.planes)
+
+
+YieldSection = Annotated[
+    PlanesSection | TrescaSection | MohrCoulombSection | DruckerPragerSection | WeakPlaneSection,
+    Field(discriminator="type"),
+]
+
+
+def _shape(value: Any) -> str:
+    return "list" if isinstance(value, list | tuple) else "<mapping>"
+
+
+YieldSections = Annotated[
+    Annotated[YieldSection, Tag("<mapping>")]
+    | Annotated[list[YieldSection], Field(min_length=1), Tag("list")],
+    Discriminator(_shape),
+]
+
+
+def build_yields(
+    given: YieldSections | None,
+    elastic: Elastic,
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> tuple[YieldSurface, ...]:
+    """The yield surfaces of a material.
+
+    What cannot be, as given or at the start of the parameters, is noted as a fault.
+
+    Args:
+        given: what stands under the key `yield`.
+        elastic: elasticity of the material.
+        parameters: the parameters of the case.
+        context: of the key `yield`.
+    """
+    surfaces = []
+    sections = _listed(given, context)
+    for place, section in sections:
+        surface = section.surface(place)
+        surfaces.append(surface)
+        _check_smooth(surface, elastic, place, alone=len(sections) == 1)
+        _check_strengths(section, surface, parameters, place)
+    return tuple(surfaces)
+
+
+def _listed(
+    given: YieldSections | None, context: Context
+) -> Sequence[tuple[Context, YieldSection]]:
+    """The sections under a key `yield`, each with its own place."""
+    if given is None:
+        return []
+    if isinstance(given, list):
+        return [(context.at(n), section) for n, section in enumerate(given)]
+    return [(context, given)]
+
+
+def _check_strengths(
+    section: YieldSection,
+    surface: YieldSurface,
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> None:
+    """Note a strength that is inadmissible as given, or at the start of the parameters."""
+    ties = [number for number in section.numbers if number.parameter is not None]
+    starts = {name: p.start for name, p in parameters.items()}
+    if any(t.parameter not in starts or starts[t.parameter].dimension != t.dimension for t in ties):
+        return  # a tie to nothing, or to another dimension, is a fault by itself
+    found = surface.breach({name: start.factor for name, start in starts.items()})
+    if found is None:
+        return
+    key = section.key_of(found.constant)
+    given: Given = getattr(section, key)
+    message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
+    if given.parameter is not None:
+        message = f"'{given.text}' is {found.shown} at the start; {found.limit}"
+        hint = f"Change the start of {given.parameter}."
+    context.at(key).refuse("out-of-range", message, hint)
+
+
+def _check_smooth(
+    surface: YieldSurface, elastic: Elastic, context: Context, *, alone: bool
+) -> None:
+    """The smooth surface is a law of principal stresses, which go with no other directions."""
+    if not surface.is_smooth:
+        return
+    hint = f"Add 'planes: {16 if context.dim == 2 else 96}' to it."
+    if not alone:
+        message = "a smooth surface stands alone; here another one holds as well"
+        context.refuse("smooth-surface", message, hint)
+    elif not isinstance(elastic, Isotropic):
+        message = "a smooth surface goes with isotropic elasticity only"
+        context.refuse("smooth-surface", message, hint)
+
+
+def _check_count(planes: int, fewest: int, context: Context, *, even: bool) -> None:
+    """Note too few planes, or a polygon that is not its own mirror image."""
+    if planes >= fewest and not (even and planes % 2):
+        return
+    expected = f"{'an even number ' if even else 'a number '}from {fewest} on"
+    message = f"found {planes}; {expected} is expected"
+    hint = f"Write 'planes: {max(fewest, planes + planes % 2)}'."
+    context.at("planes").refuse("number-of-planes", message, hint)
+
+
+def _check_different(planes: Sequence[YieldPlane], context: Context) -> None:
+    """Two planes of one normal, of which only one can count, and names used twice."""
+    for n, plane in enumerate(planes):
+        for m, other in enumerate(planes[:n]):
+            if any(plane.normal) and _near(plane.normal, other.normal):
+                message = f"planes {m + 1} and {n + 1} have the same normal"
+                hint = "Keep the one with the smaller distance; the other has no effect."
+                context.at(n, "normal").refuse("same-normal", message, hint)
+            if plane.name == other.name:
+                message = f"planes {m + 1} and {n + 1} have the same name '{plane.name}'"
+                context.at(n, "name").refuse("same-name", message, "Rename one.")
 
 
 def _near(one: Sequence[float], other: Sequence[float]) -> bool:
     return hypot(*(a - b for a, b in zip(one, other, strict=True))) < _SAME
-
-
-def _scalar(given: Given | None) -> Scalar | None:
-    return None if given is None else given.scalar

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from geoident.io.mesh.raw import (
-    DIMENSIONS,
     RawCells,
     RawMesh,
     Refused,
@@ -29,45 +28,20 @@ from geoident.io.mesh.raw import (
     resolve_nodes,
 )
 from geoident.model.arrays import Floats, Ints
+from geoident.model.cells import CELLS
 
-_PLANES = {"3": "tri3", "4": "quad4", "6": "tri6", "8": "quad8", "9": "quad9"}
-_SOLIDS = {
-    "4": "tet4",
-    "5": "pyramid5",
-    "6": "wedge6",
-    "8": "hex8",
-    "10": "tet10",
-    "13": "pyramid13",
-    "15": "wedge15",
-    "20": "hex20",
-    "27": "hex27",
-}
+_LINES, _PLANES, _SOLIDS = (
+    {str(cell.n_nodes): cell.kind for cell in CELLS.values() if cell.dim == dim}
+    for dim in (1, 2, 3)
+)
 _TYPES = (
-    (r"(?:T2D|T3D|R2D|RAX)([23])[A-Z]*", {"2": "line2", "3": "line3"}),
+    (r"(?:T2D|T3D|R2D|RAX)([23])[A-Z]*", _LINES),
     (r"(?:B[23]|SAX|MAX)([123])[A-Z]*", {"1": "line2", "2": "line3", "3": "line2"}),
     (r"STRI()65", {"": "tri6"}),
     (r"(?:STRI|[SM]3D|SFM3D|R3D|DS|S)([3-9])[A-Z]*5?", _PLANES),
     (r"(?:CPEG|CPE|CPS|CGAX|CAX|AC2D|ACAX|DC2D|DCAX|M3D)([3-9])[A-Z]*", _PLANES),
     (r"(?:C3D|AC3D|DC3D)(\d+)[A-Z]*", _SOLIDS),
 )
-_NODES = {
-    "line2": 2,
-    "line3": 3,
-    "tri3": 3,
-    "tri6": 6,
-    "quad4": 4,
-    "quad8": 8,
-    "quad9": 9,
-    "tet4": 4,
-    "tet10": 10,
-    "hex8": 8,
-    "hex20": 20,
-    "hex27": 27,
-    "wedge6": 6,
-    "wedge15": 15,
-    "pyramid5": 5,
-    "pyramid13": 13,
-}
 _DEPTH = 8
 """Files that include each other at most."""
 
@@ -222,7 +196,7 @@ def _read_elements(block: _Block, content: _Content) -> None:
     """*ELEMENT: number and nodes, over as many lines as it takes."""
     kind = _kind(block.parameters.get("TYPE", ""), block.line)
     words = [word for line in block.lines for word in _split(line) if word]
-    width = 1 + _NODES[kind]
+    width = 1 + CELLS[kind].n_nodes
     if len(words) % width:
         message = f"the elements of *ELEMENT do not have {width - 1} nodes each"
         raise Refused("mesh-malformed", message, "", block.line)
@@ -290,7 +264,7 @@ def _assemble(content: _Content) -> RawMesh:
     numbers = np.concatenate([block for block, _ in content.nodes])
     check_unique_nodes(numbers)
     cells = tuple(
-        RawCells(kind, DIMENSIONS[kind], resolve_nodes(numbers, nodes, cells=ids), ids)
+        RawCells(kind, CELLS[kind].dim, resolve_nodes(numbers, nodes, cells=ids), ids)
         for kind, ids, nodes in content.elements
     )
     ids = np.concatenate([block.numbers for block in cells])

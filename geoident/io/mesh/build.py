@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from geoident.io.mesh.order import in_vtk_order
 from geoident.io.mesh.raw import (
-    CORNERS,
-    DIMENSIONS,
-    NODES,
     RawCells,
     RawMesh,
     Refused,
@@ -20,7 +17,8 @@ from geoident.io.mesh.raw import (
     row_keys,
 )
 from geoident.model.arrays import Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.cells import CELLS
+from geoident.model.mesh import ElementBlock, Mesh, spans
 
 _FLAT = 1e-6
 """Extent in z, in parts of the largest extent, below which a mesh is plane."""
@@ -28,17 +26,21 @@ _FLAT = 1e-6
 _FAR = 1e50
 """Coordinates (m) from here on are damage, and their squares would overflow."""
 
+_FARTHEST = 0.45
+"""How far from the middle of its edge a node may lie, in lengths of the edge.
+
+A node at the quarter point (crack tips) lies at 0.25, one on an arc of 150 degrees at 0.38.
+"""
+
+
 _INCOMPLETE = "mesh with gmsh's option Mesh.SecondOrderIncomplete=1, or with elements of order 1"
 _HINTS = {
     "quad9": _INCOMPLETE,
     "hex27": _INCOMPLETE,
-    "wedge18": "mesh with tetrahedra or hexahedra only",
+    "wedge18": _INCOMPLETE,
+    "pyramid14": _INCOMPLETE,
     "pixel": "write the cells as quadrilaterals",
     "voxel": "write the cells as hexahedra",
-}
-_NAMES = {
-    "wedge": "mesh with tetrahedra or hexahedra only",
-    "pyramid": "mesh with tetrahedra only, or with hexahedra only (gmsh joins them by pyramids)",
 }
 
 
@@ -103,15 +105,18 @@ def _check_dimension(raw: RawMesh, dim: int) -> None:
 def _check_kinds(raw: RawMesh, dim: int) -> None:
     """Refuse elements and facets of kinds that cannot be computed with, elements first."""
     for cells in sorted(raw.cells, key=lambda cells: -cells.dim):
-        if cells.dim >= dim - 1 and cells.dim > 0 and cells.kind not in CORNERS and len(cells):
+        if cells.dim >= dim - 1 and cells.dim > 0 and len(cells) and not _usable(cells.kind):
             kind = cells.kind
-            known = ", ".join(k for k in CORNERS if DIMENSIONS[k] == cells.dim)
-            hints = [hint for name, hint in _NAMES.items() if name in kind]
+            known = ", ".join(k for k, c in CELLS.items() if c.usable and c.dim == cells.dim)
             raise Refused(
                 "mesh-kind",
                 f"element {cells.numbers[0]} is of the kind {kind}, which cannot be used",
-                _HINTS.get(kind, hints[0] if hints else f"use elements of the kinds {known}"),
+                _HINTS.get(kind, f"use elements of the kinds {known}"),
             )
+
+
+def _usable(kind: str) -> bool:
+    return kind in CELLS and CELLS[kind].usable
 
 
 def _check_nodes(raw: RawMesh) -> None:
@@ -122,7 +127,7 @@ def _check_nodes(raw: RawMesh) -> None:
         message = f"node {bad[0] + 1} of the file has a coordinate {what}"
         raise Refused("mesh-coordinate", message, "write the mesh again")
     for cells in raw.cells:
-        if len(cells) and cells.nodes.shape[1] != NODES.get(cells.kind, cells.nodes.shape[1]):
+        if _usable(cells.kind) and cells.nodes.shape[1] != CELLS[cells.kind].n_nodes:
             message = f"element {cells.numbers[0]} ({cells.kind}) has {cells.nodes.shape[1]} nodes"
             raise Refused("mesh-node", message, "the file is damaged: write it as .msh with gmsh")
         wrong = (cells.nodes < 0) | (cells.nodes >= len(raw.points))
@@ -157,9 +162,9 @@ def _collect(raw: RawMesh, dim: int, points: Floats, *, merge: bool = False) -> 
     place = np.full(sum(map(len, raw.cells)), -1, dtype=np.int64)
     blocks: list[ElementBlock] = []
     for kind, (cells, where) in _by_kind(raw, dim).items():
-        nodes = in_vtk_order(kind, cells.nodes, points=points, numbers=cells.numbers)
+        nodes = _in_vtk_order(kind, cells.nodes, points=points, numbers=cells.numbers)
         _check_collapsed(kind, nodes, cells.numbers)
-        first, leads = first_of_equal(row_keys(np.sort(nodes[:, : CORNERS[kind]], axis=1)))
+        first, leads = first_of_equal(row_keys(np.sort(nodes[:, : CELLS[kind].n_corners], axis=1)))
         if not (merge or leads.all()):
             raise _duplicate(cells.numbers, first, leads)
         row = np.cumsum(leads) - 1 + sum(map(len, blocks))
@@ -171,12 +176,10 @@ def _collect(raw: RawMesh, dim: int, points: Floats, *, merge: bool = False) -> 
 def _by_kind(raw: RawMesh, dim: int) -> dict[str, tuple[RawCells, Ints]]:
     """Cells of one dimension joined by kind, with their indices over all cells of the file."""
     parts: dict[str, list[tuple[RawCells, Ints]]] = {}
-    start = 0
-    for cells in raw.cells:
+    for cells, span in spans(raw.cells):
         if cells.dim == dim and len(cells):
-            where = np.arange(start, start + len(cells))
+            where = np.arange(span.start, span.stop)
             parts.setdefault(cells.kind, []).append((cells, where))
-        start += len(cells)
     return {kind: _joined(kind, dim, pieces) for kind, pieces in parts.items()}
 
 
@@ -187,6 +190,58 @@ def _joined(kind: str, dim: int, pieces: list[tuple[RawCells, Ints]]) -> tuple[R
     return RawCells(kind, dim, nodes, numbers), np.concatenate([where for _, where in pieces])
 
 
+def _in_vtk_order(kind: str, nodes: Ints, *, points: Floats, numbers: Ints) -> Ints:
+    """The ``nodes`` (n_cells, k) of second-order cells in VTK's order; others unchanged.
+
+    Args:
+        kind: kind of the cells.
+        nodes: (n_cells, k) node indices as read, in any order of `geoident.model.cells`.
+        points: (n_nodes, dim) coordinates, m.
+        numbers: (n_cells,) numbers for the message.
+
+    Raises:
+        Refused: a node lies nowhere near the middle of its edge in any order.
+    """
+    cell = CELLS[kind]
+    if not cell.edges or len(nodes) == 0:
+        return nodes
+    offsets = _offsets(kind, nodes, points)
+    if float(offsets.max()) < 0.1:
+        return nodes
+    orders = [order for order in (cell.gmsh_order, *cell.other_orders) if order]
+    candidates = [nodes, *(nodes[:, order] for order in orders)]
+    found = [offsets, *(_offsets(kind, other, points) for other in candidates[1:])]
+    best = int(np.argmin([np.minimum(away, 10.0).sum() for away in found]))
+    _check_offsets(found[best], kind=kind, numbers=numbers)
+    return candidates[best]
+
+
+def _offsets(kind: str, nodes: Ints, points: Floats) -> Floats:
+    """(n_cells, n_edges) distance of each node from the middle of its edge, in edge lengths."""
+    edges, corners = np.array(CELLS[kind].edges), CELLS[kind].n_corners
+    start, end = points[nodes[:, edges[:, 0]]], points[nodes[:, edges[:, 1]]]
+    away = np.linalg.norm(points[nodes[:, corners:]] - 0.5 * (start + end), axis=2)
+    length = np.linalg.norm(end - start, axis=2)
+    ratio: Floats = away / np.maximum(length, np.finfo(float).tiny)
+    return ratio
+
+
+def _check_offsets(offsets: Floats, *, kind: str, numbers: Ints) -> None:
+    """Refuse the first cell with a node too far from the middle of its edge."""
+    far = np.argwhere(offsets > _FARTHEST)
+    if len(far) == 0:
+        return
+    row, edge = (int(k) for k in far[0])
+    first, last = (corner + 1 for corner in CELLS[kind].edges[edge])
+    raise Refused(
+        "mesh-mid-node",
+        f"element {numbers[row]} ({kind}): none of its nodes between the corners lies near the "
+        f"middle of the edge from its corner {first} to its corner {last}",
+        "the order of the nodes is not one that is known for this format, or the element is "
+        "badly distorted: write the mesh as .msh with gmsh, or make elements of first order",
+    )
+
+
 def _check_collapsed(kind: str, nodes: Ints, numbers: Ints) -> None:
     """Refuse an element that has a node twice."""
     ordered = np.sort(nodes, axis=1)
@@ -195,7 +250,7 @@ def _check_collapsed(kind: str, nodes: Ints, numbers: Ints) -> None:
         raise Refused(
             "mesh-collapsed",
             f"element {numbers[twice[0]]} ({kind}) has the same node twice",
-            "use triangles or tetrahedra in place of collapsed elements",
+            "use triangles, tetrahedra, wedges or pyramids in place of collapsed elements",
         )
 
 
@@ -217,11 +272,8 @@ def _place(groups: Mapping[str, Ints], place: Ints) -> dict[str, Ints]:
 def _node_groups(raw: RawMesh, dim: int) -> dict[str, Ints]:
     """Sets of nodes, and the nodes of groups of cells that are neither elements nor facets."""
     parts = {name: [np.asarray(where)] for name, where in raw.node_groups.items()}
-    start = 0
-    for cells in raw.cells:
-        end = start + len(cells)
-        for name, where in raw.groups.items() if cells.dim < dim - 1 else ():
-            inside = where[(where >= start) & (where < end)] - start
-            parts.setdefault(name, []).append(cells.nodes[inside].ravel())
-        start = end
+    low = [(cells, span) for cells, span in spans(raw.cells) if cells.dim < dim - 1]
+    for (cells, span), (name, where) in product(low, raw.groups.items()):
+        inside = where[(where >= span.start) & (where < span.stop)] - span.start
+        parts.setdefault(name, []).append(cells.nodes[inside].ravel())
     return join(parts)

@@ -29,7 +29,7 @@ def read_mesh(path: str, *, dim: int | None) -> Mesh:
 
     The format is told by the suffix, gmsh's also by its contents: gmsh (MSH 2.2 and 4.1, text and
     binary), Abaqus (.inp), and through meshio VTU, VTK, XDMF, MED, Nastran, Medit and others (see
-    `mesh_other.SUFFIXES`, and `mesh_other.GROUP_ARRAYS` for what gives the groups there).
+    `SUFFIXES` in `geoident.io.mesh.other`, and `GROUP_ARRAYS` there for what gives the groups).
     Groups carry the names of physical groups or sets, or their numbers as text.
 
     Args:

@@ -129,7 +129,11 @@ class BinaryStream:
         self._double = np.dtype(f"{layout.order}f8")
 
     def count(self) -> int:
-        """See `Stream`."""
+        """See `Stream`.
+
+        Raises:
+            Refused: the section ends, or there is no number.
+        """
         match = re.compile(rb"\s*(\d{1,18})[ \t\r]*\n").match(self._data, self._next)
         if match is None:
             raise _too_short(self._name)

@@ -16,32 +16,17 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+from meshio._mesh import topological_dimension
 
-from geoident.io.mesh.raw import DIMENSIONS, RawCells, RawMesh, Refused, join, split_by
+from geoident.io.mesh.raw import RawCells, RawMesh, Refused, join, split_by
 from geoident.model.arrays import Ints
+from geoident.model.cells import CELLS
+from geoident.model.mesh import spans
 
-_KINDS = {
-    "vertex": "point",
-    "line": "line2",
-    "line3": "line3",
-    "triangle": "tri3",
-    "triangle6": "tri6",
-    "quad": "quad4",
-    "quad8": "quad8",
-    "quad9": "quad9",
-    "tetra": "tet4",
-    "tetra4": "tet4",
-    "tetra10": "tet10",
-    "hexahedron": "hex8",
-    "hexahedron20": "hex20",
-    "hexahedron27": "hex27",
-    "wedge": "wedge6",
-    "wedge15": "wedge15",
-    "wedge18": "wedge18",
-    "pyramid": "pyramid5",
-    "pyramid13": "pyramid13",
-    "pyramid14": "pyramid14",
-}
+for _forgotten in ("wedge15", "pyramid13"):  # kinds that meshio 5.3.5 reads and then stumbles over
+    topological_dimension.setdefault(_forgotten, 3)
+
+_KINDS = {cell.meshio: cell.kind for cell in CELLS.values()} | {"tetra4": "tet4"}
 
 GROUP_ARRAYS = (
     *("gmsh:physical", "medit:ref", "nastran:ref", "tetgen:ref", "netgen:index", "su2:tag"),
@@ -168,20 +153,13 @@ def _numbers(mesh: meshio.Mesh) -> list[Ints]:
     ids = getattr(mesh, "cells_id", None)
     if ids is not None:
         return [np.asarray(block, dtype=np.int64) for block in ids]
-    starts = _starts(mesh)
-    return [np.arange(a, a + len(b)) + 1 for a, b in zip(starts, mesh.cells, strict=True)]
-
-
-def _starts(mesh: meshio.Mesh) -> list[int]:
-    """Index over all cells of the first cell of each block."""
-    ends = np.cumsum([len(block) for block in mesh.cells])
-    return [0, *(int(end) for end in ends[:-1])] if len(ends) else []
+    return [np.arange(span.start, span.stop) + 1 for _, span in spans(mesh.cells)]
 
 
 def _cells(block: meshio.CellBlock, numbers: Ints) -> RawCells:
     """A block of cells."""
     kind = _KINDS.get(block.type, block.type)
-    dim = DIMENSIONS.get(kind, int(block.dim))
+    dim = CELLS[kind].dim if kind in CELLS else int(block.dim)
     if block.type.startswith("polyhedron"):
         return RawCells(kind, dim, np.zeros((len(block), 1), dtype=np.int64), numbers)
     return RawCells(kind, dim, np.asarray(block.data).astype(np.int64), numbers)
@@ -193,10 +171,10 @@ def _array_groups(mesh: meshio.Mesh) -> Iterator[tuple[str, Ints]]:
     if key is None:
         return
     names = _field_names(mesh.field_data)
-    for start, block, values in zip(_starts(mesh), mesh.cells, mesh.cell_data[key], strict=True):
+    for (block, span), values in zip(spans(mesh.cells), mesh.cell_data[key], strict=True):
         for tag, where in split_by(np.asarray(values).ravel().astype(np.int64)):
             if tag or key not in _NO_GROUP_0:
-                yield names.get((int(block.dim), tag), str(tag)), start + where
+                yield names.get((int(block.dim), tag), str(tag)), span.start + where
 
 
 def _group_array(mesh: meshio.Mesh) -> str | None:
@@ -232,18 +210,19 @@ def _field_names(field_data: Mapping[str, np.ndarray]) -> dict[tuple[int, int], 
 def _family_groups(mesh: meshio.Mesh) -> Iterator[tuple[str, Ints]]:
     """Groups of a MED file: each cell has a family, and each family some names."""
     families = getattr(mesh, "cell_tags", None) or {}
-    for start, values in zip(_starts(mesh), mesh.cell_data.get("cell_tags", ()), strict=False):
+    tags = mesh.cell_data.get("cell_tags", ())
+    for (_, span), values in zip(spans(mesh.cells), tags, strict=False):
         for family, where in split_by(np.asarray(values).ravel().astype(np.int64)):
             for name in families.get(family, ()):
-                yield name, start + where
+                yield name, span.start + where
 
 
 def _set_groups(mesh: meshio.Mesh) -> Iterator[tuple[str, Ints]]:
     """Groups that meshio itself knows as sets of cells."""
     for name, parts in mesh.cell_sets.items():
-        for start, where in zip(_starts(mesh), parts, strict=False):
+        for (_, span), where in zip(spans(mesh.cells), parts, strict=False):
             if where is not None and not name.startswith("gmsh:"):
-                yield name, start + np.asarray(where, dtype=np.int64)
+                yield name, span.start + np.asarray(where, dtype=np.int64)
 
 
 def _node_groups(mesh: meshio.Mesh) -> dict[str, Ints]:

@@ -1,58 +1,17 @@
 """What every mesh reader delivers, before anything is known of the analysis.
 
 A reader fills a `RawMesh` with what its file says and raises `Refused` with a sentence when it
-cannot; `mesh_build` makes the `Mesh` of it and holds all the checks that formats share.
+cannot; `geoident.io.mesh.build` makes the `Mesh` of it and holds all the checks that formats share.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-
-DIMENSIONS: Mapping[str, int] = {
-    "point": 0,
-    "line2": 1,
-    "line3": 1,
-    "tri3": 2,
-    "tri6": 2,
-    "quad4": 2,
-    "quad8": 2,
-    "quad9": 2,
-    "tet4": 3,
-    "tet10": 3,
-    "hex8": 3,
-    "hex20": 3,
-    "hex27": 3,
-    "wedge6": 3,
-    "wedge15": 3,
-    "wedge18": 3,
-    "pyramid5": 3,
-    "pyramid13": 3,
-    "pyramid14": 3,
-}
-"""Kinds of cells that readers name alike, with their dimension. Not all can be computed with."""
-
-CORNERS: Mapping[str, int] = {
-    "line2": 2,
-    "line3": 2,
-    "tri3": 3,
-    "tri6": 3,
-    "quad4": 4,
-    "quad8": 4,
-    "tet4": 4,
-    "tet10": 4,
-    "hex8": 8,
-    "hex20": 8,
-}
-"""Kinds of cells that a `Mesh` holds, with the number of their corner nodes."""
-
-NODES: Mapping[str, int] = {kind: int(re.sub(r"[a-z]+", "", kind)) for kind in CORNERS}
-"""The same kinds with the number of all their nodes, which their names end in."""
 
 
 class Refused(Exception):
@@ -78,7 +37,7 @@ class RawCells:
     """Cells of one kind, in a row of the file.
 
     Args:
-        kind: a key of `DIMENSIONS`, or a name of the reader's own for what is not in it.
+        kind: a key of `geoident.model.cells.CELLS`, or a name of the reader's own.
         dim: dimension of the cells, 0 to 3.
         nodes: (n_cells, nodes per cell) node indices from 0, in VTK's order.
         numbers: (n_cells,) numbers under which the user knows the cells.
@@ -145,9 +104,9 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
     """Node indices of the ``wanted`` (n_cells, k) node numbers.
 
     Args:
-        numbers: numbers of all nodes.
-        wanted: the nodes of each cell, by number.
-        cells: numbers of the cells, for the message.
+        numbers: (n_nodes,) numbers of all nodes.
+        wanted: (n_cells, k) the nodes of each cell, by number.
+        cells: (n_cells,) numbers of the cells, for the message.
 
     Raises:
         Refused: a cell names a node that the file does not hold.

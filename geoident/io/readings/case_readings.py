@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.case.gauges import sections_of_channels
-from geoident.io.case.schema import CaseSection, GaugeSection
+from geoident.io.case.case import CaseSection
+from geoident.io.case.gauges import GaugeSection, sections_of_channels
 from geoident.io.readings.file import format_of
 from geoident.io.readings.schema import ReadingSection, ReadingsFileSection, entries
 from geoident.io.text.dates import date_text, read_date
@@ -97,7 +97,7 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
             message = f"'{name}' ends before '{before}' ({date_text(dates[before])})"
             faults.add(("dates", name), "dates-order", message, "Correct one of the dates.")
         before = name
-    return Calendar(stages, dates, sections_of_channels(section))
+    return Calendar(stages, dates, sections_of_channels(section.gauges))
 
 
 def _inline(entry: ReadingSection, path: KeyPath, faults: Faults) -> Reading:

@@ -14,12 +14,11 @@ from pydantic import (
     model_validator,
 )
 
-from geoident.io.case.values import Accuracy, Length
-from geoident.io.case.words import Flag, Name, Text, require_text
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import COLUMNS, Layout, Origin
 from geoident.io.schema.section import Section, Wrongs
+from geoident.io.schema.values import Accuracy, Flag, Length, Name, Text, require_text
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.units import UNITS, UnitError, normal_unit, unit_list

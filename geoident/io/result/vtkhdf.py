@@ -28,21 +28,10 @@ from geoident.io.result.hdf5 import (
     texts,
 )
 from geoident.model.arrays import Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import FieldSeries
 
-VTK_TYPES = {
-    "line2": 3,
-    "line3": 21,
-    "tri3": 5,
-    "tri6": 22,
-    "quad4": 9,
-    "quad8": 23,
-    "tet4": 10,
-    "tet10": 24,
-    "hex8": 12,
-    "hex20": 25,
-}
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"
 REFIT = "results of fit and predict hold them, those of scan do not"
@@ -117,7 +106,7 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
 
 def _write_grid(group: h5py.Group, mesh: Mesh) -> None:
     sizes = [np.full(len(block), block.nodes.shape[1]) for block in mesh.blocks]
-    types = [np.full(len(block), VTK_TYPES[block.kind]) for block in mesh.blocks]
+    types = [np.full(len(block), CELLS[block.kind].vtk) for block in mesh.blocks]
     connectivity = _joined([block.nodes.ravel() for block in mesh.blocks])
     group["NumberOfPoints"] = np.array([mesh.n_nodes], dtype=np.int64)
     group["NumberOfCells"] = np.array([mesh.n_elements], dtype=np.int64)
@@ -222,7 +211,7 @@ def _blocks(table: TableReader, nodes: Ints, numbers: Ints) -> tuple[ElementBloc
     kinds = table.texts("kind")
     blocks, node, number = [], 0, 0
     for kind, count in zip(kinds, table.ints("count", len(kinds)).tolist(), strict=True):
-        width = _N_NODES[kind]
+        width = CELLS[kind].n_nodes
         block = nodes[node : node + count * width].reshape(count, width)
         blocks.append(ElementBlock(kind, block, numbers[number : number + count]))
         node, number = node + count * width, number + count
@@ -234,9 +223,6 @@ def _read_sets(parent: TableReader, name: str) -> dict[str, Ints]:
     names = table.texts("name")
     ends = np.cumsum(table.ints("count", len(names)))
     return dict(zip(names, np.split(table.array("index", "i"), ends)[:-1], strict=True))
-
-
-_N_NODES = {kind: int("".join(filter(str.isdigit, kind))) for kind in VTK_TYPES}
 
 
 def _with_z(array: Floats) -> Floats:

@@ -16,9 +16,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.result.vtkhdf import VTK_TYPES, element_groups, element_numbers
+from geoident.io.result.vtkhdf import element_groups, element_numbers
 from geoident.model.arrays import Ints
-from geoident.model.mesh import Mesh
+from geoident.model.cells import CELLS
+from geoident.model.mesh import Mesh, rows_in
 from geoident.model.result import FieldSeries
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -91,13 +92,10 @@ def _cells(mesh: Mesh, present: Ints) -> tuple[npt.NDArray[np.uint8], Ints, Ints
     types: list[npt.NDArray[np.uint8]] = [np.empty(0, dtype=np.uint8)]
     sizes: list[Ints] = [np.empty(0, dtype=np.int64)]
     nodes: list[Ints] = [np.empty(0, dtype=np.int64)]
-    first = 0
-    for block in mesh.blocks:
-        rows = present[(present >= first) & (present < first + len(block))] - first
-        types.append(np.full(len(rows), VTK_TYPES[block.kind], dtype=np.uint8))
+    for block, rows in rows_in(mesh.blocks, present):
+        types.append(np.full(len(rows), CELLS[block.kind].vtk, dtype=np.uint8))
         sizes.append(np.full(len(rows), block.nodes.shape[1], dtype=np.int64))
         nodes.append(block.nodes[rows].ravel())
-        first += len(block)
     return np.concatenate(types), np.concatenate(sizes), np.concatenate(nodes)
 
 

@@ -1,1 +1,1 @@
-"""The JSON schema of case files, and its faults in words."""
+"""Building blocks of the schema of case files: values, sections, and their faults in words."""

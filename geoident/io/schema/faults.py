@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from geoident.io.case.words import kind_of
 from geoident.io.schema.section import WRONGS, Wrong
+from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.io.text.yaml_reader import Node

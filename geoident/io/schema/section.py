@@ -1,15 +1,17 @@
-"""What all sections of a case file have in common."""
+"""What all sections of a case file have in common: keys, faults among them, where they stand."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from geoident.model.case import KeyPath
+from geoident.io.schema.values import Given
+from geoident.io.text.faults import Faults
+from geoident.model.case import Analysis, KeyPath
 
 WRONGS = "wrongs"
 """Type of the pydantic error that carries several faults of one section."""
@@ -28,6 +30,56 @@ class Section(BaseModel):
             known = tuple(f.alias or name for name, f in cls.model_fields.items())
             info.context[id(data)] = known
         return data
+
+
+@dataclass(frozen=True)
+class Context:
+    """Where a section stands that is built into the model, and what the case is about.
+
+    Args:
+        path: keys that lead to the section.
+        analysis: kind of analysis of the case.
+        faults: where what cannot be is noted.
+    """
+
+    path: KeyPath
+    analysis: Analysis
+    faults: Faults
+
+    @property
+    def dim(self) -> int:
+        """Space dimensions of the mesh."""
+        return self.analysis.dim
+
+    def at(self, *keys: str | int) -> Context:
+        """The same for what stands under these keys."""
+        return replace(self, path=(*self.path, *keys))
+
+    def refuse(self, code: str, message: str, hint: str = "", *, key: bool = False) -> None:
+        """Note a fault at the value that stands here.
+
+        Args:
+            code: short stable name of the kind of fault.
+            message: what was found and what is expected.
+            hint: the likely remedy.
+            key: the fault is that of the key itself.
+        """
+        self.faults.add(self.path, code, message, hint, key=key)
+
+    def vector(self, given: Sequence[Given], what: str) -> tuple[float, ...] | None:
+        """Components (dim,) in SI units; None, with a fault, where there are more or fewer.
+
+        Args:
+            given: the components as written.
+            what: they are of, for the message.
+        """
+        if len(given) == self.dim:
+            return tuple(number.factor for number in given)
+        axes = ", ".join("xyz"[: self.dim])
+        message = f"{what} has {len(given)} components; {self.dim} expected ({axes})"
+        hint = f"'analysis' says that there are {self.dim}: correct it or the components."
+        self.refuse("wrong-dimension", message, hint)
+        return None
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,11 @@ surface with the supports, and what is dug or placed with the gauges.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
@@ -17,15 +19,20 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.forward.actions.supports import group_nodes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.mesh import Mesh
-from geoident.report.drawing.case_parts import Part, centre, gauge_lines, parts_of, window
+from geoident.model.cells import CELLS
+from geoident.model.gauges import Channel
+from geoident.model.mesh import Mesh, spans
+from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
 
+Colour = tuple[float, float, float]
+_GROUND = ((0.91, 0.91, 0.89), (0.79, 0.83, 0.86), (0.86, 0.81, 0.76), (0.74, 0.74, 0.74))
+_ORDER = "YlOrBr"
+_PLACED = "YlGnBu"
 _MARKERS = {"x": ">", "y": "^", "z": "v"}
 _MOST_MARKS = 25
 _MOST_LABELS = 40
@@ -99,20 +106,17 @@ def _draw_elements(axes: Axes, mesh: Mesh, parts: tuple[Part, ...], width: float
     colours = np.ones((mesh.n_elements, 3))
     for part in parts:
         colours[part.elements] = part.colour
-    first = 0
-    for block in mesh.blocks:
-        corners = block.nodes[:, : reference_element(block.kind).n_corners]
-        face = colours[first : first + len(block)]
+    for block, span in spans(mesh.blocks):
+        corners = block.nodes[:, : CELLS[block.kind].n_corners]
         axes.add_collection(
             PolyCollection(
                 list(mesh.points[corners]),
-                facecolors=face,
+                facecolors=colours[span],
                 edgecolors=_EDGE,
                 linewidths=width,
                 rasterized=len(block) > 3000,
             )
         )
-        first += len(block)
 
 
 def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: float) -> None:
@@ -123,7 +127,7 @@ def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: floa
     table = face_table(mesh)
     colours = np.array([part.colour for part in parts]).reshape(-1, 3)
     for patch in patches(mesh, table, table.free(owner >= 0)):
-        corners = patch.nodes[:, : reference_element(patch.kind).n_corners]
+        corners = patch.nodes[:, : CELLS[patch.kind].n_corners]
         shade = colours[owner[patch.element]] * _light(mesh.points[corners])[:, None]
         axes.add_collection3d(
             Poly3DCollection(
@@ -224,3 +228,91 @@ def _finish(figure: Figure, case: Case, parts: tuple[Part, ...], supports: list[
     figure.legend(handles=handles, loc="outside right upper", fontsize=SMALL, frameon=False,
                   ncols=1 + len(handles) // 36)  # fmt: skip
     figure.suptitle(short(case.title, 90), x=0.01, ha="left", fontsize=11)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Elements that are drawn alike.
+
+    Args:
+        label: for the legend.
+        mark: for the place itself; empty for none.
+        colour: red, green and blue.
+        elements: (k,) indices of the elements.
+    """
+
+    label: str
+    mark: str
+    colour: Colour
+    elements: Ints
+
+
+def parts_of(case: Case, mesh: Mesh) -> tuple[Part, ...]:
+    """Ground that stays, group by group; then what is dug and what is placed, stage by stage."""
+    moved: dict[str, tuple[int, bool]] = {}
+    for n, stage in enumerate(case.stages):
+        for name in stage.excavate:
+            moved.setdefault(name, (n, True))
+        for name in stage.install:
+            moved.setdefault(name, (n, False))
+    still = [name for name in case.groups if name not in moved]
+    parts = [
+        Part(name, "", _GROUND[k % len(_GROUND)], mesh.groups[name]) for k, name in enumerate(still)
+    ]
+    for n, stage in enumerate(case.stages):
+        for dug, verb in ((True, "excavated"), (False, "placed")):
+            names = [name for name, when in moved.items() if when == (n, dug)]
+            if names:
+                elements = np.unique(np.concatenate([mesh.groups[name] for name in names]))
+                colour = _in_order(n, len(case.stages), dug=dug)
+                parts.append(Part(f"{n + 1}  {stage.name}: {verb}", str(n + 1), colour, elements))
+    return tuple(part for part in parts if len(part.elements))
+
+
+def _in_order(n: int, count: int, *, dug: bool) -> Colour:
+    """Light for the first stage, dark for the last."""
+    shade = colormaps[_ORDER if dug else _PLACED](0.2 + 0.55 * n / max(1, count - 1))
+    return shade[0], shade[1], shade[2]
+
+
+def gauge_lines(case: Case) -> dict[str, list[Floats]]:
+    """Of each gauge, its lines: (2, dim) from point to point, (1, dim) for a point by itself, m."""
+    lines: dict[str, list[Floats]] = {}
+    for channel in case.channels:
+        lines.setdefault(channel.gauge, []).append(_line(channel))
+    return lines
+
+
+def _line(channel: Channel) -> Floats:
+    ends = [point for point in (channel.first, channel.second) if point is not None]
+    return np.array(ends, dtype=np.float64)
+
+
+def centre(mesh: Mesh, elements: Ints) -> Floats:
+    """Middle of that element which lies next to the middle of all, (dim,) m."""
+    middles = element_centres(mesh)[elements]
+    nearest = np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()
+    return np.asarray(middles[nearest])
+
+
+def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:
+    """The box around gauges and all that is dug or placed, with a margin, inside the mesh.
+
+    Args:
+        case: with gauges.
+        mesh: its mesh.
+        parts: what is dug, placed or neither.
+
+    Returns:
+        Its lower and its upper corner, (dim,) each, m.
+    """
+    points = [line for lines in gauge_lines(case).values() for line in lines]
+    moved = [part.elements for part in parts if part.mark]
+    if moved:
+        points.append(element_centres(mesh)[np.concatenate(moved)])
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    if not points:
+        return low, high
+    inner = np.vstack(points)
+    margin = 0.12 * float(np.ptp(inner, axis=0).max()) + 1e-9
+    return np.maximum(low, inner.min(axis=0) - margin), np.minimum(high, inner.max(axis=0) + margin)

@@ -22,7 +22,6 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats
-from geoident.report.drawing.readings import MM
 from geoident.report.drawing.scene import Scene, Window, round_down
 from geoident.report.drawing.sheets import Sheet, Trace
 from geoident.report.drawing.style import (
@@ -31,6 +30,7 @@ from geoident.report.drawing.style import (
     FAINT,
     LENGTHS,
     MEASURED,
+    MM,
     SMALL,
     STRESSES,
     Picture,
@@ -46,7 +46,7 @@ _TENSION = "Tension is positive. The out-of-plane stress counts as well."
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ColouredField:
     """Something that is shown in colours.
 
     Args:
@@ -74,7 +74,7 @@ def field_pictures(scene: Scene) -> tuple[Picture, ...]:
 
 def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[Picture]:
     total = f"Size of the displacement {scene.since}."
-    displacement = Quantity("displacement (mm)", partial(displacement_size, scene), LENGTHS)
+    displacement = ColouredField("displacement (mm)", partial(displacement_size, scene), LENGTHS)
     found = [
         _contours(scene, sheet, f"{tag}displacement", f"Displacement{where}", total, displacement)
     ]
@@ -83,7 +83,7 @@ def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[
             (0, "minimum", "the largest compression"),
             (2, "maximum", "the smallest compression, or tension"),
         ):
-            quantity = Quantity(
+            quantity = ColouredField(
                 f"{name} principal stress (MPa, tension positive)",
                 partial(_stress, scene, which),
                 STRESSES,
@@ -104,7 +104,7 @@ def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[
 
 
 def _contours(
-    scene: Scene, sheet: Sheet, name: str, title: str, caption: str, quantity: Quantity
+    scene: Scene, sheet: Sheet, name: str, title: str, caption: str, quantity: ColouredField
 ) -> Picture:
     more = (
         f" {len(scene.states)} of {scene.n_states - 1} stages."
@@ -134,7 +134,7 @@ def _stress(scene: Scene, which: int, sheet: Sheet, state: int) -> Floats:
     return _MPA * scene.stress_at(sheet, state, which)
 
 
-def contour_figure(scene: Scene, sheet: Sheet, quantity: Quantity) -> Figure:
+def contour_figure(scene: Scene, sheet: Sheet, quantity: ColouredField) -> Figure:
     """A quantity after every stage, one scale of colours for all.
 
     Args:

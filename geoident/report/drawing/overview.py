@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from geoident.model.result import Result
@@ -18,9 +17,17 @@ from geoident.report.drawing.fields import (
     shade,
     weighted,
 )
-from geoident.report.drawing.readings import draw_computed, draw_measured
+from geoident.report.drawing.gauges import draw_computed, draw_measured
 from geoident.report.drawing.scene import Scene
-from geoident.report.drawing.style import COMPUTED, LENGTHS, MEASURED, Picture, short, stage_ticks
+from geoident.report.drawing.style import (
+    COMPUTED,
+    LENGTHS,
+    MEASURED,
+    Picture,
+    key,
+    short,
+    stage_ticks,
+)
 
 _PANELS = 6
 
@@ -59,16 +66,13 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
         panels[-1, 1].remove()
         if len(rows) > 2:
             panels[-2, 1].tick_params(labelbottom=True)
-    gauge_part.legend(handles=_legend(), loc="outside upper center", ncols=3)
-    return figure
-
-
-def _legend() -> list[Line2D | Patch]:
-    return [
-        Line2D([], [], color=MEASURED, marker="o", ls="", ms=4, label="measured"),
-        Line2D([], [], color=COMPUTED, label="computed"),
+    handles = [
+        key("measured", color=MEASURED, marker="o", ls="", ms=4),
+        key("computed", color=COMPUTED),
         Patch(color=COMPUTED, alpha=0.22, lw=0, label="predicted, 95 %"),
     ]
+    gauge_part.legend(handles=handles, loc="outside upper center", ncols=3)
+    return figure
 
 
 def _draw_channel(axes: Axes, result: Result, row: int) -> None:

@@ -11,20 +11,21 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from geoident.model.arrays import Floats
 from geoident.model.result import GaugeTable, Iteration, ParameterTable, Result
-from geoident.report.drawing.readings import MM, unknown
+from geoident.report.drawing.gauges import unknown
 from geoident.report.drawing.style import (
-    COLOURS,
     COMPUTED,
     DIVERGING,
     FAINT,
-    MARKERS,
     MEASURED,
+    MM,
     SMALL,
     Picture,
+    colour,
+    marker,
     short,
 )
+from geoident.report.text.gauges import OUTLIER, standardized
 from geoident.report.text.layout import number
-from geoident.report.text.residuals import OUTLIER, standardized
 
 _MOST_ROWS = 60
 
@@ -204,10 +205,10 @@ def _draw_traces(
             x,
             trace / (final or 1.0),
             "-",
-            marker=MARKERS[k % len(MARKERS)],
+            marker=marker(k),
             ms=3.5,
             lw=1,
-            color=COLOURS[k % len(COLOURS)],
+            color=colour(k),
             label=short(result.parameters.names[i]),
         )
     axes.axhline(1, color=FAINT, lw=0.6, zorder=0)

@@ -22,7 +22,7 @@ _NICE = (1.0, 2.0, 5.0, 10.0)
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a sheet that is shown, m."""
+    """The part of a sheet that is shown: its corners (2,), m."""
 
     low: Floats
     high: Floats
@@ -99,7 +99,7 @@ class Scene:
 
     @cached_property
     def reached(self) -> Ints:
-        """States after stages; those that collapse, and what builds on them, are not there."""
+        """States (k,) after stages; without those that collapse and what builds on them."""
         unknown = np.isnan(self.fields.displacement.sum(axis=(1, 2)))
         return np.flatnonzero(~unknown[1:]) + 1
 

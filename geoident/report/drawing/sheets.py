@@ -20,15 +20,11 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import FaceTable, face_table, patches
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.cells import CELLS
+from geoident.model.mesh import ElementBlock, Mesh, spans
 
-_TETS = {
-    "tet": ((0, 1, 2, 3),),
-    "hex": ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),
-}
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
@@ -159,7 +155,7 @@ class Sheet:
 
     def _trace(self, rows: Ints) -> Trace:
         parts = [
-            _edge_trace(self.mesh, self.plane, patch.nodes[:, : _n_corners(patch.kind)])
+            _edge_trace(self.mesh, self.plane, patch.nodes[:, : CELLS[patch.kind].n_corners])
             for patch in patches(self.mesh, self.faces, rows)
         ]
         none = np.empty((0, 2), dtype=np.int64)
@@ -183,13 +179,11 @@ class SheetMaker:
     @cached_property
     def corners(self) -> Corners:
         """Corner nodes, doubled where groups meet."""
-        keys, elements, first = [], [], 0
-        for block in self.mesh.blocks:
-            element = np.arange(first, first + len(block))
-            nodes = block.nodes[:, : _n_corners(block.kind)]
-            keys.append(self.label[element][:, None] * self.mesh.n_nodes + nodes)
-            elements.append(np.repeat(element, nodes.shape[1]))
-            first += len(block)
+        keys, elements = [], []
+        for block, span in spans(self.mesh.blocks):
+            nodes = block.nodes[:, : CELLS[block.kind].n_corners]
+            keys.append(self.label[span][:, None] * self.mesh.n_nodes + nodes)
+            elements.append(np.repeat(np.arange(span.start, span.stop), nodes.shape[1]))
         unique, corner = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
         ends = np.cumsum([k.size for k in keys])[:-1]
         of = [part.reshape(k.shape) for part, k in zip(np.split(corner, ends), keys, strict=True)]
@@ -197,12 +191,11 @@ class SheetMaker:
 
     def flat(self) -> Sheet:
         """The sheet of a plane mesh."""
-        parts, elements, first = [], [], 0
-        for block, corners in zip(self.mesh.blocks, self.corners.of, strict=True):
-            for k in range(1, corners.shape[1] - 1):
-                parts.append(corners[:, [0, k, k + 1]])
-                elements.append(np.arange(first, first + len(block)))
-            first += len(block)
+        parts, elements = [], []
+        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
+            for triangle in CELLS[block.kind].shape.simplices:
+                parts.append(corners[:, triangle])
+                elements.append(np.arange(span.start, span.stop))
         points = np.arange(len(self.corners.node))
         weights = np.zeros(len(points))
         return self._sheet(None, (points, points, weights), np.vstack(parts), elements)
@@ -210,14 +203,13 @@ class SheetMaker:
     def cut(self, plane: Plane) -> Sheet:
         """The sheet in which a plane cuts a mesh of solids."""
         distance = _distance(self.mesh, plane)[self.corners.node]
-        ends, elements, first = [], [], 0
-        for block, corners in zip(self.mesh.blocks, self.corners.of, strict=True):
-            number = np.arange(first, first + len(block))
-            for tet in _TETS[reference_element(block.kind).family]:
-                pairs, of = _cut_tets(corners[:, list(tet)], distance, number)
+        ends, elements = [], []
+        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
+            number = np.arange(span.start, span.stop)
+            for tet in CELLS[block.kind].shape.simplices:
+                pairs, of = _cut_tets(corners[:, tet], distance, number)
                 ends.append(pairs)
                 elements.append(of)
-            first += len(block)
         pairs = np.sort(np.concatenate(ends).reshape(-1, 2), axis=1)
         n = len(self.corners.node)
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
@@ -251,11 +243,7 @@ def element_centres(mesh: Mesh) -> Floats:
 
 
 def _centres(mesh: Mesh, block: ElementBlock) -> Floats:
-    return np.asarray(mesh.points[block.nodes[:, : _n_corners(block.kind)]].mean(axis=1))
-
-
-def _n_corners(kind: str) -> int:
-    return reference_element(kind).n_corners
+    return np.asarray(mesh.points[block.nodes[:, : CELLS[block.kind].n_corners]].mean(axis=1))
 
 
 def _distance(mesh: Mesh, plane: Plane) -> Floats:

@@ -9,14 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.report.drawing.fields import bands
-from geoident.report.drawing.readings import MM
 from geoident.report.drawing.scene import Scene, gauge_points
 from geoident.report.drawing.sheets import Plane, Sheet, element_centres
-from geoident.report.drawing.style import LENGTHS, MEASURED, Picture, short
+from geoident.report.drawing.style import LENGTHS, MEASURED, MM, Picture, short
 
 _VIEW = {0: (22.0, -145.0), 1: (22.0, -60.0), 2: (40.0, -55.0)}
 _MOST_FACES = 60_000
@@ -150,7 +149,7 @@ def _outer_faces(scene: Scene, kept: Bools) -> list[Ints]:
     mesh = scene.fields.mesh
     table = face_table(mesh)
     return [
-        patch.nodes[:, : reference_element(patch.kind).n_corners]
+        patch.nodes[:, : CELLS[patch.kind].n_corners]
         for patch in patches(mesh, table, table.free(kept))
     ]
 

@@ -8,26 +8,31 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 COMPUTED = "#1f4e79"
 MEASURED = "#d95f02"
 FAINT = "#8c8c8c"
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MM = 1e3  # mm in a metre
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 LENGTHS = "YlGnBu"
 STRESSES = "YlOrBr"
 DIVERGING = "PuOr"
 SMALL = 7.0
 MIDDLE = 8.5
 
+_Item = TypeVar("_Item")
+_COLUMNS = 3
 _DPI = 150
 _DATES = {"svg": "Date", "pdf": "CreationDate", "png": "Creation Time"}
 _RC: Any = {
@@ -87,6 +92,21 @@ def image(picture: Picture, suffix: str) -> bytes:
         return buffer.getvalue()
 
 
+def colour(k: int) -> str:
+    """The colour of the k-th of several things, with `marker`."""
+    return _COLOURS[k % len(_COLOURS)]
+
+
+def marker(k: int) -> str:
+    """The marker of the k-th of several things."""
+    return _MARKERS[k % len(_MARKERS)]
+
+
+def key(label: str, **style: Any) -> Line2D:
+    """A line or a marker of a legend."""
+    return Line2D([], [], label=label, **style)
+
+
 def short(text: str, most: int = 18) -> str:
     """A name cut to so many characters.
 
@@ -118,3 +138,49 @@ def hide_unused(panels: list[Axes], used: int) -> None:
     """Remove the panels after the used ones."""
     for axes in panels[used:]:
         axes.remove()
+
+
+def panel_grid(n: int, *, height: float, extra: float, sharex: bool = False) -> tuple[Figure, Any]:
+    """A figure with places for n panels, up to three in a row, and its axes (rows, columns).
+
+    Args:
+        n: number of panels.
+        height: of a panel, inches.
+        extra: height for the legend, inches.
+        sharex: the panels of a column share their x axis.
+    """
+    columns = min(_COLUMNS, n)
+    rows = -(-n // columns)
+    figure = Figure(figsize=(3.4 * columns if columns > 1 else 5.0, height * rows + extra))
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+
+
+def paged(
+    items: Sequence[_Item],
+    draw: Callable[[Sequence[_Item]], Figure],
+    *,
+    most: int,
+    picture: tuple[str, str, str],
+    label: Callable[[_Item], str],
+) -> tuple[Picture, ...]:
+    """Figures of so many things each.
+
+    Args:
+        items: what to draw.
+        draw: makes the figure of some of them.
+        most: items in a figure.
+        picture: name, title and caption; the number goes behind the name, first and last item
+            behind the title.
+        label: what an item is called.
+    """
+    name, title, caption = picture
+    parts = [items[k : k + most] for k in range(0, len(items), most)]
+    return tuple(
+        Picture(
+            f"{name}-{number}",
+            f"{title} ({label(part[0])} to {label(part[-1])})",
+            caption,
+            partial(draw, part),
+        )
+        for number, part in enumerate(parts, start=1)
+    )

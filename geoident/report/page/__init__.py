@@ -1,1 +1,1 @@
-"""Results as one self-contained page with figures."""
+"""The words of `text` and the figures of `drawing` as one self-contained page."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
+
+from geoident.report.text.layout import TextTable
 
 _VOID = ("meta", "br", "hr")
 
@@ -37,26 +39,23 @@ def joined(parts: Iterable[str], separator: str = "") -> Html:
     return Html(separator.join(p if isinstance(p, Html) else escape(p) for p in parts))
 
 
-def table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], *, right: str = "", caption: str = ""
-) -> Html:
+def table(table: TextTable, *, caption: str = "") -> Html:
     """A table; nothing if it has no rows.
 
     Args:
-        header: names of the columns.
-        rows: the cells.
-        right: one letter a column, ``r`` for numbers.
+        table: its header and cells; what is `Html` among the cells stays so.
         caption: what stands above it.
     """
-    if not rows:
+    if not table.rows:
         return Html("")
-    sides = ["n" if side == "r" else "" for side in right.ljust(len(header), "l")]
+    sides = ["n" if side == "r" else "" for side in table.sides]
     head = [
-        tag("th", name, scope="col", class_=side) for name, side in zip(header, sides, strict=True)
+        tag("th", name, scope="col", class_=side)
+        for name, side in zip(table.header, sides, strict=True)
     ]
     body = [
         tag("tr", *(tag("td", cell, class_=side) for cell, side in zip(row, sides, strict=True)))
-        for row in rows
+        for row in table.rows
     ]
     title = [tag("caption", caption)] if caption else []
     parts = [*title, tag("thead", tag("tr", *head)), tag("tbody", joined(body, "\n"))]

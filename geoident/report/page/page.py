@@ -1,7 +1,8 @@
 """The report: one page that holds everything and loads nothing.
 
 The same results give the same page, byte for byte: there is no time of day in it but that of the
-results.
+results. Words and tables come from `report.text`, figures from `report.drawing`; here they are put
+together as HTML.
 """
 
 from __future__ import annotations
@@ -9,14 +10,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from geoident.model.result import Result
+from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
-from geoident.report.page import sentences as text
-from geoident.report.page.figures import album, comparison
-from geoident.report.page.html import Html, joined, page, tag
+from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
+from geoident.report.text import structures, yielding
 from geoident.report.text.case import case_title
-from geoident.report.text.certificate import TITLE as CERTIFICATE
-from geoident.report.text.members import TITLE
+from geoident.report.text.gauges import (
+    OUTLIER,
+    influence_table,
+    influence_title,
+    outliers,
+    reading_table,
+)
+from geoident.report.text.layout import TextTable, number
+from geoident.report.text.parameters import compared_parameters, parameter_table
+from geoident.report.text.result import (
+    compared_outcomes,
+    counts_text,
+    outcome_sentences,
+    warnings,
+)
+
+_MOST_OUTLIERS = 20
 
 
 def report_page(results: Sequence[tuple[str, Result]]) -> str:
@@ -42,10 +58,10 @@ def _compared(results: Sequence[tuple[str, Result]]) -> tuple[Html, ...]:
     return (
         tag("nav", tag("ul", *links)),
         tag("h2", "Outcomes"),
-        text.compared_outcomes(results),
+        table(compared_outcomes(results)),
         tag("h2", "Parameters side by side"),
         tag("p", "Values with their 95 % intervals.", class_="note"),
-        text.compared_parameters(results),
+        table(compared_parameters(results)),
         _figures(comparison(results)),
     )
 
@@ -65,25 +81,25 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
     """All sections of one result."""
     pictures = album(result, prefix=prefix)
     return (
-        text.summary(result),
-        text.warnings(result),
+        tag("p", " ".join(outcome_sentences(result)), class_="lead"),
+        _warnings(result),
         _figures(pictures.overview),
         _section(
-            "Parameters", text.parameter_table(result.parameters), _figures(pictures.parameters)
+            "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
         _section(
             "How well it fits",
-            text.outlier_list(result) if pictures.quality else "",
-            text.influence_table(result),
+            _outliers(result) if pictures.quality else "",
+            _influence(result),
             _figures(pictures.quality),
         ),
-        _section(CERTIFICATE, text.certificate_table(result)),
-        _section("Readings (mm)", text.reading_table(result)),
-        _section(TITLE, text.structure_table(result)),
+        _section(yielding.TITLE, _yield_planes(result)),
+        _section("Readings (mm)", table(reading_table(result))),
+        _section(structures.TITLE, table(structures.force_table(result.members))),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
-        _section("Where this comes from", text.provenance_table(result), _case(result)),
+        _section("Where this comes from", _provenance(result), _case(result)),
     )
 
 
@@ -100,6 +116,72 @@ def _figures(pictures: Sequence[Picture]) -> Html:
 def _figure(picture: Picture) -> Html:
     svg = image(picture, "svg")
     return figure_element(svg, name=picture.name, title=picture.title, caption=picture.caption)
+
+
+def _warnings(result: Result) -> Html:
+    said = warnings(result)
+    return tag("div", *(tag("p", text) for text in said), class_="warn") if said else Html("")
+
+
+def _outliers(result: Result) -> Html:
+    """The readings that stand out, in words."""
+    found = outliers(result)
+    if not found:
+        return tag("p", f"No reading deviates by more than {OUTLIER:g} standard deviations.")
+    items = [
+        f"{o.channel}, {o.stage}: {o.residual:+.1f} standard deviations"
+        f"{'' if o.used else ' (not used)'}"
+        for o in found[:_MOST_OUTLIERS]
+    ]
+    if len(found) > _MOST_OUTLIERS:
+        items.append(f"and {len(found) - _MOST_OUTLIERS} more, see the table of readings")
+    words = f"Readings beyond {OUTLIER:g} standard deviations (measured minus computed):"
+    return joined([tag("p", words), tag("ul", *(tag("li", item) for item in items))])
+
+
+def _influence(result: Result) -> Html:
+    """The readings that bear most on the answer."""
+    title = influence_title(result.diagnostics).replace("\n", ". ")
+    found = table(influence_table(result), caption=title)
+    note = (
+        "Leverage: how far the reading decides alone, 0 to 1. Changes most, by sd: the parameter "
+        "that would move most without the reading, in its standard deviations."
+    )
+    return joined([found, tag("p", note, class_="note")]) if found else found
+
+
+def _yield_planes(result: Result) -> Html:
+    """What kind of answer identified yield limits are, and what their planes do."""
+    found = result.certificate
+    if found is None:
+        return Html("")
+    said = tag("p", " ".join(yielding.certificate_sentences(found)))
+    return joined([said, table(yielding.plane_table(found))])
+
+
+def _provenance(result: Result) -> Html:
+    """Where the result comes from, so that it can be made again."""
+    origin = result.provenance
+    rows = [
+        ("command", f"geoident {origin.command}"),
+        ("case", origin.case_file),
+        ("result written", origin.created),
+        ("seed", str(origin.seed)),
+        ("status", f"{result.status} (exit code {int(result.exit_code)})"),
+        ("why it ended", result.reason or "-"),
+        ("discrepancy", number(result.objective)),
+        ("cost", counts_text(result.counts)),
+        ("versions", ", ".join(f"{name} {text}" for name, text in sorted(origin.versions.items()))),
+        ("SHA-256 of the case", _hash(origin.case_sha256)),
+        ("SHA-256 of the mesh", _hash(origin.mesh_sha256)),
+        ("SHA-256 of the readings", _hash(origin.readings_sha256)),
+        ("identity of the result", _hash(origin.identity)),
+    ]
+    return table(TextTable(("item", "value"), rows))
+
+
+def _hash(text: str) -> Html:
+    return tag("span", text or "-", class_="hash")
 
 
 def _case(result: Result) -> Html:

@@ -1,1 +1,1 @@
-"""Results as text, tables and JSON."""
+"""Results as sentences and tables, JSON and CSV."""

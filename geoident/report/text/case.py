@@ -1,15 +1,23 @@
-"""What the page says of the case in a result: its title, and what its axes are called."""
+"""A case in words: what it amounts to, its title, and what its axes are called."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import yaml
 
 from geoident.model.result import Result
-
-AXISYMMETRIC = ("radius r", "height y", "")
-CARTESIAN = ("x", "y", "z")
+from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
+from geoident.report.text.layout import (
+    TextTable,
+    bullets,
+    decimals,
+    number,
+    section,
+    sections,
+    sentence,
+)
 
 
 def case_title(result: Result) -> str:
@@ -18,9 +26,10 @@ def case_title(result: Result) -> str:
     return title if isinstance(title, str) else ""
 
 
-def axis_names(result: Result) -> tuple[str, ...]:
+def axis_names(result: Result) -> tuple[str, str, str]:
     """What the coordinates are called."""
-    return AXISYMMETRIC if _case(result).get("analysis") == "axisymmetric" else CARTESIAN
+    turned = _case(result).get("analysis") == "axisymmetric"
+    return ("radius r", "height y", "") if turned else ("x", "y", "z")
 
 
 def _case(result: Result) -> dict[str, Any]:
@@ -30,3 +39,138 @@ def _case(result: Result) -> dict[str, Any]:
     except (yaml.YAMLError, RecursionError):
         return {}
     return case if isinstance(case, dict) else {}
+
+
+def case_text(summary: CaseSummary) -> str:
+    """A case that was checked."""
+    return sections(
+        _head(summary),
+        section("Groups", _groups(summary)),
+        section("Stages", _stages(summary.stages)),
+        section("Gauges", _gauges(summary)),
+        section("Where the gauges stand", _places(summary)),
+        _readings(summary),
+        section("Computation", _cost(summary.cost)),
+        section("Notes", bullets(summary.notes)),
+    )
+
+
+def _head(summary: CaseSummary) -> str:
+    parameters = ", ".join(summary.parameters) or "none"
+    lines = [
+        f"{summary.case}: {summary.title}" if summary.title else summary.case,
+        f"{summary.analysis}, {_model(summary)}",
+        f"parameters {parameters}; method {' + '.join(summary.methods)}",
+    ]
+    return "\n".join(sentence(line) for line in lines)
+
+
+def _model(summary: CaseSummary) -> str:
+    if not summary.mesh:
+        return "no mesh: closed form of a circular opening"
+    return f"{summary.nodes} nodes, {summary.elements} elements ({summary.mesh})"
+
+
+def _groups(summary: CaseSummary) -> str:
+    size = {"plane-strain": "m2", "axisymmetric": "m3 (whole turn)"}.get(summary.analysis, "m3")
+    rows = [
+        [g.name, str(g.elements), number(g.volume, 5), g.material or "absent"]
+        for g in summary.groups
+    ]
+    return TextTable(("name", "elements", size, "material at the start"), rows, right="lrr").text
+
+
+def _stages(stages: tuple[StageSummary, ...]) -> str:
+    rows = [[s.name, str(s.dofs), str(s.used), _events(s)] for s in stages]
+    return TextTable(("name", "unknowns", "readings", "what happens"), rows, right="lrrl").text
+
+
+def _events(stage: StageSummary) -> str:
+    events = [f"builds on {stage.base}"] if stage.base else []
+    events += [f"-{name}" for name in stage.leaves]
+    events += [f"+{name}: {material}" for name, material in stage.enters]
+    events += [f"{name} becomes {material}" for name, material in stage.changes]
+    events += [f"load {name}" for name in stage.loads]
+    events += [f"end of load {name}" for name in stage.removed]
+    events += [f"temperature of {name}" for name in stage.warmed]
+    events += ["water in the pores"] if stage.water else []
+    return ", ".join(events)
+
+
+def _gauges(summary: CaseSummary) -> str:
+    rows = [
+        [g.name, g.kind, g.zero, number(1e3 * g.accuracy), str(g.used), str(g.unused)]
+        for g in summary.gauges
+    ]
+    header = ("name", "kind", "zero", "accuracy mm", "used", "not used")
+    return TextTable(header, rows, right="lllrrr").text
+
+
+def _places(summary: CaseSummary) -> str:
+    """A line for every point; the anchors of an extensometer share the name of its head."""
+    rows = [
+        [
+            _together(place.channels),
+            ", ".join(number(x, 6) for x in place.point),
+            str(place.element),
+            place.group,
+            "-" if place.distance is None else decimals(place.distance, 2),
+        ]
+        for place in summary.places
+    ]
+    header = ("channels", "point (m)", "element", "group", "m to excavation")
+    return TextTable(header, rows, right="llrlr").text
+
+
+def _readings(summary: CaseSummary) -> str:
+    lines = [f"Readings: {summary.used} used"]
+    lines += [f"  {count} not used: {reason}" for reason, count in summary.unused]
+    for reading in summary.readings:
+        used = _together(reading.used) or "none"
+        lines.append(sentence(f"{reading.stage}: {used} used", indent="- "))
+        for reason, channels in reading.unused:
+            lines.append(sentence(f"not used: {_together(channels)}: {reason}", indent="    "))
+    return "\n".join(lines)
+
+
+def _together(channels: Sequence[str]) -> str:
+    """Names of channels, those of one gauge together.
+
+    >>> _together(["EX.a5", "EX.a15", "CV"])
+    'EX.a5,a15 CV'
+    """
+    gauges: dict[str, list[str]] = {}
+    for channel in channels:
+        gauge, _, anchor = channel.partition(".")
+        gauges.setdefault(gauge, []).extend([anchor] if anchor else [])
+    return " ".join(
+        f"{gauge}.{','.join(anchors)}" if anchors else gauge for gauge, anchors in gauges.items()
+    )
+
+
+def _cost(cost: CostEstimate | None) -> str:
+    if cost is None:
+        return ""
+    fit = "a fit by gauss-newton takes some 5 to 10 of them."
+    if cost.newton_steps > 1:
+        fit = (
+            f"ground yields, so {cost.newton_steps} Newton steps a stage are reckoned with. A fit "
+            "by complementarity takes some 20 to 60 evaluations, most of them near a known one, at "
+            "two to four steps a stage."
+        )
+    lines = [
+        f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
+        f"stages take {_many(cost.factor_flops)} operations (counted).",
+        f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); {fit}",
+    ]
+    return "\n".join(sentence(line) for line in lines)
+
+
+def _many(count: float) -> str:
+    """A large count in words.
+
+    >>> _many(574), _many(2.32e6), _many(4.87e9)
+    ('574', '2.32 million', '4870 million')
+    """
+    return number(count, 3) if count < 1e6 else f"{number(count / 1e6, 3)} million"

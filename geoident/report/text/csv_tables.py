@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.arrays import Bools
 from geoident.model.result import Grid, ParameterTable, Result
-from geoident.report.text.influence import by_distance, wide_diagnostics
-from geoident.report.text.quantities import in_unit, prior_in_unit, shown_unit
+from geoident.report.text.gauges import by_distance, by_stage, wide_diagnostics
+from geoident.report.text.parameters import prior_in_unit
+from geoident.units import in_unit, shown_unit
 
-Cell = str | int | float | bool
-Row = tuple[Cell, ...]
+CsvCell = str | int | float | bool
+CsvRow = tuple[CsvCell, ...]
 _MM = 1e3  # mm in a metre
 _KILO = 1e3
 
@@ -35,7 +35,7 @@ class CsvTable:
     """
 
     header: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[CsvRow, ...]
 
 
 def csv_tables(result: Result) -> dict[str, CsvTable]:
@@ -66,7 +66,7 @@ def all_csv(result: Result) -> str:
     return "\n".join(f"# {name}\n{csv_text(table)}" for name, table in tables)
 
 
-def _text(cell: Cell) -> str:
+def _text(cell: CsvCell) -> str:
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     if isinstance(cell, float):
@@ -81,7 +81,7 @@ def _parameters(result: Result) -> CsvTable:
     return CsvTable((*header, "at_bound", "determined", "prior"), tuple(rows))
 
 
-def _parameter(table: ParameterTable, i: int) -> Row:
+def _parameter(table: ParameterTable, i: int) -> CsvRow:
     value = float(table.values[i]) if table.determined[i] else math.nan
     found = (value, *(float(column[i]) for column in (table.sd, table.lower95, table.upper95)))
     given = (float(column[i]) for column in (table.start, table.lower, table.upper))
@@ -109,7 +109,7 @@ def _correlation(result: Result) -> CsvTable:
     table = result.parameters
     known = np.isfinite(table.correlation).any()
     lines = zip(table.names, table.correlation.tolist(), strict=True)
-    rows: list[Row] = [(name, *line) for name, line in lines]
+    rows: list[CsvRow] = [(name, *line) for name, line in lines]
     return CsvTable(("parameter", *table.names), tuple(rows) if known else ())
 
 
@@ -118,7 +118,7 @@ def _gauges(result: Result) -> CsvTable:
     residual = table.measured - table.computed
     columns = (table.measured, table.computed, residual, table.sd)
     known = np.isfinite(table.measured) | np.isfinite(table.computed)
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             table.channels[i],
             table.stages[j],
@@ -127,7 +127,7 @@ def _gauges(result: Result) -> CsvTable:
             float(residual[i, j] / table.sd[i, j]),
             bool(table.used[i, j]),
         )
-        for i, j in _stagewise(known)
+        for i, j in by_stage(known)
     ]
     header = ("measured", "computed", "residual", "sd", "unit", "residual_in_sd", "used")
     return CsvTable(("gauge", "stage", *header), tuple(rows))
@@ -140,7 +140,7 @@ def _diagnostics(result: Result) -> CsvTable:
     if found is None:
         return CsvTable(header, ())
     names = result.parameters.names
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             result.gauges.channels[i],
             result.gauges.stages[j],
@@ -159,28 +159,22 @@ def _prediction(result: Result) -> CsvTable:
         return CsvTable(header, ())
     mean = np.where(np.isfinite(table.sd), table.mean, math.nan)  # else it is not determined
     columns = (mean, table.sd, table.lower95, table.upper95, gauges.measured)
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             gauges.channels[i],
             gauges.stages[j],
             *(_MM * float(column[i, j]) for column in columns),
             "mm",
         )
-        for i, j in _stagewise(np.isfinite(table.mean))
+        for i, j in by_stage(np.isfinite(table.mean))
     ]
     return CsvTable(header, tuple(rows))
-
-
-def _stagewise(known: Bools) -> Iterator[tuple[int, int]]:
-    """Channel and stage of all that is known, stage by stage."""
-    for j, i in np.argwhere(known.T).tolist():
-        yield i, j
 
 
 def _history(result: Result) -> CsvTable:
     table = result.parameters
     names = [_with_unit(table, i) for i in range(len(table.names))]
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             step.method,
             step.number,
@@ -209,7 +203,7 @@ def _sensitivity(result: Result) -> CsvTable:
     values, table = result.sensitivity, result.parameters
     if values is None:
         return CsvTable(header, ())
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             result.gauges.channels[i],
             result.gauges.stages[j],
@@ -235,7 +229,7 @@ def _structures(result: Result) -> CsvTable:
     names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
     if found is None:
         return CsvTable(names, ())
-    rows: list[Row] = [
+    rows: list[CsvRow] = [
         (
             found.structures[i],
             int(found.numbers[i]),
@@ -259,7 +253,7 @@ def _grid(result: Result) -> CsvTable:
     return CsvTable(header, tuple(_grid_rows(grid, table, positions)))
 
 
-def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> Iterator[Row]:
+def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> Iterator[CsvRow]:
     """One row a point; without an objective where the model has no solution."""
     for place in np.ndindex(grid.objective.shape):
         coordinates = (

@@ -18,10 +18,10 @@ from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
-from geoident.report.text.certificate import certificate_object
-from geoident.report.text.influence import diagnostics_object
-from geoident.report.text.members import members_list
-from geoident.report.text.quantities import si_unit
+from geoident.report.text.gauges import by_stage, diagnostics_object
+from geoident.report.text.structures import structures_list
+from geoident.report.text.yielding import certificate_object
+from geoident.units import si_unit
 
 
 def dumps(value: Mapping[str, Any]) -> str:
@@ -67,7 +67,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
-        **({"structures": members_list(result.members)} if result.members is not None else {}),
+        **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 
@@ -119,7 +119,7 @@ def gauges_list(result: Result) -> list[dict[str, Any]]:
             "used": bool(gauges.used[i, j]),
             "bad": bool(gauges.bad[i, j]),
         }
-        for j, i in np.argwhere(known.T)
+        for i, j in by_stage(known)
     ]
 
 
@@ -129,8 +129,7 @@ def predictions_list(result: Result) -> list[dict[str, Any]]:
     if prediction is None:
         return []
     return [
-        _prediction(result, prediction, i, j)
-        for j, i in np.argwhere(np.isfinite(prediction.mean).T)
+        _prediction(result, prediction, i, j) for i, j in by_stage(np.isfinite(prediction.mean))
     ]
 
 

@@ -5,28 +5,45 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 WIDTH = 80
 GAP = "  "
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, right: str = "") -> str:
-    """Rows of text under a header, columns as wide as they need.
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of text under a header, for a terminal (`text`) or for a page.
 
     Args:
         header: names of the columns.
         rows: the cells.
-        right: one letter a column, ``r`` for those that are aligned to the right.
-
-    >>> print(table(["gauge", "mm"], [["EX1", "1.5"], ["CV", "12"]], right="lr"))
-    gauge   mm
-    EX1    1.5
-    CV      12
+        right: one letter a column, ``r`` for those that are aligned to the right; left without.
     """
-    lines = [list(header), *(list(row) for row in rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    sides = right.ljust(len(header), "l")
-    return "\n".join(_line(cells, widths, sides) for cells in lines)
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    right: str = ""
+
+    @property
+    def sides(self) -> str:
+        """``l`` or ``r`` for every column."""
+        return self.right.ljust(len(self.header), "l")
+
+    @property
+    def text(self) -> str:
+        """The table with columns as wide as they need; empty without rows.
+
+        >>> print(TextTable(["gauge", "mm"], [["EX1", "1.5"], ["CV", "12"]], right="lr").text)
+        gauge   mm
+        EX1    1.5
+        CV      12
+        """
+        if not self.rows:
+            return ""
+        lines = [self.header, *self.rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        return "\n".join(_line(cells, widths, self.sides) for cells in lines)
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], sides: str) -> str:

@@ -23,11 +23,11 @@ from geoident.identify.problem.protocols import (
     Condensed,
     HasOpening,
     OpeningForm,
-    StagedSystem,
     YieldSystem,
 )
 from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
+from geoident.model.equations import BilinearSystem
 from geoident.model.result import Counts
 
 Arrays = Mapping[str, Floats]
@@ -128,14 +128,14 @@ class Remembered:
         return _restored(known)
 
     def system_obstacle(self) -> str | None:
-        """Why the equations are no `StagedSystem` of arrays, or None if they are."""
+        """Why the equations are no `BilinearSystem`, or None if they are one."""
         inner = self._inner
         if not isinstance(inner, ComplementaritySystem):
             return "the model does not show its equations"
         return inner.system_obstacle()
 
-    def system(self) -> StagedSystem:
-        """The equations of all stages as arrays; not logged, they cost no analysis."""
+    def system(self) -> BilinearSystem:
+        """The equations of all stages as vectors; not logged, they cost no analysis."""
         inner = self._inner
         assert isinstance(inner, ComplementaritySystem)
         return inner.system()

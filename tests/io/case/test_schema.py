@@ -8,8 +8,7 @@ import jsonschema
 import pytest
 import yaml
 
-from geoident.io.docs.key_page import title
-from geoident.io.schema.document import case_schema, case_schema_text, key_page_text
+from geoident.io.docs.case_schema import case_schema, case_schema_text, key_page_text, title
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "schemas" / "case.schema.json"
@@ -21,7 +20,7 @@ SHIPPED = sorted(
 
 
 def test_committed_schema_is_up_to_date():
-    remedy = "run: python -m geoident.io.schema.document > schemas/case.schema.json"
+    remedy = "run: python -m geoident.io.docs.case_schema > schemas/case.schema.json"
     assert FILE.read_text(encoding="utf-8") == case_schema_text(), remedy
 
 
@@ -50,7 +49,7 @@ def test_patterns_of_quantities_hold(text, fits):
 
 
 def test_committed_page_of_keys_is_up_to_date():
-    remedy = "run: python -m geoident.io.schema.document --markdown > geoident/docs/keys.md"
+    remedy = "run: python -m geoident.io.docs.case_schema --markdown > geoident/docs/keys.md"
     assert PAGE.read_text(encoding="utf-8") == key_page_text(), remedy
 
 

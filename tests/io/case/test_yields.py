@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 import yaml
 
-from geoident.io.schema.document import case_schema
+from geoident.io.docs.case_schema import case_schema
 from geoident.model.ground import Attitude, Axes
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import DruckerPrager, GivenPlanes, MohrCoulomb, WeakPlane, YieldPlane

@@ -13,6 +13,7 @@ import vtk
 
 from geoident.errors import Fault, InputError
 from geoident.io.mesh.file import read_mesh
+from geoident.model.cells import CELLS
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 UP = np.array([0, 0, 1.0])
@@ -162,13 +163,25 @@ def _square_loop() -> int:
     return int(gmsh.model.geo.addCurveLoop(lines))
 
 
-@pytest.mark.parametrize(("kind", "n"), [("wedge", 6), ("pyramid", 5)])
-def test_wedges_and_pyramids_are_refused_by_kind(kind, n, tmp_path):
-    points = np.random.default_rng(1).random((8, 3))
-    cells = [("tetra", [[0, 1, 2, 7]]), (kind, [list(range(n))])]
-    fault = fault_of(written(tmp_path / "m.vtu", points, cells), dim=3)
-    assert f"element 2 is of the kind {kind}" in fault.message
-    assert "tetrahedra" in fault.hint
+@pytest.mark.parametrize(
+    ("number", "kind"), [(10, "quad9"), (12, "hex27"), (13, "wedge18"), (14, "pyramid14")]
+)
+def test_kinds_with_nodes_inside_their_faces_are_refused(number, kind, tmp_path):
+    n = CELLS[kind].n_nodes
+    points = np.random.default_rng(1).random((n + 1, 3))
+    nodes = "".join(f"{k} {x} {y} {z}\n" for k, (x, y, z) in enumerate(points, start=1))
+    row = " ".join(map(str, range(1, n + 1)))
+    path = msh2(tmp_path / "m.msh", f"1 4 2 0 1 1 2 3 {n + 1}\n2 {number} 2 0 1 {row}\n", nodes)
+    fault = fault_of(path, dim=3)
+    assert f"element 2 is of the kind {kind}, which cannot be used" in fault.message
+    assert "Mesh.SecondOrderIncomplete=1" in fault.hint
+
+
+def test_kinds_of_order_three_are_refused(tmp_path):
+    nodes = "".join(f"{k} {k} {k * k} {k % 3}\n" for k in range(1, 41))
+    row = " ".join(map(str, range(1, 41)))
+    fault = fault_of(msh2(tmp_path / "m.msh", f"2 90 2 0 1 {row}\n", nodes), dim=3)
+    assert "gmsh's type 90, which is not of order 1 or 2" in fault.message
 
 
 def test_a_duplicate_element_is_refused_by_number(tmp_path):

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import vtk
 
+from geoident.fem.kinematics import SOLID
+from geoident.fem.orientation import oriented
 from geoident.io.mesh.file import read_mesh
-from geoident.io.mesh.order import EDGES, GMSH_HEX20, GMSH_TET10, ORDERS
+from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
 
 VTK_CELLS = {
@@ -24,8 +26,12 @@ VTK_CELLS = {
     "tet10": vtk.vtkQuadraticTetra,
     "hex8": vtk.vtkHexahedron,
     "hex20": vtk.vtkQuadraticHexahedron,
+    "wedge6": vtk.vtkWedge,
+    "wedge15": vtk.vtkQuadraticWedge,
+    "pyramid5": vtk.vtkPyramid,
+    "pyramid13": vtk.vtkQuadraticPyramid,
 }
-DIM = {kind: 2 if kind[:3] in ("tri", "qua") else 3 for kind in VTK_CELLS}
+DIM = {kind: CELLS[kind].dim for kind in VTK_CELLS}
 FACETS = {
     "tri3": "line2",
     "tri6": "line3",
@@ -35,23 +41,21 @@ FACETS = {
     "tet10": "tri6",
     "hex8": "quad4",
     "hex20": "quad8",
-}
-MESHIO_KINDS = {
-    "tri3": "triangle",
-    "tri6": "triangle6",
-    "quad4": "quad",
-    "quad8": "quad8",
-    "tet4": "tetra",
-    "tet10": "tetra10",
-    "hex8": "hexahedron",
-    "hex20": "hexahedron20",
+    "wedge6": "tri3",
+    "wedge15": "tri6",
+    "pyramid5": "quad4",
+    "pyramid13": "quad8",
 }
 BY_GMSH = ("msh2", "msh2-binary", "msh4", "msh4-binary", "inp", "vtk", "bdf", "med")
 CASES = [(kind, form) for kind in VTK_CELLS for form in BY_GMSH]
+CASES.remove(("pyramid13", "vtk"))  # gmsh calls them pyramids of five nodes there
 
 
 def build(kind: str, *, straight: bool = True) -> None:
     """A sheared block of one kind of element in gmsh's current model, group rock, facets floor."""
+    if kind.startswith("pyramid"):
+        build_pyramids(CELLS[kind].order)
+        return
     geo, option = gmsh.model.geo, gmsh.option.setNumber
     corners = [(0, 0), (2, 0.1), (2.3, 1.5), (0.3, 1.4)]
     points = [geo.addPoint(*p, 0) for p in corners]
@@ -67,8 +71,9 @@ def build(kind: str, *, straight: bool = True) -> None:
         geo.mesh.setTransfiniteSurface(surface)
         geo.mesh.setRecombine(2, surface)
     if DIM[kind] == 3:
+        layers = blocks or kind.startswith("wedge")
         geo.extrude(
-            [(2, surface)], 0.3, 0.2, 1, numElements=[2] if blocks else [], recombine=blocks
+            [(2, surface)], 0.3, 0.2, 1, numElements=[2] if layers else [], recombine=layers
         )
     geo.synchronize()
     gmsh.model.addPhysicalGroup(DIM[kind], [1], 9, "rock")
@@ -76,8 +81,26 @@ def build(kind: str, *, straight: bool = True) -> None:
     option("Mesh.MeshSizeMin", 0.8)
     option("Mesh.MeshSizeMax", 0.8)
     option("Mesh.SecondOrderIncomplete", 1)
-    option("Mesh.ElementOrder", 1 if kind in ("tri3", "quad4", "tet4", "hex8") else 2)
+    option("Mesh.ElementOrder", CELLS[kind].order)
     gmsh.model.mesh.generate(DIM[kind])
+
+
+def build_pyramids(order: int) -> None:
+    """A sheared cube of six pyramids, which gmsh makes itself only between other solids."""
+    corners = np.array(CELLS["hex8"].shape.corners)
+    points = np.vstack([corners, np.zeros(3)]) @ [[1.0, 0.1, 0], [0.2, 0.8, 0], [0.1, 0.3, 0.5]]
+    points = points.round(6)  # of longer numbers meshio makes no Nastran file
+    cells = [[*(n + 1 for n in face[::-1]), 9] for face in CELLS["hex8"].faces]
+    mesh = gmsh.model.mesh
+    gmsh.model.addDiscreteEntity(2, 1)
+    gmsh.model.addDiscreteEntity(3, 1, [1])
+    mesh.addNodes(3, 1, range(1, 10), points.ravel())
+    mesh.addElementsByType(1, CELLS["quad4"].gmsh, [1], cells[0][:4])
+    mesh.addElementsByType(1, CELLS["pyramid5"].gmsh, range(2, 8), np.ravel(cells))
+    gmsh.model.addPhysicalGroup(3, [1], 9, "rock")
+    gmsh.model.addPhysicalGroup(2, [1], 4, "floor")
+    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
+    mesh.setOrder(order)
 
 
 def save(path: Path, form: str) -> Path:
@@ -126,8 +149,7 @@ def middle_error(mesh: Mesh) -> float:
     """Largest distance of a node from the middle of its edge, over elements and facets."""
     worst = 0.0
     for block in (*mesh.blocks, *mesh.facets):
-        for edge, (a, b) in enumerate(EDGES.get(block.kind, ())):
-            place = block.nodes.shape[1] - len(EDGES[block.kind]) + edge
+        for place, (a, b) in enumerate(CELLS[block.kind].edges, start=CELLS[block.kind].n_corners):
             ends = mesh.points[block.nodes[:, [a, b]]].mean(axis=1)
             away = np.linalg.norm(mesh.points[block.nodes[:, place]] - ends, axis=1)
             worst = max(worst, float(away.max()))
@@ -176,6 +198,8 @@ def test_a_file_of_vtk_opens_as_vtk_wrote_it(kind, suffix, tmp_path):
     writer.SetInputData(grid)
     writer.Write()
     copy = read_mesh(str(tmp_path / f"vtk.{suffix}"), dim=DIM[kind])
+    if kind == "wedge6":  # meshio turns them, as old versions of VTK would have it
+        copy = oriented(copy, SOLID)
     np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
     np.testing.assert_allclose(copy.points, mesh.points, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(copy.groups["1"], np.arange(1, mesh.n_elements, 2))
@@ -187,7 +211,7 @@ def test_a_file_of_meshio_opens_with_nodes_in_vtk_order(kind, suffix, tmp_path):
     build(kind)
     mesh = read_mesh(str(save(tmp_path, "msh4")), dim=DIM[kind])
     points = np.column_stack([mesh.points, np.zeros((mesh.n_nodes, 3 - mesh.dim))])
-    cells = [(MESHIO_KINDS[kind], mesh.blocks[0].nodes)]
+    cells = [(CELLS[kind].meshio, mesh.blocks[0].nodes)]
     meshio.write_points_cells(tmp_path / f"m.{suffix}", points, cells)
     copy = read_mesh(str(tmp_path / f"m.{suffix}"), dim=DIM[kind])
     np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
@@ -196,9 +220,10 @@ def test_a_file_of_meshio_opens_with_nodes_in_vtk_order(kind, suffix, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "order"),
     [
-        (kind, k)
-        for kind in ("tri6", "quad8", "tet10", "hex20")
-        for k in range(1, len(ORDERS[kind]))
+        (kind, order)
+        for kind in VTK_CELLS
+        for order in (CELLS[kind].gmsh_order, *CELLS[kind].other_orders)
+        if order
     ],
 )
 @pytest.mark.parametrize("straight", [True, False])
@@ -206,16 +231,53 @@ def test_a_wrong_order_is_found_and_put_right(kind, order, straight, tmp_path):
     build(kind, straight=straight)
     mesh = read_mesh(str(save(tmp_path, "msh4")), dim=DIM[kind])
     wrong = np.empty_like(mesh.blocks[0].nodes)
-    wrong[:, list(ORDERS[kind][order])] = mesh.blocks[0].nodes
+    wrong[:, order] = mesh.blocks[0].nodes
     points = np.column_stack([mesh.points, np.zeros((mesh.n_nodes, 3 - mesh.dim))])
-    meshio.write_points_cells(tmp_path / "m.vtu", points, [(MESHIO_KINDS[kind], wrong)])
+    meshio.write_points_cells(tmp_path / "m.vtu", points, [(CELLS[kind].meshio, wrong)])
     copy = read_mesh(str(tmp_path / "m.vtu"), dim=DIM[kind])
     np.testing.assert_array_equal(copy.blocks[0].nodes, mesh.blocks[0].nodes)
 
 
-def test_orders_of_gmsh_are_permutations():
-    assert sorted(GMSH_TET10) == list(range(10))
-    assert sorted(GMSH_HEX20) == list(range(20))
+@pytest.mark.parametrize("cell", CELLS.values(), ids=CELLS)
+def test_types_nodes_and_orders_are_those_of_gmsh(cell):
+    """gmsh itself says how many nodes its type has, and where they stand."""
+    _, dim, order, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.gmsh)
+    assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners)
+    if not cell.usable:
+        return
+    assert order == cell.order
+    nodes = local.reshape(n_nodes, dim)[list(cell.gmsh_order or range(n_nodes))]
+    corners = np.array(cell.shape.corners)
+    middles = [(corners[a] + corners[b]) / 2 for a, b in cell.edges]
+    np.testing.assert_allclose(nodes, np.vstack([corners, *middles]), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", VTK_CELLS)
+def test_types_edges_and_faces_are_those_of_vtk(kind):
+    cell, peer = CELLS[kind], VTK_CELLS[kind]()
+    assert (cell.vtk, cell.n_nodes) == (peer.GetCellType(), peer.GetNumberOfPoints())
+    for n in range(cell.n_nodes):
+        peer.GetPointIds().SetId(n, n)
+
+    def ids(part):
+        return [part.GetPointId(n) for n in range(part.GetNumberOfPoints())]
+
+    edges = {frozenset(ids(peer.GetEdge(n))) for n in range(peer.GetNumberOfEdges())}
+    own = [
+        (*edge, *([cell.n_corners + n] if cell.edges else []))
+        for n, edge in enumerate(cell.shape.edges)
+    ]
+    assert edges == {frozenset(edge) for edge in own}
+    faces = {_turned(ids(peer.GetFace(n))) for n in range(peer.GetNumberOfFaces())}
+    assert faces == ({_turned(face) for face in cell.faces} if cell.dim == 3 else set())
+
+
+def _turned(face):
+    """A face with its corners from the lowest on, which keeps the side to which it looks."""
+    n = {3: 3, 6: 3, 4: 4, 8: 4}[len(face)]
+    start = int(np.argmin(face[:n]))
+    parts = [face[k : k + n] for k in range(0, len(face), n)]
+    return tuple(int(node) for part in parts for node in (*part[start:], *part[:start]))
 
 
 def test_triangles_and_quadrangles_mix(tmp_path):

@@ -1,4 +1,4 @@
-"""The values of a case as pydantic types: quantities, numbers and counts.
+"""The values of a case as pydantic types: texts, names, quantities, numbers and counts.
 
 Each type validates the text that is written and describes itself in the JSON schema, so the schema
 can't say anything else than the code does.
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
+    BeforeValidator,
     Discriminator,
     Field,
     GetCoreSchemaHandler,
@@ -21,7 +22,6 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from geoident.io.case.words import NAME_PATTERN, Name, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.model.parameter import Scalar
 from geoident.units import (
@@ -36,6 +36,7 @@ from geoident.units import (
     with_article,
 )
 
+NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 _TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
 _BARE = re.compile(NUMBER_PATTERN)
 _LONGEST = 80
@@ -56,6 +57,59 @@ _EXAMPLES: Mapping[str | None, str] = {
     None: "15 GPa",
 }
 _SERIALIZE_TEXT = core_schema.plain_serializer_function_ser_schema(lambda given: given.text)
+
+
+def require_text(value: object, expected: str) -> str:
+    """The text itself.
+
+    Raises:
+        Refusal: nothing, a list or a mapping is written.
+    """
+    if isinstance(value, str):
+        return value
+    raise Refusal("wrong-kind", f"found {kind_of(value)}; {expected} is expected")
+
+
+def kind_of(value: object) -> str:
+    """What a node of the file is, for a message."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a mapping"
+    return "a list" if isinstance(value, list) else f"'{shorten(value)}'"
+
+
+def _flag(value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    text = require_text(value, "true or false")
+    if text not in {"true", "false"}:
+        raise Refusal("not-listed", f"found '{shorten(text)}'; true or false is expected")
+    return text == "true"
+
+
+def _name(value: object) -> str:
+    text = require_text(value, "a name")
+    if not text.strip() or text != text.strip() or "\n" in text or len(text) > 100:
+        hint = "One line, up to 100 characters, without blanks at its ends."
+        raise Refusal("bad-name", f"'{shorten(text)}' is not a name", hint)
+    return text
+
+
+def _parameter_name(value: object) -> str:
+    text = require_text(value, "a name")
+    if not re.fullmatch(NAME_PATTERN, text):
+        hint = "Letters, digits and underscores, not beginning with a digit."
+        raise Refusal("bad-name", f"'{shorten(text)}' is not a name for a parameter", hint)
+    return text
+
+
+Flag = Annotated[bool, BeforeValidator(_flag)]
+Name = Annotated[str, BeforeValidator(_name)]
+ParameterName = Annotated[
+    str, BeforeValidator(_parameter_name), Field(pattern=rf"^{NAME_PATTERN}$")
+]
+Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"))]
 
 
 @dataclass(frozen=True)
@@ -80,6 +134,11 @@ class Given:
     def scalar(self) -> Scalar:
         """For the model."""
         return Scalar(self.factor, self.parameter)
+
+
+def scalar_of(given: Given | None) -> Scalar | None:
+    """The number for the model; None where nothing is given."""
+    return None if given is None else given.scalar
 
 
 @dataclass(frozen=True)
@@ -297,7 +356,7 @@ def shape_of(value: object) -> str:
 
 Length = Annotated[Given, Of("length")]
 Accuracy = Annotated[Given, Of("length", above=0.0)]
-Pressure = Annotated[Given, Of("pressure", tied=True)]
+Stress = Annotated[Given, Of("pressure", tied=True)]
 Modulus = Annotated[Given, Of("pressure", tied=True, above=0.0)]
 Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
 Density = Annotated[Given, Of("density", tied=True)]
@@ -305,7 +364,7 @@ Angle = Annotated[Given, Of("angle", tied=True)]
 UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
 Offset = Annotated[Given, Of("length", tied=True)]
 Drift = Annotated[Given, Of("velocity", tied=True)]
-Factor = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
+Coefficient = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
 Level = Annotated[Given, Of("length", tied=True)]
 Force = Annotated[Given, Of("force", tied=True)]
 LineForce = Annotated[Given, Of("line load", tied=True)]
@@ -315,30 +374,29 @@ Size = Annotated[Given, Of("length", tied=True, above=0.0)]
 AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
 WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
-Number = Annotated[Given, Of(DIMENSIONLESS)]
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
 Acceleration = Annotated[Given, Of("acceleration")]
 AnyQuantity = Annotated[Given, Of(None)]
 
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
-Point = Annotated[
+Coordinates = Annotated[
     list[Length],
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
-Line = Annotated[list[Point], Field(min_length=2, max_length=2)]
+Line = Annotated[list[Coordinates], Field(min_length=2, max_length=2)]
 Bounds = Annotated[
     list[AnyQuantity],
     SharesUnit(),
     Field(min_length=2, max_length=2, description=f"Lower and upper bound{_SHARED}."),
 ]
 Accelerations = Annotated[list[Acceleration], SharesUnit()]
-Pressures = Annotated[list[Pressure], SharesUnit()]
+Stresses = Annotated[list[Stress], SharesUnit()]
 Forces = Annotated[list[Force], SharesUnit()]
 LineForces = Annotated[list[LineForce], SharesUnit()]
 TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
-Factors = list[Factor]
-Numbers = list[Number]
+Coefficients = list[Coefficient]
+Direction = list[Annotated[Given, Of(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
     Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],

@@ -6,12 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from geoident.model.result import Result
-from geoident.report.drawing.compare import comparison_pictures
 from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.gauges import (
+    compared_gauge_pictures,
+    profile_pictures,
+    reading_pictures,
+)
 from geoident.report.drawing.overview import overview_pictures
-from geoident.report.drawing.parameters import parameter_pictures, scan_pictures
+from geoident.report.drawing.parameters import (
+    compared_parameter_pictures,
+    parameter_pictures,
+    scan_pictures,
+)
 from geoident.report.drawing.quality import quality_pictures
-from geoident.report.drawing.readings import profile_pictures, reading_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.style import Picture, image
@@ -60,7 +67,9 @@ def album(result: Result, *, prefix: str = "") -> Album:
 
 def comparison(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
     """The figures of several results together; none for a single one."""
-    return comparison_pictures(results) if len(results) > 1 else ()
+    if len(results) < 2:
+        return ()
+    return (*compared_parameter_pictures(results), *compared_gauge_pictures(results))
 
 
 def figure_files(

@@ -1,24 +1,45 @@
-"""What a case file may say of a material: one section per symmetry of the elasticity."""
+"""Materials of a case: one section per symmetry of the elasticity, and what it is built into."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.values import (
+from geoident.io.case.frames import attitude, axes_about, axes_along
+from geoident.io.case.parameters import ParameterSection
+from geoident.io.case.yielding import YieldSections, build_yields
+from geoident.io.schema.section import Context, Section, Wrongs, require_one_of
+from geoident.io.schema.values import (
     Angle,
+    Coefficient,
     Density,
+    Direction,
     Expansion,
-    Factor,
+    Given,
     Modulus,
-    Numbers,
-    Pressure,
     Ratio,
+    Stress,
+    scalar_of,
 )
-from geoident.io.case.yield_schema import YieldSections
-from geoident.io.schema.section import Section, Wrongs, require_one_of
+from geoident.model.case import Material
+from geoident.model.ground import (
+    ENTRIES,
+    Anisotropic,
+    Elastic,
+    Isotropic,
+    LoveModuli,
+    Orthotropic,
+    TransverselyIsotropic,
+    breach,
+)
+from geoident.model.parameter import Scalar
 
+_ENGINEERING = ("E_p", "nu_p", "E_n", "nu_np", "G_np")
+_LOVE = ("A", "C", "F", "L", "N")
+_THREE_AXES = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "G_23")
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
 
 
@@ -44,6 +65,20 @@ class _Material(Section):
             wrongs.raise_any()
         return self
 
+    @abstractmethod
+    def elasticity(self, context: Context) -> Elastic:
+        """The elasticity for the model; what cannot be is noted as a fault."""
+
+    @property
+    def numbers(self) -> list[Given]:
+        """The numbers of the section itself, those of yield surfaces left out."""
+        values = [getattr(self, name) for name in type(self).model_fields]
+        return [value for value in values if isinstance(value, Given)]
+
+    def _scalars(self, names: Sequence[str]) -> dict[str, Scalar]:
+        """Numbers that the validation has made sure of, by name."""
+        return {name: getattr(self, name).scalar for name in names}
+
 
 class IsotropicSection(_Material):
     """A material: isotropic elasticity by E and nu, or by K and G."""
@@ -59,6 +94,10 @@ class IsotropicSection(_Material):
         expected = "E with nu, or K with G, is"
         require_one_of(self, [("E", "nu"), ("K", "G")], expected, "Give exactly one of the pairs.")
         return self
+
+    def elasticity(self, context: Context) -> Isotropic:
+        """By the pair that is given."""
+        return Isotropic(*map(scalar_of, (self.E, self.nu, self.K, self.G)))
 
 
 class _Inclined(_Material):
@@ -90,13 +129,13 @@ class TransverselyIsotropicSection(_Inclined):
     """
 
     elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")
-    normal: Numbers | None = Field(
+    normal: Direction | None = Field(
         None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
     )
     E_p: Modulus | None = Field(None, description="Young's modulus in the plane of the strata.")
-    nu_p: Factor | None = Field(None, description="Poisson's ratio in the plane.")
+    nu_p: Coefficient | None = Field(None, description="Poisson's ratio in the plane.")
     E_n: Modulus | None = Field(None, description="Young's modulus along the normal.")
-    nu_np: Factor | None = Field(
+    nu_np: Coefficient | None = Field(
         None,
         description="Poisson's ratio for a stress along the normal: -strain in the plane / strain "
         "along the normal; so nu_pn = nu_np E_p / E_n.",
@@ -104,19 +143,29 @@ class TransverselyIsotropicSection(_Inclined):
     G_np: Modulus | None = Field(None, description="Shear modulus between normal and plane.")
     A: Modulus | None = Field(None, description="Love's A = c11 = c22, axis 3 being the normal.")
     C: Modulus | None = Field(None, description="Love's C = c33.")
-    F: Pressure | None = Field(None, description="Love's F = c13 = c23.")
+    F: Stress | None = Field(None, description="Love's F = c13 = c23.")
     L: Modulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
     N: Modulus | None = Field(None, description="Love's N, shear modulus in the plane.")
 
     @model_validator(mode="after")
     def _one_set(self) -> TransverselyIsotropicSection:
-        sets = [("E_p", "nu_p", "E_n", "nu_np", "G_np"), ("A", "C", "F", "L", "N")]
         expected = "E_p, nu_p, E_n, nu_np and G_np (or Love's A, C, F, L and N) are"
-        require_one_of(self, sets, expected, "Give all five of one set.")
+        require_one_of(self, [_ENGINEERING, _LOVE], expected, "Give all five of one set.")
         ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
         hint = "Strata that lie flat: 'dip: 0 deg'."
         require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
         return self
+
+    def elasticity(self, context: Context) -> TransverselyIsotropic | LoveModuli:
+        """By engineering constants or Love's moduli."""
+        frame = (
+            attitude(context, self.dip, self.dip_direction)
+            if self.normal is None
+            else axes_about(context, self.normal)
+        )
+        if self.E_p is not None:
+            return TransverselyIsotropic(**self._scalars(_ENGINEERING), frame=frame)
+        return LoveModuli(**self._scalars(_LOVE), frame=frame)
 
 
 class OrthotropicSection(_Inclined):
@@ -131,17 +180,17 @@ class OrthotropicSection(_Inclined):
     E_1: Modulus = Field(description="Young's modulus along axis 1.")
     E_2: Modulus = Field(description="Young's modulus along axis 2.")
     E_3: Modulus = Field(description="Young's modulus along axis 3.")
-    nu_12: Factor = Field(description="Poisson's ratio: contraction along 2, stress along 1.")
-    nu_13: Factor = Field(description="Poisson's ratio: contraction along 3, stress along 1.")
-    nu_23: Factor = Field(description="Poisson's ratio: contraction along 3, stress along 2.")
+    nu_12: Coefficient = Field(description="Poisson's ratio: contraction along 2, stress along 1.")
+    nu_13: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 1.")
+    nu_23: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 2.")
     G_12: Modulus = Field(description="Shear modulus between axes 1 and 2.")
     G_13: Modulus = Field(description="Shear modulus between axes 1 and 3.")
     G_23: Modulus = Field(description="Shear modulus between axes 2 and 3.")
     rotation: Angle | None = Field(
         None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
-    axis_1: Numbers | None = Field(None, description=f"Axis 1 in place of the angles, {_VECTOR}")
-    axis_2: Numbers | None = Field(None, description=f"Axis 2, at a right angle to 1, {_VECTOR}")
+    axis_1: Direction | None = Field(None, description=f"Axis 1 in place of the angles, {_VECTOR}")
+    axis_2: Direction | None = Field(None, description=f"Axis 2, at a right angle to 1, {_VECTOR}")
 
     @model_validator(mode="after")
     def _one_way(self) -> OrthotropicSection:
@@ -150,6 +199,15 @@ class OrthotropicSection(_Inclined):
         expected = "dip (with dip_direction and rotation), or axis_1 with axis_2, is"
         require_one_of(self, ways, expected, "Axes along the model's: 'dip: 0 deg'.")
         return self
+
+    def elasticity(self, context: Context) -> Orthotropic:
+        """By nine constants, and angles or axes."""
+        frame = (
+            attitude(context, self.dip, self.dip_direction, self.rotation)
+            if self.axis_1 is None or self.axis_2 is None
+            else axes_along(context, self.axis_1, self.axis_2)
+        )
+        return Orthotropic(**self._scalars(_THREE_AXES), frame=frame)
 
 
 def _entry(row: str, column: str, missing: str = "") -> Any:
@@ -170,26 +228,35 @@ class AnisotropicSection(_Material):
 
     elastic: Literal["anisotropic"] = Field(description="Symmetry of the elasticity.")
     c11: Modulus = _entry("xx", "xx")
-    c12: Pressure | None = _entry("xx", "yy", "0 if missing")
-    c13: Pressure | None = _entry("xx", "zz", "0 if missing")
-    c14: Pressure | None = _entry("xx", "xy", "0 if missing")
-    c15: Pressure | None = _entry("xx", "yz", "0 if missing")
-    c16: Pressure | None = _entry("xx", "xz", "0 if missing")
+    c12: Stress | None = _entry("xx", "yy", "0 if missing")
+    c13: Stress | None = _entry("xx", "zz", "0 if missing")
+    c14: Stress | None = _entry("xx", "xy", "0 if missing")
+    c15: Stress | None = _entry("xx", "yz", "0 if missing")
+    c16: Stress | None = _entry("xx", "xz", "0 if missing")
     c22: Modulus = _entry("yy", "yy")
-    c23: Pressure | None = _entry("yy", "zz", "0 if missing")
-    c24: Pressure | None = _entry("yy", "xy", "0 if missing")
-    c25: Pressure | None = _entry("yy", "yz", "0 if missing")
-    c26: Pressure | None = _entry("yy", "xz", "0 if missing")
+    c23: Stress | None = _entry("yy", "zz", "0 if missing")
+    c24: Stress | None = _entry("yy", "xy", "0 if missing")
+    c25: Stress | None = _entry("yy", "yz", "0 if missing")
+    c26: Stress | None = _entry("yy", "xz", "0 if missing")
     c33: Modulus = _entry("zz", "zz")
-    c34: Pressure | None = _entry("zz", "xy", "0 if missing")
-    c35: Pressure | None = _entry("zz", "yz", "0 if missing")
-    c36: Pressure | None = _entry("zz", "xz", "0 if missing")
+    c34: Stress | None = _entry("zz", "xy", "0 if missing")
+    c35: Stress | None = _entry("zz", "yz", "0 if missing")
+    c36: Stress | None = _entry("zz", "xz", "0 if missing")
     c44: Modulus = _entry("xy", "xy")
-    c45: Pressure | None = _entry("xy", "yz", "0 if missing")
-    c46: Pressure | None = _entry("xy", "xz", "0 if missing")
+    c45: Stress | None = _entry("xy", "yz", "0 if missing")
+    c46: Stress | None = _entry("xy", "xz", "0 if missing")
     c55: Modulus | None = _entry("yz", "yz", "needed in a solid")
-    c56: Pressure | None = _entry("yz", "xz", "0 if missing")
+    c56: Stress | None = _entry("yz", "xz", "0 if missing")
     c66: Modulus | None = _entry("xz", "xz", "needed in a solid")
+
+    def elasticity(self, context: Context) -> Anisotropic:
+        """By the entries that are given; a solid needs two more."""
+        entries = {name: scalar_of(getattr(self, name)) for name in ENTRIES}
+        for name in ("c55", "c66"):
+            if context.dim == 3 and entries[name] is None:
+                message = f"'{name}' is missing; a solid needs it"
+                context.refuse("missing-key", message, f"Add '{name}: ...'.", key=True)
+        return Anisotropic({name: scalar for name, scalar in entries.items() if scalar})
 
 
 def elastic(value: object) -> str:
@@ -205,3 +272,56 @@ MaterialSection = Annotated[
     | Annotated[AnisotropicSection, Tag("anisotropic")],
     Discriminator(elastic),
 ]
+
+
+def build_materials(
+    sections: Mapping[str, MaterialSection],
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> dict[str, Material]:
+    """The materials; what they cannot be, at the start of the parameters, is noted as a fault.
+
+    Args:
+        sections: name to section.
+        parameters: the parameters of the case.
+        context: of the key `materials`.
+    """
+    none = Scalar(0.0)
+    materials = {}
+    for name, section in sections.items():
+        place = context.at(name)
+        elastic = section.elasticity(place)
+        _check_start(elastic, section, parameters, place)
+        materials[name] = Material(
+            name,
+            elastic,
+            scalar_of(section.density) or none,
+            scalar_of(section.expansion) or none,
+            build_yields(section.yields, elastic, parameters, place.at("yield")),
+        )
+    return materials
+
+
+def _check_start(
+    elastic: Elastic,
+    section: MaterialSection,
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> None:
+    """Note a constant that is inadmissible at the start of the parameters."""
+    ties = [given for given in section.numbers if given.parameter is not None]
+    starts = {name: p.start for name, p in parameters.items()}
+    if any(t.parameter not in starts or starts[t.parameter].dimension != t.dimension for t in ties):
+        return  # a tie to nothing, or to another dimension, is a fault by itself
+    found = breach(elastic, {name: start.factor for name, start in starts.items()})
+    if found is None:
+        return
+    given: Given = getattr(section, found.constant)
+    moved = sorted({t.parameter for t in ties if t.parameter and t.dimension != "angle"})
+    if given.parameter is not None:
+        message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
+        hint = f"Change the start of {given.parameter}."
+    else:
+        message = f"'{given.text}' makes the stiffness indefinite; {found.limit}"
+        hint = f"Change it, or the start of {', '.join(moved)}." if moved else ""
+    context.at(found.constant).refuse("out-of-range", message, hint)

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from geoident.model.comparison import Amount, Comparison, Difference
-from geoident.report.text.layout import number, section, sections, table
-from geoident.report.text.quantities import in_unit, shown_unit, si_unit
+from geoident.report.text.layout import TextTable, number, section, sections
+from geoident.units import in_unit, shown_unit, si_unit
 
 _DIGITS = 7  # so that what differs by the usual tolerance is seen to differ
 
@@ -33,7 +33,7 @@ def _tables(comparison: Comparison) -> list[str]:
 
 def _table(comparison: Comparison, name: str) -> str:
     rows = [_row(d) for d in comparison.differences if d.place.table == name]
-    return table(["", "", "A", "B", "B - A", "relative", "unit"], rows, right="llrrrrl")
+    return TextTable(("", "", "A", "B", "B - A", "relative", "unit"), rows, right="llrrrrl").text
 
 
 def _row(difference: Difference) -> list[str]:

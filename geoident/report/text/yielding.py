@@ -9,8 +9,8 @@ import numpy as np
 
 from geoident.model.certificate import Certificate
 from geoident.model.result import ParameterTable
-from geoident.report.text.layout import bullets, number, table
-from geoident.report.text.quantities import in_unit, shown_unit
+from geoident.report.text.layout import TextTable, bullets, number
+from geoident.units import in_unit, shown_unit
 
 TITLE = "Yield planes (strain points that yield on them, stage by stage)"
 
@@ -22,17 +22,17 @@ _KINDS = {
     "not stationary": "a small change may improve the answer",
     "global": "no answer in the bounds is better: that is proven",
 }
+_PA_PER_MPA = 1e6
 
 
 def certificate_text(found: Certificate | None) -> str:
     """Kind, gradient and bound in sentences, then one line for each plane."""
     if found is None:
         return ""
-    rows = table(header(found), plane_rows(found), right=sides(found))
-    return "\n".join([bullets(sentences(found)), rows])
+    return "\n".join([bullets(certificate_sentences(found)), plane_table(found).text])
 
 
-def sentences(found: Certificate) -> list[str]:
+def certificate_sentences(found: Certificate) -> list[str]:
     """What kind of answer it is."""
     kind = found.kind[:1].upper() + found.kind[1:]
     said = [f"{kind}: {_KINDS.get(found.kind, found.kind)} (gradient {number(found.gradient, 2)})."]
@@ -43,29 +43,21 @@ def sentences(found: Certificate) -> list[str]:
     return [*said, *found.remarks]
 
 
-def header(found: Certificate) -> list[str]:
-    """Titles of the columns of `plane_rows`."""
-    return ["plane", "k (MPa)", *found.activity.stages, "at a kink", ""]
-
-
-def sides(found: Certificate) -> str:
-    """Which side the columns of `plane_rows` are set to."""
-    return "lr" + "r" * len(found.activity.stages) + "rl"
-
-
-def plane_rows(found: Certificate) -> list[list[str]]:
+def plane_table(found: Certificate) -> TextTable:
     """One row for each plane; for those never reached what is known of their distance."""
     activity = found.activity
-    return [
+    rows = [
         [
             name,
-            number(float(activity.distances[r]) / 1e6) if _reached(found, r) else "-",
+            number(float(activity.distances[r]) / _PA_PER_MPA) if _reached(found, r) else "-",
             *map(str, activity.points[r].tolist()),
             str(int(activity.biactive[r].sum())),
             "" if _reached(found, r) else _from_below(float(activity.reached[r])),
         ]
         for r, name in enumerate(activity.planes)
     ]
+    header = ("plane", "k (MPa)", *activity.stages, "at a kink", "")
+    return TextTable(header, rows, right="l" + "r" * (len(header) - 2) + "l")
 
 
 def _reached(found: Certificate, r: int) -> bool:
@@ -78,7 +70,7 @@ def _from_below(reached: float) -> str:
         return "no strain point has the material"
     if reached <= 0.0:
         return "never reached"
-    return f"never reached: k >= {number(reached / 1e6)} MPa"
+    return f"never reached: k >= {number(reached / _PA_PER_MPA)} MPa"
 
 
 def least_text(found: Certificate | None, parameters: ParameterTable, i: int) -> str:
@@ -92,9 +84,8 @@ def least_text(found: Certificate | None, parameters: ParameterTable, i: int) ->
     value = None if found is None else found.lower_bounds.get(parameters.names[i])
     if value is None:
         return ""
-    unit, dimension = parameters.units[i], parameters.dimensions[i]
-    shown = shown_unit(unit, dimension)
-    return f"at least {number(in_unit(value, unit, dimension))} {shown}".rstrip()
+    unit = parameters.units[i], parameters.dimensions[i]
+    return f"at least {number(in_unit(value, *unit))} {shown_unit(*unit)}".rstrip()
 
 
 def certificate_object(found: Certificate) -> dict[str, Any]:

@@ -1,15 +1,24 @@
-"""The page of all keys of a case file, in Markdown, made from its JSON schema."""
+"""The JSON schema of case files and the page of all their keys, from the code that validates them.
+
+``python -m geoident.io.docs.case_schema`` prints the schema, with ``--markdown`` the page.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic.json_schema import GenerateJsonSchema
+
+from geoident.io.case.case import CaseSection
+from geoident.io.schema.values import Given
+
 Schema = Mapping[str, Any]
 
-HEAD = """\
+_HEAD = """\
 # All keys of a case file
 
 Made from the code that reads cases (`geoident schema --markdown`). Bold keys are required.
@@ -18,17 +27,62 @@ the place of the number, also with a factor (`0.6 $E_rock`).
 """
 _REF = "#/$defs/"
 _SUFFIX = "Section"
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def key_page(schema: Schema) -> str:
+def case_schema() -> dict[str, Any]:
+    """The schema of case files.
+
+    >>> case_schema()["title"]
+    'geoident case'
+    """
+    schema = CaseSection.model_json_schema(schema_generator=_Generator)
+    schema |= {"$schema": DIALECT, "title": "geoident case"}
+    for section in (schema, *schema["$defs"].values()):
+        _describe_keys(section, schema["$defs"])
+    return schema
+
+
+class _Generator(GenerateJsonSchema):
+    """Writes defaults as users do, and no titles that only repeat the keys."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+    def encode_default(self, dft: Any) -> Any:
+        if isinstance(dft, Given):
+            return dft.text if dft.unit else dft.factor
+        return super().encode_default(dft)
+
+
+def _describe_keys(section: dict[str, Any], sections: dict[str, Any]) -> None:
+    """Describe keys that say nothing themselves by what they choose or hold, for hovering."""
+    for key in section.get("properties", {}).values():
+        found = [sections[name] for name in _referred(key)]
+        about = section if "const" in key else found[0] if len(found) == 1 else None
+        if "description" not in key and about is not None:
+            key["description"] = about["description"].partition("\n\n")[0].replace("\n", " ")
+
+
+def case_schema_text() -> str:
+    """The schema as it stands in ``schemas/case.schema.json``."""
+    return json.dumps(case_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def key_page_text() -> str:
+    """The page of all keys as it stands in ``geoident/docs/keys.md``."""
+    return _key_page(case_schema())
+
+
+def _key_page(schema: Schema) -> str:
     """The page: one part for the case, and one for every section in the order of its use."""
     sections = schema["$defs"]
-    parts = [HEAD, _part("Case", schema, sections)]
+    parts = [_HEAD, _part("Case", schema, sections)]
     parts += [_part(title(name), sections[name], sections) for name in _in_order(schema)]
     return "\n".join(parts)
 
 
-def referred(node: object) -> list[str]:
+def _referred(node: object) -> list[str]:
     """Names of the sections that a part of the schema refers to, each once, in order."""
     return list(dict.fromkeys(_references(node)))
 
@@ -59,7 +113,7 @@ def _in_order(schema: Schema) -> list[str]:
     order: dict[str, None] = {}
 
     def visit(node: object) -> None:
-        for name in referred(node):
+        for name in _referred(node):
             if name not in order:
                 order[name] = None
                 visit(schema["$defs"][name])
@@ -131,3 +185,7 @@ def _plain(node: Schema, sections: Schema) -> str:
 def _cell(text: str) -> str:
     """Text on one line, as it may stand in a table."""
     return " ".join(text.split()).replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    sys.stdout.write(key_page_text() if "--markdown" in sys.argv[1:] else case_schema_text())

@@ -1,0 +1,307 @@
+"""Construction of a case: the section of a stage, and whether the stages can follow each other.
+
+What needs no mesh is checked here; the rest is seen by the forward model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from geoident.io.case.actions import (
+    LoadSection,
+    TemperatureSection,
+    WaterSection,
+    build_loads,
+    build_temperature,
+)
+from geoident.io.case.ground import MaterialSection
+from geoident.io.schema.section import Context, Section
+from geoident.io.schema.values import Coefficient, Flag, Name
+from geoident.io.text.faults import Faults
+from geoident.io.text.wording import Refusal
+from geoident.model.case import VIRGIN, KeyPath, Stage
+
+ABSENT = "absent"
+
+
+def _not_reserved(value: str) -> str:
+    if value == VIRGIN:
+        message = f"'{VIRGIN}' is the name of the state before the first stage"
+        raise Refusal("reserved-name", message, "Give the stage another name.")
+    return value
+
+
+class StageSection(Section):
+    """One step of construction: all that it says happens together, before the readings."""
+
+    name: Annotated[Name, AfterValidator(_not_reserved)] = Field(
+        description="Unique name, to which readings refer."
+    )
+    excavate: list[Name] = Field([], description="Element groups that leave.")
+    install: dict[Name, Name] = Field(
+        {},
+        description="Element group to material: enters free of stress (lift, lining, backfill); "
+        "a group that is present is replaced.",
+    )
+    change: dict[Name, Name] = Field(
+        {}, description="Element group to material: the material changes, the stress stays."
+    )
+    release: dict[Name, Coefficient] = Field(
+        {},
+        description="Element group to the part of its stress, 0 to 1, that is released so far: of "
+        "a group that this stage excavates, or that an earlier one excavated with part of it. The "
+        "rest goes on supporting the ground until a later stage releases more "
+        "(convergence-confinement).",
+        examples=[{"heading": 0.4}],
+    )
+    loads: dict[Name, LoadSection] = Field(
+        {}, description="Loads by name, from this stage on; a name used again replaces."
+    )
+    remove: list[Name] = Field([], description="Names of loads that end with this stage.")
+    build: list[Name] = Field(
+        [],
+        description="Names of `structures` (linings, bolts) that stand from this stage on. They "
+        "enter free of stress and bear part of what moves the ground from this stage on.",
+        examples=[["lining"]],
+    )
+    dismantle: list[Name] = Field(
+        [], description="Names of structures that leave; the ground takes over what they bore."
+    )
+    water: WaterSection | None = Field(
+        None, description="Water in the pores from this stage on; as before if missing."
+    )
+    temperature: dict[Name, TemperatureSection] = Field(
+        {},
+        description="Element group to change of temperature since the virgin state (or since it "
+        "was installed), from this stage on; needs the `expansion` of its material.",
+        examples=[{"dam": "-8 K"}],
+    )
+    independent: Flag = Field(
+        False,
+        description="A load case on its own: it builds on the last stage before it that is not "
+        "independent (or on `base`), and nothing builds on it that does not name it. Gauges read "
+        "the motion since their zero all the same.",
+    )
+    base: Name | None = Field(
+        None, description="Earlier stage, or 'virgin', on which this one builds."
+    )
+
+    def stage(self, context: Context, *, gravity: bool) -> Stage:
+        """The stage for the model; what cannot be is noted as a fault.
+
+        Args:
+            context: of the section.
+            gravity: whether the case has any.
+        """
+        return Stage(
+            name=self.name,
+            excavate=tuple(self.excavate),
+            install=dict(self.install),
+            change=dict(self.change),
+            release={group: part.scalar for group, part in self.release.items()},
+            loads=build_loads(self.loads, context.at("loads"), gravity=gravity),
+            remove=tuple(self.remove),
+            build=tuple(self.build),
+            dismantle=tuple(self.dismantle),
+            water=None if self.water is None else self.water.water(),
+            temperature=build_temperature(self.temperature, context.at("temperature")),
+            independent=self.independent,
+            base=self.base,
+        )
+
+
+@dataclass(frozen=True)
+class Begin:
+    """The case before its first stage, and what its stages can refer to.
+
+    Args:
+        groups: element group to material, or `ABSENT`.
+        materials: name to section.
+        loads: names of the loads that act from the beginning.
+        structures: names of all structures.
+    """
+
+    groups: Mapping[str, str]
+    materials: Mapping[str, MaterialSection]
+    loads: Collection[str]
+    structures: Collection[str]
+
+
+def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
+    """Note what a stage takes away, replaces, warms or ends that is not there then.
+
+    Args:
+        begin: what there is before the first stage.
+        stages: in their order.
+        faults: where to note.
+    """
+    trunk = _Ground(begin, stages, faults)
+    reached = {VIRGIN: trunk}
+    for number, stage in enumerate(stages):
+        path: KeyPath = ("stages", number)
+        if stage.base is not None and stage.base not in reached:
+            _refuse_base((*path, "base"), stage.base, stages, number, faults)
+        ground = reached.get(stage.base or "", trunk).copy()
+        ground.build(path, stage)
+        reached[stage.name] = ground
+        trunk = trunk if stage.independent else ground
+
+
+def _refuse_base(
+    path: KeyPath, base: str, stages: Sequence[StageSection], number: int, faults: Faults
+) -> None:
+    earlier = [stage.name for stage in stages[:number]]
+    hint = faults.did_you_mean(base, [VIRGIN, *earlier], what="Stages before it")
+    later = base in {stage.name for stage in stages[number:]}
+    what = "is not before this stage" if later else "is no stage"
+    faults.add(path, "unknown-stage", f"'{base}' {what}", hint)
+
+
+class _Ground:
+    """What stands after the stages so far.
+
+    ``excavated`` has, for each group that was taken away, the stage at which it was.
+    """
+
+    def __init__(self, begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
+        self.begin = begin
+        self.faults = faults
+        self.present = {g: m for g, m in begin.groups.items() if m != ABSENT}
+        self.installed: dict[str, str] = {}
+        self.loads = set(begin.loads)
+        self.excavated: dict[str, str] = {}
+        self.partly: set[str] = set()
+        self.structures: set[str] = set()
+        self.known = set(begin.groups)
+        self.known.update(group for stage in stages for group in stage.install)
+
+    def copy(self) -> _Ground:
+        """The same, to go on from here in another way."""
+        other = copy(self)
+        other.present, other.installed = dict(self.present), dict(self.installed)
+        other.loads, other.excavated = set(self.loads), dict(self.excavated)
+        other.partly, other.structures = set(self.partly), set(self.structures)
+        return other
+
+    def build(self, path: KeyPath, stage: StageSection) -> None:
+        """Go through one stage."""
+        self._excavate(path, stage)
+        self._release(path, stage)
+        self._install(path, stage)
+        self._change(path, stage)
+        self._load(path, stage)
+        self._warm(path, stage)
+        self._support(path, stage)
+
+    def _warm(self, path: KeyPath, stage: StageSection) -> None:
+        for group in stage.temperature:
+            place = (*path, "temperature", group)
+            if group not in self.present:
+                self._refuse_absent(place, group, "warmed", key=True)
+                continue
+            material = self.begin.materials.get(self.present[group])
+            if material is not None and material.expansion is None:
+                message = f"'{group}' is made of '{self.present[group]}', which has no expansion"
+                hint = "Add 'expansion: 1e-5 1/K' to the material."
+                self.faults.add(place, "no-expansion", message, hint, key=True)
+
+    def _excavate(self, path: KeyPath, stage: StageSection) -> None:
+        for n, group in enumerate(stage.excavate):
+            if group not in self.present:
+                self._refuse_absent((*path, "excavate", n), group, "excavated", key=False)
+            else:
+                del self.present[group]
+                self.installed.pop(group, None)
+            self.excavated[group] = stage.name
+
+    def _release(self, path: KeyPath, stage: StageSection) -> None:
+        """Groups that leave with part of their stress, or release more of it later."""
+        self.partly -= set(stage.excavate) - stage.release.keys()
+        for group, part in stage.release.items():
+            place = (*path, "release", group)
+            if group not in stage.excavate and group not in self.partly:
+                message = f"nothing of '{group}' is held that could be released"
+                hint = "Release is told from the stage on that excavates the group."
+                self.faults.add(place, "nothing-held", message, hint, key=True)
+            elif part.parameter is None and not 0 <= part.factor <= 1:
+                message = f"'{part.text}' is not between 0 (nothing released) and 1 (all of it)"
+                self.faults.add(place, "out-of-range", message, "Give a part, such as 0.4.")
+            self.partly.add(group)
+
+    def _install(self, path: KeyPath, stage: StageSection) -> None:
+        for group, material in stage.install.items():
+            if self.installed.get(group) == material:
+                message = f"'{group}' is already made of '{material}' by an earlier stage"
+                hint = "Excavate it first if it is to be replaced, or remove this entry."
+                self.faults.add(
+                    (*path, "install", group), "installed-twice", message, hint, key=True
+                )
+            self.present[group] = self.installed[group] = material
+            self.excavated.pop(group, None)
+
+    def _change(self, path: KeyPath, stage: StageSection) -> None:
+        for group, material in stage.change.items():
+            place = (*path, "change", group)
+            if group in stage.install:
+                message = f"'{group}' is installed and changed in one stage"
+                hint = "Install the material that it has at the end of the stage."
+                self.faults.add(place, "contradiction", message, hint, key=True)
+            elif group not in self.present:
+                self._refuse_absent(place, group, "changed", key=True)
+            else:
+                self.present[group] = material
+                self.installed.pop(group, None)
+
+    def _load(self, path: KeyPath, stage: StageSection) -> None:
+        for n, name in enumerate(stage.remove):
+            place = (*path, "remove", n)
+            if name not in self.loads:
+                hint = self.faults.did_you_mean(
+                    name, sorted(self.loads), what="Loads that act then"
+                )
+                self.faults.add(place, "no-such-load", f"no load '{name}' acts then", hint)
+            elif name in stage.loads:
+                message = f"the load '{name}' begins and ends in one stage"
+                hint = "A load of the same name replaces it; remove is not needed."
+                self.faults.add(place, "contradiction", message, hint)
+            self.loads.discard(name)
+        self.loads.update(stage.loads)
+
+    def _support(self, path: KeyPath, stage: StageSection) -> None:
+        """Structures that leave, and those that are built."""
+        for n, name in enumerate(stage.dismantle):
+            place = (*path, "dismantle", n)
+            if name not in self.structures:
+                hint = self.faults.did_you_mean(
+                    name, sorted(self.structures), what="Structures that stand then"
+                )
+                message = f"no structure '{name}' stands then"
+                self.faults.add(place, "no-such-structure", message, hint)
+            self.structures.discard(name)
+        for n, name in enumerate(stage.build):
+            place = (*path, "build", n)
+            if name not in self.begin.structures:
+                hint = self.faults.did_you_mean(name, self.begin.structures, what="Structures")
+                self.faults.add(place, "unknown-structure", f"there is no structure '{name}'", hint)
+            elif name in self.structures:
+                message = f"the structure '{name}' stands already"
+                hint = "To replace it, list it under 'dismantle' too."
+                self.faults.add(place, "built-twice", message, hint)
+            self.structures.add(name)
+
+    def _refuse_absent(self, place: KeyPath, group: str, what: str, *, key: bool) -> None:
+        if group not in self.known:
+            message = f"no group '{group}' is in 'groups' or installed by a stage"
+            hint = self.faults.did_you_mean(group, sorted(self.known), what="Groups")
+            self.faults.add(place, "unknown-group", message, hint, key=key)
+            return
+        since = (
+            f": it was excavated in '{self.excavated[group]}'" if group in self.excavated else ""
+        )
+        message = f"'{group}' cannot be {what}, it is not present then{since}"
+        self.faults.add(place, "absent-group", message, "Check the order of the stages.", key=key)

@@ -1,0 +1,199 @@
+"""A result in words: tables for a terminal, sentences for the page.
+
+Pure functions of a result. Numbers stand in the units in which the user wrote them; readings in mm.
+What is not determined is said in words, never shown as a number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoident.model.result import Counts, Result
+from geoident.model.summary import Identifiability
+from geoident.report.text import structures, yielding
+from geoident.report.text.gauges import (
+    OUTLIER,
+    fit_table,
+    fit_title,
+    influence_table,
+    influence_title,
+    outliers,
+    prediction_table,
+    rms,
+    scored,
+)
+from geoident.report.text.layout import (
+    TextTable,
+    bullets,
+    decimals,
+    number,
+    section,
+    sections,
+    sentence,
+)
+from geoident.report.text.parameters import (
+    grid_text,
+    nearer_bound,
+    parameters_text,
+    value_sentence,
+)
+
+_STATUS = {
+    "converged": "The search converged",
+    "not-converged": "The search did not converge: the values are the best found so far",
+    "not-determined": "Not everything is determined by the readings",
+    "out-of-budget": "The search ran out of its budget: the values are the best found so far",
+    "done": "The computation is complete",
+}
+
+
+def result_text(result: Result, *, title: str = "") -> str:
+    """All of a result that fits a terminal.
+
+    Args:
+        result: what to show.
+        title: the first line, such as its path.
+    """
+    return sections(
+        "\n".join(part for part in (title, head(result)) if part),
+        section("Parameters", parameters_text(result.parameters, result.certificate)),
+        section("Findings", bullets(result.findings)),
+        section(yielding.TITLE, yielding.certificate_text(result.certificate)),
+        section(fit_title(result), fit_table(result).text),
+        section(influence_title(result.diagnostics), influence_table(result).text),
+        section("Predictions (mm, 95 % band)", prediction_table(result).text),
+        section(structures.TITLE, structures.force_table(result.members).text),
+        section("Scan", grid_text(result)),
+        section("Notes", bullets(result.notes)),
+        f"Cost: {counts_text(result.counts)}",
+    )
+
+
+def summary_text(result: Result) -> str:
+    """The outcome in a few lines, for the end of a run."""
+    parts = (
+        head(result),
+        parameters_text(result.parameters, result.certificate),
+        bullets(result.findings),
+    )
+    return "\n".join(part for part in parts if part)
+
+
+def plan_text(case: str, plan: Identifiability) -> str:
+    """What planned gauges could determine, at the start values."""
+    return sections(
+        f"{case}: {plan.readings} planned readings",
+        section("Parameters at their start values, as the gauges could know them",
+                parameters_text(plan.parameters)),
+        section("Findings", bullets(plan.findings)),
+    )  # fmt: skip
+
+
+def head(result: Result) -> str:
+    """How it ended, by which method and why."""
+    method = f" by {result.method}" if result.method and result.kind != "predict" else ""
+    reason = f": {result.reason}" if result.reason else ""
+    return sentence(f"{result.status}{method}{reason}")
+
+
+def counts_text(counts: Counts) -> str:
+    """What it cost."""
+    return (
+        f"{counts.evaluations} evaluations, {counts.factorizations} factorizations,"
+        f" {counts.solves} solves"
+    )
+
+
+def outcome_sentences(result: Result) -> list[str]:
+    """The outcome in a few sentences."""
+    return [*_identified(result), *_values(result), *_fit(result), *_predicted(result)]
+
+
+def _identified(result: Result) -> list[str]:
+    n, used = len(result.parameters.names), int(result.gauges.used.sum())
+    status = _STATUS.get(result.status, result.status)
+    if result.kind != "fit" or not used:
+        return [f"{status}."]
+    stages = [
+        result.gauges.stages[stage] for stage in np.flatnonzero(result.gauges.used.any(axis=0))
+    ]
+    during = stages[0] if len(stages) == 1 else f"{stages[0]} to {stages[-1]}"
+    what = "1 parameter was" if n == 1 else f"{n} parameters were"
+    return [f"{what} identified from {used} readings ({during}) by {result.method}.", f"{status}."]
+
+
+def _values(result: Result) -> list[str]:
+    parameters = result.parameters
+    known = np.flatnonzero(parameters.determined)
+    unknown = [parameters.names[i] for i in np.flatnonzero(~parameters.determined)]
+    said = (
+        ["; ".join(value_sentence(parameters, int(i)) for i in known) + "."] if len(known) else []
+    )
+    if unknown:
+        said.append(f"The readings do not determine {', '.join(unknown)}.")
+    return said
+
+
+def _fit(result: Result) -> list[str]:
+    spread = rms(result)
+    if math.isnan(spread):
+        return []
+    far = sum(outlier.used for outlier in outliers(result))
+    count = {0: "none deviates", 1: "one deviates"}.get(far, f"{far} deviate")
+    return [
+        f"The readings that were used deviate from the computed ones by {spread:.2f} times their "
+        f"standard deviation in the root mean square (about 1 if the accuracies are right); {count}"
+        f" by more than {OUTLIER:g}."
+    ]
+
+
+def _predicted(result: Result) -> list[str]:
+    inside, total = scored(result)
+    if not total:
+        return []
+    return [f"Of {total} readings that were predicted, {inside} lie in their 95 % band."]
+
+
+def warnings(result: Result) -> list[str]:
+    """What an engineer must not overlook: how it ended, and what is not determined."""
+    said = list(result.findings)
+    if result.status in ("not-converged", "not-determined", "out-of-budget"):
+        said.insert(0, result.reason)
+    for i in np.flatnonzero(result.parameters.at_bound).tolist():
+        name = result.parameters.names[i]
+        if not any(name in finding and "bound" in finding for finding in said):
+            said.append(f"{name} lies on its {nearer_bound(result.parameters, i)} bound.")
+    return [text for text in said if text]
+
+
+def compared_outcomes(results: Sequence[tuple[str, Result]]) -> TextTable:
+    """How several results (with their labels) ended, side by side."""
+    rows = []
+    for label, result in results:
+        inside, total = scored(result)
+        rows.append(
+            [
+                label,
+                result.kind,
+                result.status,
+                result.method or "-",
+                number(result.objective),
+                str(int(result.gauges.used.sum())),
+                decimals(rms(result), 2),
+                f"{inside} of {total}" if total else "-",
+            ]
+        )
+    header = (
+        "result",
+        "command",
+        "status",
+        "method",
+        "discrepancy",
+        "readings used",
+        "rms residual (sd)",
+        "in 95 % band",
+    )
+    return TextTable(header, rows, right="llllrrrr")

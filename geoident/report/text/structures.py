@@ -1,0 +1,68 @@
+"""Forces in linings and bolts: extremes as text, all of them for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from geoident.model.arrays import Floats, Ints
+from geoident.model.result import MemberForces
+from geoident.report.text.layout import TextTable, number
+
+TITLE = "Structures (kN, kNm; of linings per metre out of plane; tension positive)"
+_KILO = 1e3
+
+
+def force_table(found: MemberForces | None) -> TextTable:
+    """The extremes of the forces of each structure at each stage at which it stands."""
+    rows = [] if found is None else [_row(found, *place) for place in _present(found)]
+    header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
+    return TextTable(header, rows, right="llrrrr")
+
+
+def _row(found: MemberForces, name: str, members: Ints, stage: int) -> list[str]:
+    axial = found.axial[members, stage]
+    extremes = [float(axial.min()), float(axial.max())]
+    if found.per_metre[members[0]]:
+        extremes += [
+            _largest(found.moment[members, :, stage]),
+            _largest(found.shear[members, stage]),
+        ]
+    cells = [number(force / _KILO) for force in extremes]
+    return [name, found.stages[stage], *cells, *["-"] * (4 - len(cells))]
+
+
+def _largest(forces: Floats) -> float:
+    return float(np.abs(forces).max())
+
+
+def structures_list(found: MemberForces | None) -> list[dict[str, Any]]:
+    """One object for each piece of a lining, each bolt, and stage at which it stands; SI."""
+    if found is None:
+        return []
+    return [_member(found, int(i), stage) for _, members, stage in _present(found) for i in members]
+
+
+def _member(found: MemberForces, i: int, stage: int) -> dict[str, Any]:
+    bent = bool(found.per_metre[i])
+    return {
+        "structure": found.structures[i],
+        "number": int(found.numbers[i]),
+        "stage": found.stages[stage],
+        "ends": found.ends[i].tolist(),
+        "N": found.axial[i, stage],
+        "M": found.moment[i, :, stage].tolist() if bent else None,
+        "Q": found.shear[i, stage] if bent else None,
+        "per_metre": bent,
+    }
+
+
+def _present(found: MemberForces) -> Iterator[tuple[str, Ints, int]]:
+    """Every structure with its members (indices) and each stage at which it stands."""
+    names = np.array(found.structures)
+    for name in dict.fromkeys(found.structures):
+        members = np.flatnonzero(names == name)
+        for stage in np.flatnonzero(np.isfinite(found.axial[members[0]])).tolist():
+            yield name, members, stage
