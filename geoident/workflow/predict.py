@@ -172,7 +172,7 @@ def predict(task: Task, control: Control) -> Finished:
 
 def _read_fit(path: str) -> Result:
     result = read_result(path)
-    if result.kind == "fit" and result.sensitivity is not None:
+    if result.kind == "fit" and result.gauges.readings.sensitivity is not None:
         return result
     message = f"A {result.kind} cannot be predicted from; the result of a fit is expected."
     raise InputError([Fault("not-a-fit", message, location=Location(path))])
@@ -249,9 +249,8 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
         sd=readings.sd[used] / np.sqrt(weight),
         parameters=origin.parameters,
     )
-    slopes = readings.sensitivity
-    jacobian = np.empty((0, 0)) if slopes is None else slopes[used]
-    assessment = assess(problem, fit.parameters.values, jacobian)
+    assert readings.sensitivity is not None  # see `_read_fit`
+    assessment = assess(problem, fit.parameters.values, readings.sensitivity[used])
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = pick_parameters(fit.parameters, order)
     return Known(parameters, pick_assessment(assessment, order), readings)
