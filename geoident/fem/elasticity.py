@@ -1,8 +1,9 @@
 """Elastic moduli as matrices (theory 1), for every symmetry, with their derivatives.
 
-A *law* is the elasticity matrix E (6, 6) with its derivatives by the constants that users give. It
-is made in the material axes 1, 2, 3 (components 11, 22, 33, 12, 23, 13), turned into the axes of
-the model (xx, yy, zz, xy, yz, xz), and cut to the components of the analysis.
+The elasticity matrix E (6, 6) is made in the material axes 1, 2, 3 (components 11, 22, 33, 12, 23,
+13) from the constants that users give, turned into the axes of the model (xx, yy, zz, xy, yz, xz),
+and cut to the components of the analysis. All is written with dual numbers, so every constant and
+every angle may be a parameter.
 
 Engineering constants give the compliance S, which is a sum of simple terms; then E = S^-1 and
 dE = -E dS E. Moduli (Lame's, Love's, the 21 entries) give E itself, linearly.
@@ -11,13 +12,15 @@ dE = -E dS E. Moduli (Lame's, Love's, the 21 entries) give E itself, linearly.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.rotation import Turn, bond, bond_slope
 from geoident.model.arrays import Floats
+from geoident.model.dual import Dual
 from geoident.model.ground import ENTRIES
+
+Constants = Mapping[str, Dual]
+"""Elastic constants (Pa, or without unit) by the names that users write."""
 
 VOIGT = {
     2: np.array([[0, 3], [3, 1]]),
@@ -25,130 +28,133 @@ VOIGT = {
 }
 """Component of the Voigt vector that holds entry (i, j) of a symmetric tensor."""
 
-
-def isotropic_matrices(n_strain: int) -> Floats:
-    """J_lambda and J_mu, (2, n_strain, n_strain), with E = lambda J_lambda + mu J_mu."""
-    normal = np.arange(n_strain) < 3
-    lame = np.zeros((2, n_strain, n_strain))
-    lame[0] = np.outer(normal, normal)
-    lame[1] = np.diag(np.where(normal, 2.0, 1.0))
-    return lame
+_FIRST, _SECOND = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]).T
 
 
-def lame_from_young(E: float, nu: float) -> tuple[Floats, Floats]:
-    """(lambda, mu) (2,) and their derivatives by (E, nu), (2, 2).
-
-    >>> lame_from_young(2.5, 0.25)[0]
-    array([1., 1.])
-    """
-    a, b = 1 + nu, 1 - 2 * nu
-    lame = np.array([E * nu / (a * b), E / (2 * a)])
-    by_nu = np.array([E * (1 + 2 * nu**2) / (a * b) ** 2, -E / (2 * a**2)])
-    return lame, np.stack([lame / E, by_nu], axis=1)
-
-
-def lame_from_bulk(K: float, G: float) -> tuple[Floats, Floats]:
-    """(lambda, mu) (2,) and their derivatives by bulk and shear modulus (K, G), (2, 2)."""
-    return np.array([K - 2 * G / 3, G]), np.array([[1.0, -2 / 3], [0.0, 1.0]])
+def isotropic(constants: Constants) -> Dual:
+    """E (6, 6) from E and nu, or K and G: lambda J_lambda + mu J_mu."""
+    if "E" in constants:
+        E, nu = constants["E"], constants["nu"]
+        lame, mu = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
+    else:
+        K, mu = constants["K"], constants["G"]
+        lame = K - mu * (2.0 / 3.0)
+    normal = np.arange(6) < 3
+    return lame * np.outer(normal, normal).astype(np.float64) + mu * np.diag(
+        np.where(normal, 2.0, 1.0)
+    )
 
 
-@dataclass(frozen=True)
-class Law:
-    """An elasticity matrix and its derivatives.
-
-    Args:
-        matrix: E, (6, 6), Pa.
-        slopes: dE by each constant and angle, (6, 6).
-    """
-
-    matrix: Floats
-    slopes: Mapping[str, Floats]
-
-
-def isotropic_law(constants: Mapping[str, float]) -> Law:
-    """From E and nu, or K and G."""
-    convert = lame_from_young if "E" in constants else lame_from_bulk
-    lame, by_constant = convert(*constants.values())
-    matrices = isotropic_matrices(6)
-    slopes = np.tensordot(by_constant, matrices, axes=(0, 0))
-    return Law(np.tensordot(lame, matrices, axes=1), dict(zip(constants, slopes, strict=True)))
-
-
-def orthotropic_law(constants: Mapping[str, float]) -> Law:
-    """From E_1..3, nu_12, nu_13, nu_23, G_12, G_13, G_23.
+def orthotropic(constants: Constants) -> Dual:
+    """E (6, 6) from E_1..3, nu_12, nu_13, nu_23, G_12, G_13, G_23.
 
     S_ii = 1 / E_i, S_ij = -nu_ij / E_i, and 1 / G_ij for the shear strains. S. G. Lekhnitskii,
     Theory of Elasticity of an Anisotropic Body, section 5.
     """
-    S = np.zeros((6, 6))
-    by: dict[str, Floats] = {}
+    terms = []
     for i in range(3):
-        modulus = constants[f"E_{i + 1}"]
-        row = np.zeros((6, 6))
-        row[i, i] = 1.0
+        row = _unit(i, i) + constants["E_1"] * 0.0
         for j in range(i + 1, 3):
-            name = f"nu_{i + 1}{j + 1}"
-            row[i, j] = row[j, i] = -constants[name]
-            by[name] = -_unit(i, j) / modulus
-        S += row / modulus
-        by[f"E_{i + 1}"] = -row / modulus**2
-    for name, k in (("G_12", 3), ("G_23", 4), ("G_13", 5)):
-        S += _unit(k, k) / constants[name]
-        by[name] = -_unit(k, k) / constants[name] ** 2
-    return _from_compliance(S, by)
+            row = row - constants[f"nu_{i + 1}{j + 1}"] * _unit(i, j)
+        terms.append(row / constants[f"E_{i + 1}"])
+    terms += [_unit(k, k) / constants[name] for name, k in (("G_12", 3), ("G_23", 4), ("G_13", 5))]
+    return _inverse(_sum(terms))
 
 
-def strata_law(constants: Mapping[str, float]) -> Law:
-    """Transverse isotropy about axis 3 from E_p, nu_p, E_n, nu_np, G_np.
+def transversely_isotropic(constants: Constants) -> Dual:
+    """E (6, 6), isotropic about axis 3, from E_p, nu_p, E_n, nu_np, G_np.
 
     S_11 = S_22 = 1 / E_p, S_12 = -nu_p / E_p, S_33 = 1 / E_n, S_13 = S_23 = -nu_np / E_n. B. Amadei
     (1996), Importance of anisotropy when estimating and measuring in situ stresses in rock, Int. J.
     Rock Mech. Min. Sci. 33, section 2 (there nu_np is nu').
     """
-    E_p, nu_p, E_n, nu_np, G_np = (
-        constants[name] for name in ("E_p", "nu_p", "E_n", "nu_np", "G_np")
-    )
     in_plane = _unit(0, 0) + _unit(1, 1) + 2 * _unit(3, 3)
     poisson = -_unit(0, 1) + 2 * _unit(3, 3)
     normal, coupling = _unit(2, 2), -_unit(0, 2) - _unit(1, 2)
     shear = _unit(4, 4) + _unit(5, 5)
-    along_p, along_n = in_plane + nu_p * poisson, normal + nu_np * coupling
-    by = {
-        "E_p": -along_p / E_p**2,
-        "nu_p": poisson / E_p,
-        "E_n": -along_n / E_n**2,
-        "nu_np": coupling / E_n,
-        "G_np": -shear / G_np**2,
-    }
-    return _from_compliance(along_p / E_p + along_n / E_n + shear / G_np, by)
+    along_p = constants["nu_p"] * poisson + in_plane
+    along_n = constants["nu_np"] * coupling + normal
+    return _inverse(
+        along_p / constants["E_p"] + along_n / constants["E_n"] + shear / constants["G_np"]
+    )
 
 
-def love_law(constants: Mapping[str, float]) -> Law:
-    """Transverse isotropy about axis 3 from Love's moduli A, C, F, L, N, linear in each."""
-    by = {
-        "A": _unit(0, 0) + _unit(1, 1) + _unit(0, 1),
-        "C": _unit(2, 2),
-        "F": _unit(0, 2) + _unit(1, 2),
-        "L": _unit(4, 4) + _unit(5, 5),
-        "N": _unit(3, 3) - 2 * _unit(0, 1),
-    }
-    return _linear(constants, by)
+def love(constants: Constants) -> Dual:
+    """E (6, 6), isotropic about axis 3, from Love's moduli A, C, F, L, N, linear in each."""
+    return _linear(
+        constants,
+        {
+            "A": _unit(0, 0) + _unit(1, 1) + _unit(0, 1),
+            "C": _unit(2, 2),
+            "F": _unit(0, 2) + _unit(1, 2),
+            "L": _unit(4, 4) + _unit(5, 5),
+            "N": _unit(3, 3) - 2 * _unit(0, 1),
+        },
+    )
 
 
-def anisotropic_law(constants: Mapping[str, float]) -> Law:
-    """From entries of the upper triangle, linear in each; what is missing is zero."""
-    by = {name: _unit(int(name[1]) - 1, int(name[2]) - 1) for name in ENTRIES if name in constants}
-    return _linear(constants, by)
+def anisotropic(constants: Constants) -> Dual:
+    """E (6, 6) from entries of the upper triangle, linear in each; what is missing is zero."""
+    given = [name for name in ENTRIES if name in constants]
+    return _linear(constants, {c: _unit(int(c[1]) - 1, int(c[2]) - 1) for c in given})
 
 
-def turned(law: Law, turn: Turn) -> Law:
-    """A law in the axes of the model: E = M E' M^T, with its derivatives by the angles too."""
-    M = bond(turn.matrix)
-    slopes = {name: M @ slope @ M.T for name, slope in law.slopes.items()}
-    for name, by_angle in turn.slopes.items():
-        half = bond_slope(turn.matrix, by_angle) @ law.matrix @ M.T
-        slopes[name] = half + half.T
-    return Law(M @ law.matrix @ M.T, slopes)
+def turned(elasticity: Dual, axes: Dual) -> Dual:
+    """E (6, 6) in the axes of the model: M E' M^T with Bond's matrix M of the material axes.
+
+    Args:
+        elasticity: E' (6, 6) in the material axes.
+        axes: R (3, 3); its columns are the material axes 1, 2, 3 in the axes of the model.
+    """
+    M = bond(axes)
+    return M @ elasticity @ M.T
+
+
+def bond(R: Dual) -> Dual:
+    """Bond's matrix M (6, 6): stress in the model's axes = M (stress in the material axes).
+
+    W. L. Bond (1943), The mathematics of the physical properties of crystals, Bell System Technical
+    Journal 22; here with the components in the order xx, yy, zz, xy, yz, xz:
+    sigma_ij = R_ik R_jl sigma'_kl.
+    """
+    rows = R[_FIRST], R[_SECOND]
+    straight = rows[0][:, _FIRST] * rows[1][:, _SECOND]
+    crossed = rows[0][:, _SECOND] * rows[1][:, _FIRST]
+    return straight + crossed * np.where(_FIRST == _SECOND, 0.0, 1.0)
+
+
+def axes_of_attitude(
+    dip: Dual, dip_direction: Dual, rotation: Dual, *, section: bool = False
+) -> Dual:
+    """Material axes of strata (3, 3): 1 down the dip, 2 along the strike, 3 normal, upwards.
+
+    R = R_z(-dip_direction) R_x(-dip) R_z(90 deg + rotation) in axes east, north, up.
+
+    Args:
+        dip: rad, from the horizontal downwards.
+        dip_direction: rad, clockwise from north.
+        rotation: rad, of axes 1 and 2 about the normal.
+        section: in the axes of a plane section that is seen looking north: x east, y up, z south.
+    """
+    axes = about(2, -dip_direction) @ about(0, -dip) @ about(2, rotation + np.pi / 2)
+    if not section:
+        return axes
+    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    return Dual.constant(upright, axes.n) @ axes
+
+
+def axes_of_vectors(first: Floats, second: Floats) -> Floats:
+    """Material axes (3, 3) by the orthonormal vectors of axis 1 and axis 2, each (3,)."""
+    return np.column_stack([first, second, np.cross(first, second)])
+
+
+def about(axis: int, angle: Dual) -> Dual:
+    """Right-handed rotation (3, 3) about a coordinate axis by an angle, rad."""
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    flat, half = np.zeros((3, 3)), np.zeros((3, 3))
+    flat[[j, k], [j, k]] = 1.0
+    half[j, k], half[k, j] = -1.0, 1.0
+    return angle.cosine() * flat + angle.sine() * half + (np.eye(3) - flat)
 
 
 def _unit(i: int, j: int) -> Floats:
@@ -158,12 +164,20 @@ def _unit(i: int, j: int) -> Floats:
     return matrix
 
 
-def _from_compliance(S: Floats, by: Mapping[str, Floats]) -> Law:
-    E = np.linalg.inv(S)
+def _sum(terms: list[Dual]) -> Dual:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _inverse(S: Dual) -> Dual:
+    """S^-1 and -S^-1 dS S^-1 of a compliance (6, 6)."""
+    E = np.linalg.inv(S.value)
     E = (E + E.T) / 2
-    return Law(E, {name: -E @ slope @ E for name, slope in by.items()})
+    slopes = -E @ np.moveaxis(S.columns[..., 1:], -1, 0) @ E
+    return Dual(np.concatenate([E[..., None], np.moveaxis(slopes, 0, -1)], axis=-1))
 
 
-def _linear(constants: Mapping[str, float], by: Mapping[str, Floats]) -> Law:
-    matrix = sum((constants[name] * J for name, J in by.items()), np.zeros((6, 6)))
-    return Law(matrix, dict(by))
+def _linear(constants: Constants, matrices: Mapping[str, Floats]) -> Dual:
+    return _sum([constants[name] * J for name, J in matrices.items()])

@@ -7,37 +7,23 @@ under forces, is refused with its reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.forward.actions import forces as actions
-from geoident.forward.actions import water
-from geoident.forward.ground import elasticity as materials
-from geoident.forward.ground.elasticity import elasticity, elasticity_slopes
-from geoident.forward.in_situ import stress as in_situ
+from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
+from geoident.forward.discretization import numbers
+from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import BALANCED
-from geoident.forward.march.stage_equations import numbers
+from geoident.forward.march.march import March
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
-from geoident.forward.structures import members as structures
 from geoident.forward.structures.members import rigidities
-from geoident.forward.yielding.laws import is_smooth, law_slopes, yield_law
+from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
-from geoident.model.dual import Point
-
-if TYPE_CHECKING:
-    from geoident.forward.model import StagedModel
-
-_SAME = 1e-9
-"""Relative difference of derivatives at two parameter vectors that is rounding."""
-
-_AWAY = 1.37
-"""The second of them, in parts of the first."""
+from geoident.model.dual import ParameterPoint
 
 
 @dataclass(frozen=True)
@@ -55,75 +41,72 @@ class ReadingRows:
     offset: Floats
 
 
-def export_obstacle(model: StagedModel, p: Floats) -> str | None:
+def export_obstacle(march: March, names: tuple[str, ...], p: Floats) -> str | None:
     """Why the equations of a model are no `StagedSystem`, a clause, or None if they are one.
 
     Args:
-        model: the model.
+        march: the staged model.
+        names: of its n parameters.
         p: (n,) parameters to look at.
     """
-    return next(_obstacles(model, model.values(p)), None)
+    values = dict(zip(names, map(float, p), strict=True))
+    return next(_obstacles(march, ParameterPoint(values, names)), None)
 
 
-def _obstacles(model: StagedModel, values: Mapping[str, float]) -> Iterator[str]:
-    case, free = model.case, frozenset(model.names)
+def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
+    case = march.case
     for stage in case.stages:
         if stage.release:
             yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
-    for part in (in_situ, actions, water, structures):
-        why = part.affine_obstacle(case, free)
-        if why:
-            yield why
+    why = affine_obstacle(march)
+    if why:
+        yield why
     for material in case.materials.values():
-        why = materials.affine_obstacle(replace(material, yields=()), free)
-        if why:
-            yield why
-        yield from _yield_obstacles(model, material, values)
+        yield from _yield_obstacles(march, material, point)
 
 
-def _yield_obstacles(
-    model: StagedModel, material: Material, values: Mapping[str, float]
-) -> Iterator[str]:
+def _yield_obstacles(march: March, material: Material, point: ParameterPoint) -> Iterator[str]:
     if not material.yields:
         return
     if is_smooth(material):
         yield f"{material.name} yields by a smooth surface, which has no planes (give 'planes')"
         return
-    s = model.systems.points.n_strain
-    here = law_slopes(material, values, model.names, s)
-    away = {name: _AWAY * value for name, value in values.items()}
-    there = law_slopes(material, away, model.names, s)
-    for name, found in here.items():
-        if found.normals is not None and np.any(found.normals):
+    n_strain = march.systems.discretization.points.n_strain
+    normals = yield_planes(material, point, n_strain).normals
+    for column, name in enumerate(point.names):
+        if normals.slope(column) is not None:
             yield f"{name} turns the yield planes of {material.name}"
-        for key in ("distances", "hardening"):
-            one, other = getattr(found, key), getattr(there[name], key)
-            if one is not None and not np.allclose(one, other, rtol=_SAME, atol=0.0):
-                yield f"the {key} of the yield planes of {material.name} are not linear in {name}"
+    why = affine_yield_obstacle(march, material)
+    if why:
+        yield why
 
 
-def export(model: StagedModel, p: Floats, readings: ReadingRows, last: int) -> StagedSystem:
+def export(
+    march: March, names: tuple[str, ...], p: Floats, readings: ReadingRows, last: int
+) -> StagedSystem:
     """The equations of a model up to a state.
 
     Args:
-        model: the model, without obstacle.
+        march: the staged model, without obstacle.
+        names: of its n parameters.
         p: (n,) any parameters inside the domain: everything is affine around them.
         readings: what is read.
         last: number of the last state.
     """
-    return _Exporter(model, p).system(readings, last)
+    return _Exporter(march, names, p).system(readings, last)
 
 
 class _Exporter:
-    """Point sets are the groups, and the axial and bending rows of every structure."""
+    """ParameterPoint sets are the groups, and the axial and bending rows of every structure."""
 
-    def __init__(self, model: StagedModel, p: Floats) -> None:
-        self.model, self.p = model, p
-        self.values = model.values(p)
-        self.n = len(model.names)
-        self.s = model.systems.points.n_strain
+    def __init__(self, march: March, names: tuple[str, ...], p: Floats) -> None:
+        self.march, self.p = march, p
+        self.point = ParameterPoint(dict(zip(names, map(float, p), strict=True)), names)
+        self.n = len(names)
+        self.s = march.systems.discretization.points.n_strain
+        self.ground = GroundAt(march.case, self.point, self.s)
         self.sets: list[PointSet] = []
         self.laws: list[PointLaw] = []
         self.set_of: dict[int, int] = {}
@@ -132,14 +115,13 @@ class _Exporter:
 
     def system(self, readings: ReadingRows, last: int) -> StagedSystem:
         """All states; the virgin one only where its stress must be balanced first."""
-        model = self.model
-        virgin, imbalance = model.march.virgin(self.values, model.names)
+        virgin, imbalance = self.march.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
         first = 1 if imbalance <= BALANCED else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
         return StagedSystem(
-            tuple(model.names),
+            self.point.names,
             tuple(self.sets),
             tuple(self.laws),
             tuple(stages),
@@ -154,9 +136,10 @@ class _Exporter:
         return Affine(np.asarray(columns[..., 0] - slopes @ self.p), slopes)
 
     def _add_sets(self, virgin: Floats) -> None:
-        points, states = self.model.systems.points, self.model.timeline.states
+        discretization, states = self.march.systems.discretization, self.march.sequence.states
+        points = discretization.points
         for group in sorted({g for state in states for g in state.materials}):
-            mine = numbers(self.model.systems.points_of[group], points.n_points)
+            mine = numbers(discretization.points_of[group], points.n_points)
             rows = (np.arange(self.s)[:, None] * points.n_points + mine).ravel()
             stress = virgin[:, mine]
             if group not in states[0].materials:
@@ -164,7 +147,7 @@ class _Exporter:
             self.set_of[group] = len(self.sets)
             self.sets.append(
                 PointSet(
-                    self.model.timeline.groups[group],
+                    self.march.sequence.groups[group],
                     sp.csr_array(points.compatibility[rows]),
                     points.volume[mine],
                     self.affine(stress),
@@ -173,8 +156,8 @@ class _Exporter:
 
     def _add_members(self) -> None:
         """Structures: one component, the axial or the bending one, with its modulus."""
-        for part in self.model.structures.parts:
-            rigidity = rigidities(part.structure, Point(self.values, self.model.names))
+        for part in self.march.systems.structures.parts:
+            rigidity = rigidities(part.structure, self.point)
             for bending in (False, True):
                 chosen = np.flatnonzero(part.members.bending == bending)
                 if chosen.size:
@@ -196,9 +179,8 @@ class _Exporter:
         )
 
     def _stage(self, number: int, first: int) -> LoadStage:
-        model = self.model
-        state, system = model.timeline.states[number], model.systems[number]
-        forces = model.actions.forces(number, self.values, model.names)
+        state, system = self.march.sequence.states[number], self.march.systems[number]
+        forces = self.march.actions.forces(number, self.point)
         yields = number > 0  # what is out of balance in the virgin state is taken as elastic
         laws = {
             self.set_of[group]: self._law(material, yields=yields)
@@ -217,38 +199,20 @@ class _Exporter:
     def _law(self, name: str, *, yields: bool) -> int:
         key = name if yields else f"{name}, elastic"
         if key not in self.law_of:
-            material = self.model.case.materials[name]
-            if not yields:
-                material = replace(material, yields=())
             self.law_of[key] = len(self.laws)
-            self.laws.append(self._point_law(material))
+            self.laws.append(self._point_law(name, yields=yields))
         return self.law_of[key]
 
-    def _point_law(self, material: Material) -> PointLaw:
-        names = self.model.names
-        E = elasticity(material, self.values, self.s)
-        slopes = elasticity_slopes(material, self.values, self.s)
-        columns = [E, *(slopes.get(name, np.zeros_like(E)) for name in names)]
-        elastic = self._elastic(np.stack(columns, axis=-1))
-        law = yield_law(material, self.values, E)
-        if law is None:
+    def _point_law(self, name: str, *, yields: bool) -> PointLaw:
+        elastic = self._elastic(self.ground.elasticity(name).columns)
+        planes = self.ground.yield_planes().get(name) if yields else None
+        if planes is None:
             return elastic
-        assert isinstance(law, PolyhedralLaw)
-        planes, found = law.planes, law_slopes(material, self.values, names, self.s)
-        y = len(planes.distances)
-        H = np.zeros((y, y)) if planes.hardening is None else planes.hardening
-        k_columns, H_columns = [planes.distances], [H]
-        for name in names:
-            k, h = _slopes(found.get(name))
-            k_columns.append(np.zeros(y) if k is None else k)
-            H_columns.append(np.zeros((y, y)) if h is None else h)
+        none = np.zeros((len(planes), len(planes), 1 + self.n))
+        hardening = none if planes.hardening is None else planes.hardening.columns
         return PointLaw(
             elastic.elasticity,
-            planes.normals,
-            self.affine(np.stack(k_columns, axis=-1)),
-            self.affine(np.stack(H_columns, axis=-1)),
+            np.ascontiguousarray(planes.normals.value),
+            self.affine(planes.distances.columns),
+            self.affine(hardening),
         )
-
-
-def _slopes(found: object) -> Sequence[Floats | None]:
-    return getattr(found, "distances", None), getattr(found, "hardening", None)

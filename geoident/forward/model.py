@@ -2,30 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.fem.solvers.protocol import Solver
 from geoident.forward.actions.forces import Actions
-from geoident.forward.checks import CaseOnMesh, check_on_mesh, imbalance_notes, notes_on_mesh
-from geoident.forward.gauges.instrument_errors import Instruments
-from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.march.discretization import StageSystems
+from geoident.forward.affine import condensation_obstacle
+from geoident.forward.checks import (
+    CaseOnMesh,
+    check_on_mesh,
+    imbalance_notes,
+    inadmissible_numbers,
+    notes_on_mesh,
+)
+from geoident.forward.discretization import Discretization
+from geoident.forward.equations import ReadingRows, export, export_obstacle
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.fields import FieldRecorder
-from geoident.forward.march.march import March
-from geoident.forward.march.plastic_step import PERFECT, PlasticOptions
-from geoident.forward.march.state import Push, Standing
+from geoident.forward.march.march import March, Run, RunFindings, RunOptions
+from geoident.forward.march.state import UnitForces
+from geoident.forward.march.systems import StageSystems
+from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
+from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
-from geoident.forward.response import StagedResponse
+from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
-from geoident.forward.structures.members import inadmissible as impossible_structure
-from geoident.forward.yielding.checks import no_stress_left
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
+from geoident.model.certificate import Activity
+from geoident.model.dual import ParameterPoint
+from geoident.model.equations import BilinearSystem, Condensed
 from geoident.model.mesh import Mesh
 from geoident.model.result import Counts
+
+_DEPENDENT = 1e-10
+"""Singular value of S, relative to the largest, below which readings count as dependent."""
+
+WHOLE = RunOptions()
+"""All states with their derivatives."""
 
 
 def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
@@ -52,20 +70,23 @@ class StagedModel:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, *, solver: Solver) -> None:
-        case, mesh, timeline = on_mesh.case, on_mesh.mesh, on_mesh.timeline
+        case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         table, locator = on_mesh.table, on_mesh.locator
         self.on_mesh = on_mesh
-        self.case, self.mesh, self.timeline = case, mesh, timeline
+        self.case, self.mesh, self.sequence = case, mesh, sequence
         self.names = tuple(parameter.name for parameter in case.parameters)
         self.observation = on_mesh.observation
-        self.instruments = Instruments(case, self.observation.zero, timeline.built_on)
+        self.instrument_errors = InstrumentErrors(case, self.observation.zero, sequence.built_on)
         self._solver = solver
         self._evaluations = 0
         self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.structures = Structures(case, mesh, timeline, locator)
-        self.systems = StageSystems(case, mesh, timeline, on_mesh.fixed, solver, self.structures)
-        self.actions = Actions(case, mesh, table, locator, timeline, self.systems)
-        self.march = March(case, mesh, timeline, self.systems, self.actions)
+        self.structures = Structures(case, mesh, sequence, locator)
+        self.discretization = Discretization(mesh, on_mesh.kinematics, sequence)
+        self.systems = StageSystems(
+            mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
+        )
+        self.actions = Actions(case, mesh, table, locator, sequence, self.discretization)
+        self.march = March(case, mesh, sequence, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -86,43 +107,32 @@ class StagedModel:
     @property
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
-        states = range(len(self.timeline.states))
+        states = range(len(self.sequence.states))
         return tuple(self.systems[n].pattern.lower.n for n in states)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of how the case was understood, and of the last run."""
+        """What the user should know of how the case was understood."""
         start = {p.name: p.start for p in self.case.parameters}
-        notes = notes_on_mesh(
-            self.on_mesh,
-            n_outside=max(self.march.n_outside, self.actions.n_outside),
-            in_tension=self.march.virgin_tension(start),
+        return tuple(
+            notes_on_mesh(
+                self.on_mesh,
+                n_outside=max(self.march.n_outside, self.actions.n_outside),
+                in_tension=self.march.virgin_tension(start),
+            )
         )
-        notes += [
-            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
-            "dilation far below the friction the flow tends to shear in bands; a larger dilation "
-            "(or none given: associated) has an exact solution"
-            for stage, part in self.march.plastic.left.items()
-        ]
-        return (*notes, *imbalance_notes(self.march.imbalance))
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = {p.name: p.start for p in self.case.parameters}
-        _, imbalance = self.march.virgin(start, self.names)
+        _, imbalance = self.march.virgin(ParameterPoint(start, ()))
         return tuple(imbalance_notes(imbalance))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
-        values = self.values(p)
-        used = {m for state in self.timeline.states for m in state.materials.values()}
-        for material in (self.case.materials[name] for name in sorted(used)):
-            found = inadmissible(material, values) or no_stress_left(self.case, material, values)
-            if found is not None:
-                return found
-        return impossible_structure(self.case, values)
+        return inadmissible_numbers(self.case, self.sequence, self.values(p))
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values by name."""
@@ -148,21 +158,18 @@ class StagedModel:
         """
         return StagedResponse(self, pairs, times)
 
-    def run(
-        self,
-        values: Mapping[str, float],
-        *,
-        names: Sequence[str] = (),
-        last: int | None = None,
-        push: Push | None = None,
-        plastic: PlasticOptions = PERFECT,
-    ) -> Iterator[Standing]:
-        """March through the stages (see `March.run`) and tell ``on_state`` of each."""
-        march = self.march.run(values, names=names, last=last, push=push, plastic=plastic)
-        for standing in march:
-            if self.on_state is not None:
-                self.on_state(standing.state)
-            yield standing
+    def at(self, p: Floats, options: RunOptions = WHOLE) -> Run:
+        """One march at parameters p (n,); its states come one by one.
+
+        Args:
+            p: (n,) parameters.
+            options: how to march.
+        """
+        return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
+
+    def _tell(self, state: int) -> None:
+        if self.on_state is not None:
+            self.on_state(state)
 
     def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
@@ -178,30 +185,35 @@ class StagedModel:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
-        observed = []
-        recorder = FieldRecorder(self.mesh, self.timeline, self.systems) if fields else None
-        members = MemberRecorder(self.structures, self.timeline, self.values(p))
-        plastic = PlasticOptions(partial=partial)
-        for standing in self.run(self.values(p), names=self.names, plastic=plastic):
-            observed.append(self.observation.operator @ standing.u)
+        run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
+        recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
+        members = MemberRecorder(self.structures, self.sequence, values)
+        for end in run.states():
+            state = MarchState(end, run.point, self.structures)
+            observed.append(self.observation.values(state))
             if recorder is not None:
-                recorder.add(standing)
+                recorder.add(end)
             if self.structures.parts:
-                members.add(standing)
+                members.add(end.state, end.members)
         table = self.relative(np.stack(observed))
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instruments.added(self.values(p), self.names, rows, states)
+        added = self.instrument_errors.added(values, self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
-        series = None if recorder is None else recorder.series()
-        collapses = self.march.collapses
-        if collapses and not np.isfinite(table).any():
-            raise collapses[0]
-        said = tuple(error.message for error in collapses)
-        activity = self.march.plastic.activity(self.names) if self.yields else None
-        return Survey(table[..., 0], table[..., 1:], series, members.table(), said, activity)
+        found = run.findings
+        if found.collapses and not np.isfinite(table).any():
+            raise found.collapses[0]
+        return Survey(
+            table[..., 0],
+            table[..., 1:],
+            None if recorder is None else recorder.series(),
+            members.table(),
+            tuple(error.message for error in found.collapses),
+            found.activity,
+            (*_unbalanced_notes(found), *imbalance_notes(found.imbalance)),
+        )
 
     def relative(self, observed: Floats) -> Floats:
-        """Readings from relative displacements since placing: less what was there at zero.
+        """Readings from what the channels see since placing: less what was there at zero.
 
         Args:
             observed: (n_states, n_channels, k).
@@ -215,3 +227,185 @@ class StagedModel:
         result = observed - observed[np.where(reachable, zero, 0), rows]
         result[~readable] = np.nan
         return np.asarray(result)
+
+
+class StagedResponse:
+    """Readings of some (channel, stage) pairs as a function of the parameters.
+
+    Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
+    identifiers. The march ends with the last stage that a reading needs.
+
+    Args:
+        model: the staged model.
+        pairs: channel and stage of every reading.
+        times: when each was read; None for what is known of its stage.
+    """
+
+    def __init__(
+        self,
+        model: StagedModel,
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None] = (),
+    ) -> None:
+        observation = model.observation
+        self._model = model
+        self._pairs, self._given_times = tuple(pairs), tuple(times)
+        self._start = np.array([parameter.start for parameter in model.case.parameters])
+        self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
+        stages = model.case.stage_names
+        self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
+        self._state = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
+        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        self._times = np.array(given, dtype=np.float64)
+        self._last = int(self._state.max(initial=0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self._model.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        return self._model.counts
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        return self._model.admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,), m."""
+        return self._run(p)[:, 0]
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        table = self._run(p, derivatives=True)
+        return table[:, 0], table[:, 1:]
+
+    def yields(self) -> bool:
+        """Whether any material of the case has yield limits."""
+        return self._model.yields
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,), of the last run if it was made there.
+
+        Raises:
+            ValueError: nothing can yield.
+        """
+        if self._activity is None or self._activity[0] != p.tobytes():
+            self.readings(p)
+        found = None if self._activity is None else self._activity[1]
+        if found is None:
+            raise ValueError("no material of the case yields")
+        return found
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
+        model = self._model
+        not_linear = model.observation.not_linear(self._row)
+        return not_linear or export_obstacle(model.march, self.names, self._start)
+
+    def system(self) -> BilinearSystem:
+        """The equations of all stages as one system of vectors."""
+        return bilinear(self.staged_system(), self._start)
+
+    def staged_system(self) -> StagedSystem:
+        """The equations stage by stage, as arrays."""
+        model, start = self._model, self._start
+        values = model.values(start)
+        added = model.instrument_errors.added(
+            values, self.names, self._row, self._state, self._times
+        )
+        operator = model.observation.operator(self._row)
+        rows = ReadingRows(operator, self._active(), added)
+        return export(model.march, self.names, start, rows, self._last)
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningResponse | str:
+        """The closed form of these readings, or why there is none."""
+        model = self._model
+        found = opening_in_mesh(model.case, model.mesh, model.sequence, Circle(centre, radius))
+        return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, or None if they are."""
+        model = self._model
+        return model.observation.not_linear(self._row) or condensation_obstacle(model.march)
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
+
+        Let K be the operator of all stages together, block lower triangular, and G the one that
+        adds displacement increments up to readings. One march with the columns G^T gives
+        S = G K^-1 G^T; forces c with S c = measured - v, in least squares where readings depend on
+        each other, bring the displacements to the readings. The equation error of parameters q
+        there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the
+        Jacobian of a march under those forces: exact, since e is affine in q. Two factorizations a
+        stage.
+
+        Args:
+            p: (n,) parameters.
+            measured: (g,) readings, m.
+            sd: (g,) their standard deviations, m.
+        """
+        unit = self._unit_forces()
+        table = self._run(p, unit)
+        gap, flexibility = measured - table[:, 0], table[:, 1:]
+        weighted = flexibility / sd[:, None]
+        multipliers = np.asarray(np.linalg.lstsq(weighted, gap / sd, rcond=_DEPENDENT)[0])
+        corrected = replace(unit, multipliers=multipliers)
+        jacobian = self._run(p, corrected, derivatives=True)[:, 1:]
+        return Condensed(table[:, 0], flexibility, -jacobian, -jacobian @ p - gap)
+
+    def _run(
+        self, p: Floats, unit_forces: UnitForces | None = None, *, derivatives: bool = False
+    ) -> Floats:
+        """Readings (g, 1 + n + k)."""
+        model = self._model
+        model.count_evaluation()
+        # Where the loads collapse at the start, the user wants to know how much of them is carried;
+        # who searches elsewhere, only that they are not.
+        explain = bool(np.array_equal(p, self._start))
+        run = model.at(
+            p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
+        )
+        states = (MarchState(end, run.point, model.structures) for end in run.states())
+        observed = np.stack([model.observation.values(state) for state in states])
+        self._activity = p.tobytes(), run.findings.activity
+        table = self._pick(observed)
+        names = self.names if derivatives else ()
+        values = model.values(p)
+        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
+        table[:, : added.shape[1]] += added
+        return table
+
+    def _pick(self, observed: Floats) -> Floats:
+        zero = self._model.observation.zero[self._row]
+        return np.asarray(observed[self._state, self._row] - observed[zero, self._row])
+
+    def _unit_forces(self) -> UnitForces:
+        """Unit forces along every reading: G^T.
+
+        A reading adds up the increments of all stages that led to its own, less those that led to
+        its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
+        the stage after the zero on.
+        """
+        rows = self._model.observation.operator(self._row)
+        return UnitForces(rows.toarray().T, self._active())
+
+    def _active(self) -> Floats:
+        """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
+        built_on = self._model.sequence.built_on.astype(np.float64)
+        zero = self._model.observation.zero[self._row]
+        return np.asarray(built_on[:, self._state] - built_on[:, zero])
+
+
+def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
+    """What a march left unbalanced."""
+    for stage, part in found.unbalanced.items():
+        yield (
+            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
+            "dilation far below the friction the flow tends to shear in bands; a larger dilation "
+            "(or none given: associated) has an exact solution"
+        )

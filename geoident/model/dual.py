@@ -1,13 +1,15 @@
-"""Numbers together with their derivatives by the parameters.
+"""Numbers together with their derivatives by the parameters (dual numbers).
 
-A formula written with jets is its own exact derivative: products follow the product rule,
+A formula written with dual numbers is its own exact derivative: products follow the product rule,
 functions the chain rule. Columns are kept as the march keeps them: the value first, then one
-derivative per parameter.
+derivative per parameter. They are the one way in which the program differentiates what a case says:
+moduli, yield planes, in-situ stress, loads and structures alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from types import EllipsisType
 from typing import TypeAlias
 
 import numpy as np
@@ -15,17 +17,19 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
 
-Number: TypeAlias = "Jet | Floats | float"
-"""What a jet is computed with; plain numbers depend on no parameter."""
+Number: TypeAlias = "Dual | Floats | float"
+"""What a dual number is computed with; plain numbers depend on no parameter."""
+
+_Place: TypeAlias = Bools | Ints | slice | int | EllipsisType | None
 
 
-class Jet:
+class Dual:
     """A number, or an array of them, with derivatives.
 
     Args:
         columns: (..., 1 + n) the value, then its derivatives by n parameters.
 
-    >>> x = Jet(np.array([3.0, 1.0]))
+    >>> x = Dual(np.array([3.0, 1.0]))
     >>> (x * x).columns
     array([9., 6.])
     """
@@ -33,107 +37,160 @@ class Jet:
     def __init__(self, columns: Floats) -> None:
         self.columns = columns
 
+    @classmethod
+    def constant(cls, number: Floats | float, n: int) -> Dual:
+        """Numbers (...) that depend on none of n parameters."""
+        value = np.asarray(number, dtype=np.float64)
+        columns = np.zeros((*value.shape, 1 + n))
+        columns[..., 0] = value
+        return cls(columns)
+
     @property
     def value(self) -> Floats:
         """The value (...)."""
         return np.asarray(self.columns[..., 0])
 
-    __array_ufunc__ = None  # so that array * jet is a jet
+    @property
+    def n(self) -> int:
+        """Number of parameters."""
+        return int(self.columns.shape[-1]) - 1
 
-    def __add__(self, other: Number) -> Jet:
-        return Jet(self.columns + other.columns) if isinstance(other, Jet) else self.plus(other)
+    def slope(self, parameter: int) -> Floats | None:
+        """The derivative (...) by one of the n parameters; None where it is zero throughout."""
+        found = self.columns[..., 1 + parameter]
+        return np.ascontiguousarray(found) if found.any() else None
+
+    __array_ufunc__ = None  # so that array * dual is a dual number
+
+    def __add__(self, other: Number) -> Dual:
+        return Dual(self.columns + other.columns) if isinstance(other, Dual) else self.plus(other)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Number) -> Jet:
+    def __sub__(self, other: Number) -> Dual:
         return self + (-other)
 
-    def __rsub__(self, other: Floats | float) -> Jet:
+    def __rsub__(self, other: Floats | float) -> Dual:
         return -self + other
 
-    def __neg__(self) -> Jet:
-        return Jet(-self.columns)
+    def __neg__(self) -> Dual:
+        return Dual(-self.columns)
 
-    def __mul__(self, other: Number) -> Jet:
-        if not isinstance(other, Jet):
+    def __mul__(self, other: Number) -> Dual:
+        if not isinstance(other, Dual):
             return self.times(other)
         product = self.columns * other.columns[..., :1]
         product[..., 1:] += self.columns[..., :1] * other.columns[..., 1:]
-        return Jet(product)
+        return Dual(product)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Number) -> Jet:
-        return self * (other.reciprocal() if isinstance(other, Jet) else 1.0 / np.asarray(other))
+    def __matmul__(self, other: Dual) -> Dual:
+        one, two = (np.moveaxis(factor.columns, -1, 0) for factor in (self, other))
+        product = one[:1] @ two
+        product[1:] += one[1:] @ two[0]
+        return Dual(np.ascontiguousarray(np.moveaxis(product, 0, -1)))
 
-    def __rtruediv__(self, other: Floats | float) -> Jet:
+    def __truediv__(self, other: Number) -> Dual:
+        return self * (other.reciprocal() if isinstance(other, Dual) else 1.0 / np.asarray(other))
+
+    def __rtruediv__(self, other: Floats | float) -> Dual:
         return self.reciprocal() * other
 
-    def __getitem__(self, index: Bools | Ints | int) -> Jet:
-        return Jet(self.columns[index])
+    def __getitem__(self, index: _Place | tuple[_Place, ...]) -> Dual:
+        return Dual(self.columns[index])
 
-    def reciprocal(self) -> Jet:
+    @property
+    def T(self) -> Dual:  # noqa: N802  (as numpy writes it)
+        """The transpose of a matrix."""
+        return Dual(self.columns.swapaxes(0, 1))
+
+    def reciprocal(self) -> Dual:
         """1 / value."""
         return self.through(lambda x: 1.0 / x, lambda x: -1.0 / x**2)
 
-    def exp(self) -> Jet:
+    def exp(self) -> Dual:
         """Exponential."""
         return self.through(np.exp, np.exp)
 
-    def log(self) -> Jet:
+    def log(self) -> Dual:
         """Natural logarithm."""
         return self.through(np.log, lambda x: 1.0 / x)
 
-    def power(self, exponent: Jet) -> Jet:
+    def sine(self) -> Dual:
+        """Sine of an angle in rad."""
+        return self.through(np.sin, np.cos)
+
+    def cosine(self) -> Dual:
+        """Cosine of an angle in rad."""
+        return self.through(np.cos, lambda x: -np.sin(x))
+
+    def root(self) -> Dual:
+        """Square root."""
+        return self.through(np.sqrt, lambda x: 0.5 / np.sqrt(x))
+
+    def power(self, exponent: Dual) -> Dual:
         """Value ** exponent, of a positive value."""
         return (self.log() * exponent).exp()
 
-    def times(self, given: Floats | float) -> Jet:
+    def times(self, given: Floats | float) -> Dual:
         """Product with given numbers (...), which depend on no parameter."""
-        return Jet(self.columns * np.asarray(given)[..., None])
+        return Dual(self.columns * np.asarray(given)[..., None])
 
-    def plus(self, given: Floats | float) -> Jet:
+    def plus(self, given: Floats | float) -> Dual:
         """Sum with given numbers (...)."""
         value = self.value + given
         slopes = np.broadcast_to(self.columns[..., 1:], (*value.shape, self.columns.shape[-1] - 1))
-        return Jet(np.concatenate([value[..., None], slopes], axis=-1))
+        return Dual(np.concatenate([value[..., None], slopes], axis=-1))
 
-    def through(self, value: Callable[[Floats], Floats], slope: Callable[[Floats], Floats]) -> Jet:
-        """A function of the value, by the function and its derivative.
+    def through(self, value: Callable[[Floats], Floats], slope: Callable[[Floats], Floats]) -> Dual:
+        """A function of the value.
 
         Args:
-            value: the function, of values (...).
-            slope: its derivative (...) there.
+            value: the function, (...) to (...).
+            slope: its derivative, (...) to (...).
         """
         result = self.columns * slope(self.value)[..., None]
         result[..., 0] = value(self.value)
-        return Jet(result)
+        return Dual(result)
 
-    def positive_part(self) -> Jet:
+    def positive_part(self) -> Dual:
         """max(value, 0). At the kink the derivative is the one from below, zero."""
-        return Jet(np.where(self.columns[..., :1] > 0.0, self.columns, 0.0))
+        return Dual(np.where(self.columns[..., :1] > 0.0, self.columns, 0.0))
 
 
-class Point:
-    """The parameter values at which jets are made, and the parameters to differentiate by."""
+def stacked(duals: Sequence[Dual]) -> Dual:
+    """Numbers of equal shape (...) as one array (len(duals), ...)."""
+    return Dual(np.stack([dual.columns for dual in duals]))
+
+
+def joined(duals: Sequence[Dual]) -> Dual:
+    """Arrays (k, ...) one after the other, (sum of k, ...)."""
+    return Dual(np.concatenate([dual.columns for dual in duals]))
+
+
+class ParameterPoint:
+    """A point in parameter space, and the parameters by which to differentiate there.
+
+    Args:
+        values: parameter values by name, SI.
+        names: the n parameters to differentiate by; the order of the derivatives.
+    """
 
     def __init__(self, values: Mapping[str, float], names: Sequence[str]) -> None:
-        self._values = values
-        self._names = tuple(names)
+        self.values = values
+        self.names = tuple(names)
 
     @property
     def n_columns(self) -> int:
         """1 + n."""
-        return 1 + len(self._names)
+        return 1 + len(self.names)
 
-    def jet(self, scalar: Scalar) -> Jet:
+    def number(self, scalar: Scalar) -> Dual:
         """A number of the case."""
-        slopes = (scalar.slope(name) for name in self._names)
-        return Jet(np.array([scalar.value(self._values), *slopes]))
+        slopes = (scalar.slope(name) for name in self.names)
+        return Dual(np.array([scalar.value(self.values), *slopes]))
 
-    def given(self, number: Floats | float) -> Jet:
+    def constant(self, number: Floats | float) -> Dual:
         """Numbers (...) that depend on no parameter."""
-        value = np.asarray(number, dtype=np.float64)
-        columns = np.zeros((*value.shape, self.n_columns))
-        columns[..., 0] = value
-        return Jet(columns)
+        return Dual.constant(number, len(self.names))

@@ -66,8 +66,7 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         require_enough(inputs.case, readings)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
-        start = model.values(start_values(inputs.case, model))
-        next(model.run(start, names=model.names))
+        next(model.at(start_values(inputs.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
     return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files)
 
@@ -106,7 +105,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
 
 
 def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
-    points = model.systems.points
+    points = model.discretization.points
     volume = np.bincount(points.element, points.volume, minlength=model.mesh.n_elements)
     members = model.mesh.groups
     return tuple(
@@ -132,7 +131,7 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             water=stage.water is not None,
         )
         for n, (stage, state, dofs) in enumerate(
-            zip(case.stages, model.timeline.states[1:], model.n_dofs[1:], strict=True)
+            zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
 
@@ -158,7 +157,7 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
 def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(case, model.mesh, model.timeline)
+        for p in placements(case, model.mesh, model.sequence)
     )
 
 

@@ -143,7 +143,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,
-            *dict.fromkeys((*setup.model.notes, *found.outcome.remarks)),
+            *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
             *unused_notes(found.readings),
             *score(gauges, prediction),
         ),

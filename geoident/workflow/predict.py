@@ -282,7 +282,7 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         covariance=assessment.covariance[square],
         correlation=assessment.correlation[square],
         covariance_x=assessment.covariance_x[square],
-        spread_x=assessment.spread_x[order],
+        gaps_x=assessment.gaps_x[order],
         **{name: getattr(assessment, name)[order] for name in columns},
     )
 

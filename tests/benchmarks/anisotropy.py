@@ -22,9 +22,10 @@ from support.anisotropy import general, random_definite, ties
 from support.cases import model, rollers
 from support.meshes import box
 
-from geoident.forward.ground.elasticity import elasticity, elasticity_slopes
+from geoident.forward.ground.elasticity import elasticity
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Anisotropic, Isotropic, constants
 from geoident.model.parameter import Parameter, Scalar
 
@@ -54,15 +55,19 @@ def staged(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, float
 def measure(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, float]):
     """Seconds of K(p), of all components, and of the assembly from nothing."""
     case = staged(cells, elastic, starts)
-    state, system = case.timeline.states[1], case.systems[1]
-    rock = case.case.materials["rock"]
+    state, system = case.sequence.states[1], case.systems[1]
+    rock = case.case.materials["rock"].elastic
+
+    def moduli() -> Dual:
+        return elasticity(rock, ParameterPoint(starts, tuple(starts)), section=False)
 
     def assemble() -> None:
-        case.systems.values(system, state, {"rock": elasticity(rock, starts, 6)})
+        case.systems.values(system, state, {"rock": moduli().value.copy()}, starts)
 
     def components() -> None:
-        for slope in elasticity_slopes(rock, starts, 6).values():
-            case.systems.values(system, state, {"rock": slope})
+        for slope in map(moduli().slope, range(len(starts))):
+            if slope is not None:
+                case.systems.values(system, state, {"rock": slope}, starts)
 
     def first() -> None:
         staged(cells, elastic, starts).systems[1]

@@ -96,7 +96,7 @@ def test_the_bound_that_global_proves_is_shown(yielding, run, run_json):
     assert proof["kind"] == "global"
     assert 0.0 < proof["bound"] <= found["objective"]
     assert proof["gap"] < 1e-4
-    assert "Proven: no discrepancy is below" in run("show", "case.fit.h5").stdout
+    assert "Proven: no misfit is below" in run("show", "case.fit.h5").stdout
 
 
 def test_where_no_strength_is_sought_gauss_newton_remains(yielding, run_json):

@@ -24,7 +24,7 @@ from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
 from geoident.identify import Assessment, Outcome, Problem, assess, identify
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 from geoident.model.gauges import Channel
 from geoident.model.methods import ComplementarityOptions, MethodOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar
@@ -113,9 +113,9 @@ def test_curve_is_that_of_the_closed_form():
 
     With phi = 30 deg and nu = 0.25 the closed form has a divisor that is zero.
     """
-    c, phi, s, young, nu = (Jet(np.array([x])) for x in (*TRUTH, E, NU))
+    c, phi, s, young, nu = (Dual(np.array([x])) for x in (*TRUTH, E, NU))
     ground = Opening(RADIUS, Rock(young, nu, s, s), mohr_coulomb(c, phi, phi))
-    pressures = [Jet(np.array([p * MPa])) for p in (0.0, *UP)]
+    pressures = [Dual(np.array([p * MPa])) for p in (0.0, *UP)]
     wall = [float(x.displacement(np.array([RADIUS])).value[0]) for x in ground.history(pressures)]
     exact = 2 * (np.array(wall[1:]) - wall[0])
     np.testing.assert_allclose(Chamber(UP).readings(TRUTH), exact, rtol=0.007)
@@ -153,15 +153,19 @@ def test_simplex_agrees():
 def test_what_a_curve_that_ends_soon_after_yielding_tells():
     """The sum at which the wall yields, not the strengths; s only where it stands for the sum.
 
-    At the start nothing yields by the pressure, so no derivative tells the way: restarts do.
+    From weak ground, so that derivatives tell the way. From strong ground, where nothing yields by
+    the pressure, one seed in eight ends at a sum a tenth too high, which meets the readings within
+    their accuracy too; which seed, depends on the last digits, so on the processor.
     """
     chamber = Chamber((0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0, 3.25))
     given = problem(chamber, finer(chamber).readings(TRUTH))
+    weak = zip(PARAMETERS, (0.5 * MPa, 20 * DEG, 1.0 * MPa), strict=True)
+    given = replace(given, parameters=tuple(replace(q, start=start) for q, start in weak))
     outcome, known = found(given, ComplementarityOptions())
     assert yield_pressure(outcome.values) == pytest.approx(yield_pressure(TRUTH), rel=0.02)
     assert not known.determined[:2].any()
-    (finding,) = [text for text in known.findings if "one by one" in text]
-    assert finding.startswith("The readings do not determine c")
+    (finding,) = [text for text in known.findings if "cannot separate" in text]
+    assert finding.startswith("The readings cannot separate c")
     assert "phi" in finding
 
 

@@ -15,8 +15,9 @@ from geoident.report.drawing import album as album_module
 from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields import bands
 from geoident.report.drawing.scene import Scene
-from geoident.report.drawing.style import image
+from geoident.report.drawing.style import drawing_style, image
 from geoident.report.page.svg import inline_svg
+from geoident.report.text.case import gauge_quantity
 from tests.support.results import STAGES, changed_gauges, example_result, small_result
 
 SLACK = 1.0  # pixels of 1/100 inch
@@ -95,7 +96,7 @@ def test_axes_say_what_they_show_in_which_unit(kind, name, figures):
     labels = " ".join(t.get_text() for t in visible_texts(figure))
     if name in ("correlation", "parameters", "history", "residuals"):
         wanted = {"correlation": "correlation", "parameters": "E_rock (GPa)",
-                  "history": "discrepancy", "residuals": "standard deviation"}[name]  # fmt: skip
+                  "history": "misfit", "residuals": "standard deviation"}[name]  # fmt: skip
         assert wanted in labels
     else:
         assert "mm" in labels or "MPa, tension positive" in labels or "(m)" in labels
@@ -120,6 +121,28 @@ def test_fields_have_equal_scales(kind, name, figures):
 def test_every_stage_has_its_panel_and_predictions_are_named(figures):
     panels = [axes.get_title(loc="left") for axes in figures["plane"]["displacement"].axes]
     assert panels[:3] == ["drift", "bench 1", "bench 2 (predicted)"]
+
+
+def test_gauges_say_what_they_measure_in_which_direction(plane):
+    gauges = "{CV-1: {kind: convergence}, ST-1: {kind: settlement}, EX-1: {kind: extensometer}}"
+    named = replace(plane, case_resolved=f"gauges: {gauges}")
+    (picture,) = [p for p in album(named).readings if p.name == "readings-1"]
+    with drawing_style():
+        figure = picture.draw()
+        figure.draw_without_rendering()
+    labels = {axes.get_title(loc="left"): axes.get_ylabel() for axes in figure.axes}
+    assert labels == {
+        "EX-1": "extension (mm)",
+        "CV-1": "change of length (mm)",
+        "ST-1": "settlement (mm, downwards)",
+    }
+    test_no_text_is_cut("named", "readings-1", {"named": {"readings-1": figure}})
+
+
+def test_a_gauge_of_a_displacement_names_its_component(plane):
+    along = replace(plane, case_resolved="gauges: {P: {kind: displacement, component: x}, Q: []}")
+    assert gauge_quantity(along, "P") == "displacement x (mm)"
+    assert gauge_quantity(along, "Q") == gauge_quantity(plane, "R") == "displacement (mm)"
 
 
 def test_the_magnification_is_stated_and_true(plane):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 
+from geoident.fem.elasticity import axes_of_attitude
+from geoident.model.dual import Dual
 from geoident.model.ground import (
     ENTRIES,
     Anisotropic,
@@ -93,3 +96,20 @@ def every_symmetry(R: np.ndarray) -> dict[str, object]:
         "orthotropic": Orthotropic(**scalars(ORTHOTROPIC), frame=axes),
         "anisotropic": general(turn_matrix(fixed, R)),
     }
+
+
+def each_a_parameter(numbers: dict[str, float]) -> dict[str, Dual]:
+    """Numbers with derivatives: each is a parameter of its own, in their order."""
+    rows = np.column_stack([list(numbers.values()), np.eye(len(numbers))])
+    return {name: Dual(row) for name, row in zip(numbers, rows, strict=True)}
+
+
+def moduli(formula: Callable[[dict[str, Dual]], Dual], numbers: dict[str, float]) -> np.ndarray:
+    """The elasticity matrix (6, 6) of a formula."""
+    return formula(each_a_parameter(numbers)).value
+
+
+def axes(dip: float, dip_direction: float, rotation: float, *, section: bool = False) -> np.ndarray:
+    """Material axes (3, 3) of strata."""
+    given = each_a_parameter({"a": dip, "b": dip_direction, "c": rotation}).values()
+    return axes_of_attitude(*given, section=section).value

@@ -14,13 +14,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geoident.errors import CollapseError
-from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.stage_equations import Ground, NoEquilibrium, StageEquations
-from geoident.forward.staged_system import LoadStage, PointLaw, StagedSystem, bilinear
+from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSystem, bilinear
 from geoident.model.arrays import Floats, Ints
 from geoident.model.certificate import Activity
+from geoident.model.dual import Dual
 from geoident.model.equations import BilinearSystem
 from geoident.model.result import Counts
 
@@ -178,7 +179,10 @@ class ArrayModel:
         for s, law in stage.laws.items():
             given = self.staged.laws[law]
             E = given.elasticity.at(p)
-            yielding = PolyhedralLaw(E, self._planes(given, E, p)) if given.n_planes else None
+            yielding = None
+            if given.n_planes:
+                moduli = _dual(given.elasticity, p)
+                yielding = PolyhedralLaw(moduli, self._planes(given, moduli, p))
             grounds.append(Ground(str(s), self.places[s], E, yielding, borne.lam[s][..., 0]))
         stiffness = self._stiffness(grounds, volume)[stage.dofs][:, stage.dofs]
 
@@ -201,11 +205,13 @@ class ArrayModel:
             tangents=tangents,
         )
 
-    def _planes(self, law: PointLaw, E: Floats, p: Floats) -> Planes:
-        H = law.hardening.at(p)
+    def _planes(self, law: PointLaw, E: Dual, p: Floats) -> YieldPlanes:
+        H = _dual(law.hardening, p)
         if self.ratio:
-            H = H + np.diag(self.ratio * np.einsum("yi,ij,yj->y", law.normals, E, law.normals))
-        return Planes(law.normals, law.distances.at(p), None, H if H.any() else None)
+            own = np.einsum("yi,ijc,yj->yc", law.normals, E.columns, law.normals)
+            H = H + Dual(self.ratio * own) * np.eye(law.n_planes)
+        normals = Dual.constant(law.normals, len(p))
+        return YieldPlanes(normals, _dual(law.distances, p), hardening=H if H.value.any() else None)
 
     def _stiffness(self, grounds: list[Ground], volume: Floats) -> Floats:
         E = np.zeros((self.s, self.s, self.operators.n_points))
@@ -232,9 +238,10 @@ class ArrayModel:
             slopes[:, mine] += np.einsum("abh,bm->amh", given.elasticity.slopes, strain[:, mine])
             if projection is not None and len(projection.yielded):
                 where = mine[projection.yielded]
-                laws = [self._law_slopes(given, h) for h in range(n)]
                 before = borne.lam[s][:, projection.yielded, 1:]
-                slopes[:, where], more = projection.slopes(slopes[:, where], laws, before)
+                slopes[:, where], more = projection.derivatives(
+                    slopes[:, where], before, of_law=True
+                )
                 dlam[s][:, projection.yielded, 0] = projection.multipliers.T
                 dlam[s][:, projection.yielded, 1:] += more
                 flowing.append((s, projection, where))
@@ -247,18 +254,14 @@ class ArrayModel:
         for ground in equations.grounds:
             more[:, ground.points] = np.tensordot(ground.elasticity, more[:, ground.points], axes=1)
         for s, projection, where in flowing:
-            more[:, where], extra = projection.slopes(more[:, where])
+            more[:, where], extra = projection.derivatives(more[:, where], of_law=False)
             dlam[s][:, projection.yielded, 1:] += extra
         stress = np.concatenate([trial.stress[..., None], slopes + more], axis=2)
         lam = {s: borne.lam[s] + dlam[s] for s in stage.laws}
         kept = {s: old for s, old in borne.lam.items() if s not in lam}
         return du, _Borne(stress, kept | lam), {s: step[..., 0] for s, step in dlam.items()}
 
-    @staticmethod
-    def _law_slopes(law: PointLaw, h: int) -> LawSlopes:
-        return LawSlopes(
-            elasticity=law.elasticity.slopes[..., h],
-            normals=None,
-            distances=law.distances.slopes[..., h],
-            hardening=law.hardening.slopes[..., h],
-        )
+
+def _dual(array: Affine, p: Floats) -> Dual:
+    """An affine array at parameters (n,), with its derivatives."""
+    return Dual(np.concatenate([array.at(p)[..., None], array.slopes], axis=-1))

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from geoident.fem.solvers import pick_solver
+from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.march.state import StageEnd
 from geoident.forward.model import StagedModel, staged_model
 from geoident.model.case import (
     Analysis,
@@ -13,6 +17,7 @@ from geoident.model.case import (
     Material,
     Support,
 )
+from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
 from geoident.model.mesh import Mesh
@@ -67,3 +72,23 @@ def displacement(
 def model(mesh: Mesh, **changes: Any) -> StagedModel:
     """A staged model of a case made by `make_case`."""
     return staged_model(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))
+
+
+NOWHERE = ParameterPoint({}, ())
+"""The point of a case without parameters."""
+
+
+def imbalance(staged: StagedModel) -> float:
+    """Of the in-situ stress of a case without parameters, relative to the forces at work."""
+    return staged.march.virgin(NOWHERE)[1]
+
+
+def virgin(staged: StagedModel) -> StageEnd:
+    """The state before the first stage of a case without parameters."""
+    return next(staged.at(np.empty(0)).states())
+
+
+def moduli_at(material: Material, values: dict[str, float], n_strain: int) -> np.ndarray:
+    """The elasticity matrix (s, s) of a material at parameter values."""
+    found = elasticity(material.elastic, ParameterPoint(values, ()), section=n_strain < 6)
+    return found.value[:n_strain, :n_strain]

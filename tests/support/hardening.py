@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.fem.yielding.law import LawSlopes, Planes
 from geoident.model.arrays import Floats
+from support.plastic import Planes
 
 
 def harden(planes: Planes, elasticity: Floats, ratio: float) -> Planes:
@@ -22,21 +22,6 @@ def harden(planes: Planes, elasticity: Floats, ratio: float) -> Planes:
     added = np.diag(ratio * np.einsum("yi,ij,yj->y", planes.normals, block, flow))
     own = 0.0 if planes.hardening is None else planes.hardening
     return replace(planes, hardening=added + own)
-
-
-def harden_slopes(slopes: LawSlopes, planes: Planes, elasticity: Floats, ratio: float) -> LawSlopes:
-    """Slopes of the planes that `harden` returns, from those of the planes it is given."""
-    count, flow, block = _parts(planes, elasticity)
-    normals = np.zeros_like(planes.normals) if slopes.normals is None else slopes.normals
-    tilts = normals if planes.flow is None else slopes.flow
-    own = np.einsum("yi,ij,yj->y", normals, block, flow)
-    if tilts is not None:
-        own += np.einsum("yi,ij,yj->y", planes.normals, block, tilts)
-    if slopes.elasticity is not None:
-        stiffer = slopes.elasticity[:count, :count]
-        own += np.einsum("yi,ij,yj->y", planes.normals, stiffer, flow)
-    given = 0.0 if slopes.hardening is None else slopes.hardening
-    return replace(slopes, hardening=given + np.diag(ratio * own))
 
 
 def _parts(planes: Planes, elasticity: Floats) -> tuple[int, Floats, Floats]:

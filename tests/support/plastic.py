@@ -2,12 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations, permutations
 
 import numpy as np
 import piqp
 
-from geoident.fem.yielding.law import Planes
+from geoident.fem.yielding.law import YieldPlanes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.model.dual import Dual
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Yield planes as plain arrays, or (with ``elasticity``) their changes by one parameter."""
+
+    normals: np.ndarray | None = None
+    distances: np.ndarray | None = None
+    flow: np.ndarray | None = None
+    hardening: np.ndarray | None = None
+    elasticity: np.ndarray | None = None
+
+    def dual(self, slopes=()):
+        """As the program has them, with derivatives by the parameters of some changes."""
+        parts = {
+            name: with_slopes(getattr(self, name), [getattr(s, name) for s in slopes])
+            for name in ("normals", "distances", "flow", "hardening")
+        }
+        return YieldPlanes(**parts)
+
+
+def with_slopes(value, slopes=()):
+    """A value with derivatives, None for zero; None stays None."""
+    if value is None:
+        return None
+    given = [np.zeros_like(value) if slope is None else slope for slope in slopes]
+    return Dual(np.stack([value, *given], axis=-1))
+
+
+def polyhedral(elasticity, planes, slopes=()):
+    """The law of planes in the space of stresses."""
+    moduli = with_slopes(elasticity, [s.elasticity for s in slopes])
+    return PolyhedralLaw(moduli, planes.dual(slopes))
+
+
+def principal(elasticity, planes, slopes=()):
+    """The law of planes in sorted principal stresses."""
+    moduli = with_slopes(elasticity, [s.elasticity for s in slopes])
+    return PrincipalLaw(moduli, planes.dual(slopes))
 
 
 def definite(rng, size):

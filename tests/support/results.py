@@ -150,7 +150,7 @@ def gauges(dim: int) -> GaugeTable:
 
 
 def diagnostics(table: GaugeTable) -> Diagnostics:
-    """The reading that is off bears most on the answer."""
+    """The reading that is off is the most influential."""
     readings = table.readings
     used = readings.used
     residual = np.where(used, (readings.value - readings.computed) / 1e-4, np.nan)
@@ -181,9 +181,9 @@ def example_result(dim: int = 2, *, yielded: bool = False, title: str = "Trial p
         status="not-determined",
         exit_code=4,
         method="gauss-newton",
-        reason="The next step would lower the discrepancy by no more than 1e-07.",
+        reason="The next step would lower the misfit by no more than 1e-07.",
         objective=12.5,
-        findings=("The readings do not determine sigma_v; what is known is its prior.",),
+        findings=("The readings do not determine sigma_v: it is known only from its prior.",),
         case_text=f"title: {title}\n",
         case_resolved=f"title: {title}\n",
         provenance=Provenance(

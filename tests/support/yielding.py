@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from geoident.forward.march.plastic_step import PlasticOptions
-from geoident.forward.march.state import Standing
+from geoident.forward.march.march import RunOptions
+from geoident.forward.march.state import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
@@ -78,12 +78,11 @@ def parameters(**values: float) -> tuple[Parameter, ...]:
 
 def marched(
     staged: StagedModel, p: np.ndarray = NOTHING, *, explain: bool = True
-) -> list[Standing]:
+) -> list[StageEnd]:
     """Copies of all states, with derivatives."""
-    plastic = PlasticOptions(explain=explain)
-    march = staged.run(staged.values(p), names=staged.names, plastic=plastic)
+    march = staged.at(p, RunOptions(explain=explain)).states()
     return [
-        Standing(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded) for s in march
+        StageEnd(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded) for s in march
     ]
 
 
@@ -125,17 +124,17 @@ class Cavity:
         away = np.abs(np.linalg.norm(staged.mesh.points[used], axis=1) - self.radius)
         return used[away < 1e-9 * self.radius]
 
-    def outwards(self, staged: StagedModel, standing: Standing) -> np.ndarray:
+    def outwards(self, staged: StagedModel, end: StageEnd) -> np.ndarray:
         """Radial displacements (n,) of the nodes on the wall."""
         mesh, wall = staged.mesh, self.wall(staged)
-        u = standing.u[:, 0].reshape(mesh.n_nodes, mesh.dim)[wall]
+        u = end.u[:, 0].reshape(mesh.n_nodes, mesh.dim)[wall]
         return np.sum(u * mesh.points[wall], axis=1) / self.radius
 
-    def plastic_radius(self, staged: StagedModel, standing: Standing) -> float:
+    def plastic_radius(self, staged: StagedModel, end: StageEnd) -> float:
         """Between the outermost point that yields and the next one."""
-        r = np.linalg.norm(staged.systems.points.position, axis=1)
-        last = r[standing.yielded].max()
-        return float(0.5 * (last + r[(r > last) & ~standing.yielded].min()))
+        r = np.linalg.norm(staged.discretization.points.position, axis=1)
+        last = r[end.yielded].max()
+        return float(0.5 * (last + r[(r > last) & ~end.yielded].min()))
 
 
 def cylinder(

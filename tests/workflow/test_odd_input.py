@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from click.testing import CliRunner
 from support.trench import CASE, READINGS, write_case
 
@@ -59,3 +60,44 @@ def test_a_model_that_does_not_meet_the_readings_says_so_at_once(tmp_path):
         "S,first,-0.1226", "S,first,0.9"
     )
     assert "does not meet the readings" in _fit(other, bent)["reason"]
+
+
+ON_TOP = "S:  {kind: settlement, point: [1 m, 4 m]"
+
+
+@pytest.mark.parametrize(("height", "told"), [(4.0, False), (4 + 1e-8, False), (4.00001, True)])
+def test_a_point_just_outside_the_mesh_is_told_by_name(tmp_path, height, told):
+    """Elements are 1 m high; what is no more than rounding is not worth a word."""
+    case = write_case(tmp_path)
+    case.write_text(CASE.replace(ON_TOP, f"S:  {{kind: settlement, point: [1 m, {height!r} m]"))
+    notes = [note for note in _json("check", case)["notes"] if "outside the mesh" in note]
+    expected = ["points just outside the mesh, taken by the nearest element: S"]
+    assert notes == (expected if told else [])
+
+
+@pytest.mark.parametrize(("height", "found"), [(4.0999, True), (4.1001, False)])
+def test_a_point_is_taken_by_an_element_that_is_a_tenth_of_its_size_away(tmp_path, height, found):
+    case = write_case(tmp_path)
+    case.write_text(CASE.replace(ON_TOP, f"S:  {{kind: settlement, point: [1 m, {height!r} m]"))
+    checked = _json("check", case)
+    assert (checked["exit_code"] == 0) == found
+    assert [fault["code"] for fault in checked.get("faults", [])] == (
+        [] if found else ["gauge-outside"]
+    )
+
+
+def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
+    """Along the side of an element it is linear: the same slope goes on above the ground."""
+    case = write_case(tmp_path)
+    gauges = "".join(
+        f"  {name}: {{kind: settlement, point: [1 m, {y} m], accuracy: 0.01 mm}}\n"
+        for name, y in (("A", 3.0), ("B", 4.0), ("C", 4.08))
+    )
+    case.write_text(CASE.replace("gauges:\n", f"gauges:\n{gauges}"))
+    readings = _json("simulate", case)["readings"]
+    below, top, above = (
+        next(r["value"] for r in readings if (r["gauge"], r["stage"]) == (name, "second"))
+        for name in "ABC"
+    )
+    assert above == pytest.approx(top + 0.08 * (top - below), rel=1e-9)
+    assert abs(above - top) > 1e-3 * abs(top)

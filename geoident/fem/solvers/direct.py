@@ -36,6 +36,11 @@ class DirectFactor:
         if len(analysis.pattern.indices) >= LARGE:
             weakref.finalize(self, analysis.release, self._number).atexit = False
 
+    @property
+    def valid(self) -> bool:
+        """Whether the analysis has not factorized again since."""
+        return self._number == self._analysis.factorized
+
     def solve(self, rhs: Floats) -> Floats:
         """Solve for several right-hand sides at once.
 
@@ -48,7 +53,7 @@ class DirectFactor:
         Raises:
             RuntimeError: the analysis has factorized again since.
         """
-        if self._number != self._analysis.factorized:
+        if not self.valid:
             raise RuntimeError("this factor was replaced by a later factorization")
         n = self._analysis.pattern.n
         if rhs.ndim != 2 or rhs.shape[0] != n:

@@ -51,6 +51,11 @@ class GeneralFactor:
         except RuntimeError as error:
             raise NotPositiveDefinite from error
 
+    @property
+    def valid(self) -> bool:
+        """Always: it has its numbers to itself."""
+        return True
+
     def solve(self, rhs: Floats) -> Floats:
         """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
         self._counts.solves += rhs.shape[1]

@@ -37,6 +37,10 @@ class LowerPattern:
 class Factor(Protocol):
     """A factorized matrix. Valid until its analysis factorizes again."""
 
+    @property
+    def valid(self) -> bool:
+        """Whether it can still solve."""
+
     def solve(self, rhs: Floats) -> Floats:
         """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.law import Planes
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.model.arrays import Floats
 
 _ROUNDING = 1e-10
@@ -24,7 +24,19 @@ class EmptyDomain(ValueError):
         self.planes = planes
 
 
-def empty_domain(planes: Planes) -> tuple[int, ...] | None:
+class NoProjection(ArithmeticError):
+    """The projection of some points on the yield planes did not end, to any accuracy worth having.
+
+    Args:
+        points: how many.
+    """
+
+    def __init__(self, points: int) -> None:
+        super().__init__(f"the projection of {points} points on the yield planes did not end")
+        self.points = points
+
+
+def empty_domain(normals: Floats, distances: Floats) -> tuple[int, ...] | None:
     """Planes that contradict each other, none to spare, or None where a stress satisfies all.
 
     A linear program seeks the stress with the most room t <= 1 to all planes. Where t < 0, the
@@ -32,11 +44,14 @@ def empty_domain(planes: Planes) -> tuple[int, ...] | None:
     vanishes while that of the distances is negative.
 
     Args:
-        planes: normals (y, s) in the space of stresses; hardening and flow do not count.
+        normals: (y, s) in the space of stresses, of any length.
+        distances: (y,), Pa.
+
+    Raises:
+        ArithmeticError: the linear program was not solved.
     """
-    lengths = np.linalg.norm(planes.normals, axis=1)
-    normals = planes.normals / lengths[:, None]
-    distances = planes.distances / lengths
+    lengths = np.linalg.norm(normals, axis=1)
+    normals, distances = normals / lengths[:, None], distances / lengths
     largest = float(np.abs(distances).max(initial=0.0))
     distances = distances / (largest or 1.0)
     involved = _contradiction(normals, distances, np.arange(len(distances)))
@@ -75,14 +90,15 @@ def _contradiction(
     return tuple(int(p) for p in some[-result.ineqlin.marginals > _ROUNDING])
 
 
-def empty_principal_domain(planes: Planes) -> tuple[int, ...] | None:
+def empty_principal_domain(planes: YieldPlanes) -> tuple[int, ...] | None:
     """The same for planes (y, 3) in sorted principal stresses, with all their images.
 
     The surface is convex and the same in all orders of the principal stresses, so where it leaves a
     stress, it leaves the mean of its six orders, which is hydrostatic.
     """
-    sums, limits = planes.normals.sum(axis=1), planes.distances
-    flat = np.abs(sums) <= 1e-12 * np.abs(planes.normals).sum(axis=1)
+    normals, limits = planes.normals.value, planes.distances.value
+    sums = normals.sum(axis=1)
+    flat = np.abs(sums) <= 1e-12 * np.abs(normals).sum(axis=1)
     if (bad := flat & (limits < 0.0)).any():
         return (int(np.argmax(bad)),)
     pressures = limits / np.where(flat, 1.0, sums)

@@ -1,13 +1,13 @@
-"""What the march needs of a yield law at the strain points of one material (theory 5).
+"""Yield planes, and what the march needs of a yield law at the strain points of one material.
 
-Planes psi_i = n_i^T sigma - k_i - (H lam)_i <= 0, with lam >= 0 and psi^T lam = 0. For a trial
-stress s* = sigma_old + E C du, the holonomic step ends at
+Planes psi_i = n_i^T sigma - k_i - (H lam)_i <= 0, with lam >= 0 and psi^T lam = 0 (theory 5). For a
+trial stress s* = sigma_old + E C du, the holonomic step ends at
 
     sigma = s* - E sum_i m_i dlam_i        (m_i = n_i: associated)
 
 which for associated flow is the projection of s* on the polyhedron in the norm of E^-1. A law knows
-numbers only: E, the planes, their derivatives by parameters. Where the numbers come from is the
-forward model's business.
+numbers only: E and the planes, with their derivatives by the parameters. Where the numbers come
+from is the forward model's business.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual, joined
 
 
-@dataclass(frozen=True)
-class Planes:
-    """Yield planes of one material, for one parameter vector.
+@dataclass(frozen=True, eq=False)
+class YieldPlanes:
+    """Yield planes n^T sigma <= k of one material with their derivatives by n parameters.
 
     Args:
         normals: n, (y, s); their products with a stress are in Pa. In a `PrincipalLaw` s is 3 and
@@ -29,31 +32,57 @@ class Planes:
         distances: k, (y,), Pa.
         flow: m, (y, s) directions of plastic strain; None: the normals (associated).
         hardening: H, (y, y) symmetric, positive semidefinite, Pa; None: perfect plasticity.
+        names: of the y planes, for outputs; empty where nobody asks.
     """
 
-    normals: Floats
-    distances: Floats
-    flow: Floats | None = None
-    hardening: Floats | None = None
+    normals: Dual
+    distances: Dual
+    flow: Dual | None = None
+    hardening: Dual | None = None
+    names: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.distances.columns.shape[0])
+
+    def scaled(self, factor: Dual) -> YieldPlanes:
+        """The same planes with normals, distances and flow multiplied by factors (y,)."""
+        rows = factor[:, None]
+        hardening = self.hardening
+        return YieldPlanes(
+            self.normals * rows,
+            self.distances * factor,
+            None if self.flow is None else self.flow * rows,
+            None if hardening is None else hardening * rows * factor[None],
+            self.names,
+        )
+
+    def of_unit_length(self) -> YieldPlanes:
+        """The same planes with normals of unit length; the flow keeps its angle to them."""
+        squares = Dual((self.normals * self.normals).columns.sum(axis=1))
+        return self.scaled(squares.root().reciprocal())
 
 
-@dataclass(frozen=True)
-class LawSlopes:
-    """Derivatives by one parameter of what a law is made of; None where there is none.
+def common_inside(parts: Sequence[YieldPlanes]) -> YieldPlanes:
+    """One polyhedron that lies inside several; none of them may have a flow of its own."""
+    hardening = None
+    if any(part.hardening is not None for part in parts):
+        n = parts[0].distances.n
+        blocks = [part.hardening or Dual.constant(np.zeros((len(part),) * 2), n) for part in parts]
+        hardening = _block_diagonal(blocks)
+    return YieldPlanes(
+        joined([part.normals for part in parts]),
+        joined([part.distances for part in parts]),
+        hardening=hardening,
+        names=tuple(name for part in parts for name in part.names),
+    )
 
-    Args:
-        elasticity: dE, (s, s), of the full elasticity matrix.
-        normals: (y, s).
-        distances: (y,).
-        flow: (y, s); None with associated flow (it follows the normals) or where there is none.
-        hardening: (y, y).
-    """
 
-    elasticity: Floats | None = None
-    normals: Floats | None = None
-    distances: Floats | None = None
-    flow: Floats | None = None
-    hardening: Floats | None = None
+def _block_diagonal(blocks: Sequence[Dual]) -> Dual:
+    ends = np.cumsum([0, *(block.columns.shape[0] for block in blocks)])
+    columns = np.zeros((ends[-1], ends[-1], blocks[0].columns.shape[-1]))
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        columns[first:last, first:last] = block.columns
+    return Dual(columns)
 
 
 class Projection(Protocol):
@@ -90,21 +119,20 @@ class Projection(Protocol):
         What the potential of theory 5 loses against the elastic one.
         """
 
-    def slopes(
-        self,
-        trial: Floats,
-        parameters: Sequence[LawSlopes | None] = (),
-        hardened: Floats | None = None,
+    def derivatives(
+        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
         """Derivatives of stress and multipliers at the yielded points, on the active planes.
 
         Args:
-            trial: (s, q, n) derivatives of the trial stress, all that is in it by dE included.
-            parameters: for each of the n columns what else changes in the law; empty for nothing.
-            hardened: (y, q, n) derivatives of the multipliers of earlier steps; None for zero.
+            trial: (s, q, n + k) derivatives of the trial stress, all that is in it by dE included:
+                by the n parameters first, then along k other directions.
+            hardened: (y, q, n + k) derivatives of the multipliers of earlier steps; None for zero.
+            of_law: the first n columns are by the law's own parameters, which also change E and
+                the planes themselves; otherwise only the trial stress changes, in any columns.
 
         Returns:
-            (s, q, n) and (y, q, n).
+            (s, q, n + k) and (y, q, n + k).
         """
 
 
@@ -116,8 +144,8 @@ class YieldLaw(Protocol):
         """Whether the tangents are symmetric and there is a potential."""
 
     @property
-    def n_planes(self) -> int:
-        """Number y of planes."""
+    def planes(self) -> YieldPlanes:
+        """The planes as they were given."""
 
     @property
     def hardens(self) -> bool:

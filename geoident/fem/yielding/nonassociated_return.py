@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from geoident.fem.yielding.active_sets import Faces
-from geoident.fem.yielding.scaled_planes import System
+from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images
 from geoident.model.arrays import Floats, Ints
 
@@ -35,7 +35,7 @@ class Returns:
         images: which of them make the apex.
     """
 
-    def __init__(self, system: System, faces: Faces, images: Images) -> None:
+    def __init__(self, system: ScaledPlanes, faces: Faces, images: Images) -> None:
         self._system = system
         self._faces = faces
         self._images = images

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from geoident.fem.yielding.active_sets import Faces
-from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.projection import Rays, active_faces
 from geoident.fem.yielding.return_step import FaceStep
-from geoident.fem.yielding.scaled_planes import system_of
+from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.fem.yielding.warm_start import FaceMemory
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual
 
 _MOST_FACES = 20_000
 """Of many planes that harden there are as many faces as points, and none comes again."""
@@ -30,11 +30,11 @@ class PolyhedralLaw:
         ValueError: E is not positive definite, a plane has no normal, or a flow is given.
     """
 
-    def __init__(self, elasticity: Floats, planes: Planes) -> None:
+    def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
         if planes.flow is not None:
             raise ValueError("planes in the space of stresses flow along their normals")
         self.planes = planes
-        self._system = system_of(elasticity, planes)
+        self._system = ScaledPlanes(elasticity, planes)
         self._forget()
 
     def _forget(self) -> None:
@@ -46,11 +46,6 @@ class PolyhedralLaw:
     def associated(self) -> bool:
         """Always."""
         return True
-
-    @property
-    def n_planes(self) -> int:
-        """Number y of planes."""
-        return len(self.planes.normals)
 
     @property
     def hardens(self) -> bool:
@@ -141,11 +136,8 @@ class PolyhedralProjection:
         """(q,) J/m3."""
         return self._step.reserve
 
-    def slopes(
-        self,
-        trial: Floats,
-        parameters: Sequence[LawSlopes | None] = (),
-        hardened: Floats | None = None,
+    def derivatives(
+        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
-        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers."""
-        return self._step.slopes(trial, parameters, hardened)
+        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
+        return self._step.derivatives(trial, hardened, of_law=of_law)

@@ -10,14 +10,14 @@ Plasticity, appendix A.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
 from geoident.fem.yielding.active_sets import Faces
 from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
-from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.nonassociated_return import Returns
 from geoident.fem.yielding.principal_axes import (
     PAIRS,
@@ -28,9 +28,10 @@ from geoident.fem.yielding.principal_axes import (
 )
 from geoident.fem.yielding.projection import Rays, active_faces
 from geoident.fem.yielding.return_step import FaceStep
-from geoident.fem.yielding.scaled_planes import system_of
+from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images, images_of
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual
 
 _Finder = Callable[[Floats, Floats, Floats], Ints]
 _ROUGH = 1e-6
@@ -51,11 +52,12 @@ class PrincipalLaw:
             flows inwards, or no stress satisfies all planes.
     """
 
-    def __init__(self, elasticity: Floats, planes: Planes) -> None:
-        _check_isotropic(elasticity)
+    def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
+        _check_isotropic(elasticity.value)
         self.planes = planes
+        self._normals = np.ascontiguousarray(planes.normals.value)
         self._images = images_of(planes)
-        self._system = system_of(elasticity[:3, :3], self._images.planes(planes))
+        self._system = ScaledPlanes(elasticity[:3, :3], self._images.planes(planes))
         self._faces = Faces(self._system.coupling)
         self._ends = self._finder()
         if not self.hardens and (bad := empty_principal_domain(planes)) is not None:
@@ -71,12 +73,8 @@ class PrincipalLaw:
     @property
     def associated(self) -> bool:
         """Whether plastic strains follow the normals."""
-        return self.planes.flow is None or np.array_equal(self.planes.flow, self.planes.normals)
-
-    @property
-    def n_planes(self) -> int:
-        """Number y of stated planes."""
-        return len(self.planes.normals)
+        flow, normals = self.planes.flow, self.planes.normals
+        return flow is None or np.array_equal(flow.value, normals.value)
 
     @property
     def hardens(self) -> bool:
@@ -105,7 +103,7 @@ class PrincipalLaw:
         values = rough_principal_values(trial)
         excess = self._stated(values, hardened)
         margin = _ROUGH * np.abs(values).max(axis=0, initial=0.0)
-        lengths = np.abs(self.planes.normals).sum(axis=1)
+        lengths = np.abs(self._normals).sum(axis=1)
         return np.flatnonzero((excess > -lengths[:, None] * margin).any(axis=0))
 
     def _faces_of(self, values: Floats, hardened: Floats | None) -> Ints:
@@ -129,9 +127,9 @@ class PrincipalLaw:
 
     def _stated(self, values: Floats, hardened: Floats | None) -> Floats:
         """Yield functions (y, m) of sorted principal values (3, m)."""
-        excess = self.planes.normals @ values - self.planes.distances[:, None]
+        excess = self._normals @ values - self.planes.distances.value[:, None]
         if hardened is not None and self.planes.hardening is not None:
-            excess -= self.planes.hardening @ hardened
+            excess -= self.planes.hardening.value @ hardened
         return np.asarray(excess)
 
 
@@ -212,17 +210,13 @@ class PrincipalProjection:
         """(q,) J/m3."""
         return self._step.reserve
 
-    def slopes(
-        self,
-        trial: Floats,
-        parameters: Sequence[LawSlopes | None] = (),
-        hardened: Floats | None = None,
+    def derivatives(
+        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
-        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers."""
+        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
         along = np.einsum("qks,sqn->kqn", self._spectral.resolve, trial)
-        turned = [None if p is None else self._images.slopes(p) for p in parameters]
         spread = self._images.spread(hardened)
-        values, multipliers = self._step.slopes(along[:3], turned, spread)
+        values, multipliers = self._step.derivatives(along[:3], spread, of_law=of_law)
         spin = self._spin.T[:, :, None] * along[3:]
         ends = np.concatenate([values, spin])
         stress = np.einsum("qsk,kqn->sqn", self._spectral.assemble, ends)

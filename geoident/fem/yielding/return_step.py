@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from geoident.fem.yielding.active_sets import Faces
-from geoident.fem.yielding.law import LawSlopes
-from geoident.fem.yielding.scaled_planes import System
+from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.model.arrays import Bools, Floats, Ints
 
 _REACHED = 100.0
@@ -28,7 +26,7 @@ class FaceStep:
     """
 
     def __init__(
-        self, system: System, faces: Faces, trial: Floats, hardened: Floats | None, face: Ints
+        self, system: ScaledPlanes, faces: Faces, trial: Floats, hardened: Floats | None, face: Ints
     ) -> None:
         self._system = system
         self._faces = faces
@@ -119,19 +117,21 @@ class FaceStep:
         work = self._system.flow @ self._system.moved + self._system.hardening
         return np.asarray(0.5 * np.einsum("qi,ij,qj->q", self._scaled, work, self._scaled))
 
-    def slopes(
-        self,
-        trial: Floats,
-        parameters: Sequence[LawSlopes | None] = (),
-        hardened: Floats | None = None,
+    def derivatives(
+        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
-        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`."""
+        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`.
+
+        Args:
+            trial: (s, q, n) of the trial stress.
+            hardened: (y, q, n) of the multipliers of earlier steps; None for zero.
+            of_law: the first columns are by the parameters of the law.
+        """
         system = self._system
         stress = trial.copy()
         grown = np.zeros((len(system.scale), *trial.shape[1:]))
-        for column, slopes in enumerate(parameters):
-            if slopes is not None:
-                self._add_direct(system.scaled(slopes), stress[:, :, column], grown[:, :, column])
+        for column in range(system.by_parameter[0].n if of_law else 0):
+            self._add_direct(column, stress[:, :, column], grown[:, :, column])
         if hardened is not None and system.hardens:
             grown += np.tensordot(system.hardening * system.scale, hardened, axes=1)
         excess = np.tensordot(system.normals, stress, axes=1) - grown
@@ -147,25 +147,24 @@ class FaceStep:
         full[self._planes, points] = compact
         return full
 
-    def _add_direct(self, slopes: LawSlopes, stress: Floats, grown: Floats) -> None:
-        """What one parameter changes at fixed multipliers: the stress (s, q), the limits (y, q)."""
+    def _add_direct(self, column: int, stress: Floats, grown: Floats) -> None:
+        """What a parameter changes at fixed multipliers: the stress (s, q), the limits (y, q)."""
         system, lam = self._system, self._scaled
-        flow = slopes.normals if slopes.flow is None and self.follows else slopes.flow
-        if slopes.elasticity is not None:
-            stress -= slopes.elasticity @ (lam @ system.flow).T
+        elasticity, planes = system.by_parameter
+        stiffer = elasticity.slope(column)
+        normals, distances = planes.normals.slope(column), planes.distances.slope(column)
+        flow = normals if planes.flow is None else planes.flow.slope(column)
+        hardening = None if planes.hardening is None else planes.hardening.slope(column)
+        if stiffer is not None:
+            stress -= stiffer @ (lam @ system.flow).T
         if flow is not None:
             stress -= system.elasticity @ (lam @ flow).T
-        if slopes.distances is not None:
-            grown += slopes.distances[:, None]
-        if slopes.normals is not None:
-            grown -= slopes.normals @ self.stress
-        if slopes.hardening is not None:
-            grown += slopes.hardening @ self._accumulated()
-
-    @cached_property
-    def follows(self) -> bool:
-        """Whether the flow is that of the normals."""
-        return bool(np.array_equal(self._system.flow, self._system.normals))
+        if distances is not None:
+            grown += distances[:, None]
+        if normals is not None:
+            grown -= normals @ self.stress
+        if hardening is not None:
+            grown += hardening @ self._accumulated()
 
     def _accumulated(self) -> Floats:
         """Scaled multipliers of this step and those before, (y, q)."""

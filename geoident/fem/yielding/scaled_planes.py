@@ -9,37 +9,61 @@ from units and from the length of normals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.law import LawSlopes, Planes
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.model.arrays import Floats
+from geoident.model.dual import Dual
 
 _ROUNDING = 1e-13
 """Of the terms a yield function is the difference of: what is smaller counts as on the plane."""
 
 
-@dataclass(frozen=True, eq=False)
-class System:
-    """Scaled planes in one elasticity.
+class ScaledPlanes:
+    """Scaled planes in one elasticity, with their derivatives at the scale of the values.
 
     Args:
+        elasticity: E (s, s), Pa, symmetric, positive definite.
+        planes: normals (y, s).
+
+    Attributes:
+        scale: (y,) what normals and distances were divided by, and multipliers multiplied with.
         elasticity: E (s, s).
         normals: N (y, s), scaled.
         flow: M (y, s), scaled.
         distances: k (y,), scaled.
         hardening: H (y, y), scaled; zero for none.
-        scale: (y,) what normals and distances were divided by, and multipliers multiplied with.
+        by_parameter: E and the scaled planes with their derivatives.
+
+    Raises:
+        ValueError: E is not positive definite, or a plane has no normal or a flow against it.
     """
 
-    elasticity: Floats
-    normals: Floats
-    flow: Floats
-    distances: Floats
-    hardening: Floats
-    scale: Floats
+    def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
+        self.elasticity: Floats = np.asarray(0.5 * (elasticity.value + elasticity.value.T))
+        _check_definite(self.elasticity)
+        if not np.isfinite(planes.distances.value).all():
+            raise ValueError("a plane without a finite distance is none")
+        flow = planes.normals if planes.flow is None else planes.flow
+        count = len(planes)
+        hardening = np.zeros((count, count))
+        if planes.hardening is not None:
+            hardening = np.ascontiguousarray(planes.hardening.value)
+        own = np.einsum("ys,st,yt->y", planes.normals.value, self.elasticity, flow.value)
+        if np.any(own <= 0.0):
+            raise ValueError(f"plane {int(np.argmin(own)) + 1} has no normal, or flows inwards")
+        self.scale: Floats = np.sqrt(own + np.diag(hardening))
+        length = self.scale[:, None]
+        self.normals: Floats = np.ascontiguousarray(planes.normals.value) / length
+        self.flow: Floats = np.ascontiguousarray(flow.value) / length
+        self.distances: Floats = planes.distances.value / self.scale
+        self.hardening: Floats = hardening / (length * length.T)
+        self.by_parameter = (
+            elasticity,
+            planes.scaled(Dual.constant(1.0 / self.scale, planes.distances.n)),
+        )
 
     @cached_property
     def moved(self) -> Floats:
@@ -58,7 +82,7 @@ class System:
         values, vectors = np.linalg.eigh(self.hardening)
         return np.concatenate([plain, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T])
 
-    @property
+    @cached_property
     def hardens(self) -> bool:
         """Whether H is not zero."""
         return bool(self.hardening.any())
@@ -82,45 +106,6 @@ class System:
         way = np.maximum(self.excess(stress, hardened).max(axis=0, initial=0.0), 0.0)
         lengths = np.abs(self.normals).sum(axis=1)[:, None]
         return np.asarray(_ROUNDING * (np.abs(self.limits(hardened)) + lengths * largest + way))
-
-    def scaled(self, slopes: LawSlopes) -> LawSlopes:
-        """Slopes of the planes as scaled here."""
-        length = self.scale[:, None]
-        return LawSlopes(
-            elasticity=slopes.elasticity,
-            normals=None if slopes.normals is None else slopes.normals / length,
-            distances=None if slopes.distances is None else slopes.distances / self.scale,
-            flow=None if slopes.flow is None else slopes.flow / length,
-            hardening=None if slopes.hardening is None else slopes.hardening / (length * length.T),
-        )
-
-
-def system_of(elasticity: Floats, planes: Planes) -> System:
-    """Scale planes (y, s) for an elasticity (s, s).
-
-    Raises:
-        ValueError: E is not positive definite, or a plane has no normal or a flow against it.
-    """
-    elasticity = np.asarray(0.5 * (elasticity + elasticity.T))
-    _check_definite(elasticity)
-    if not np.isfinite(planes.distances).all():
-        raise ValueError("a plane without a finite distance is none")
-    flow = planes.normals if planes.flow is None else planes.flow
-    count = len(planes.normals)
-    hardening = np.zeros((count, count)) if planes.hardening is None else planes.hardening
-    own = np.einsum("ys,st,yt->y", planes.normals, elasticity, flow)
-    if np.any(own <= 0.0):
-        raise ValueError(f"plane {int(np.argmin(own)) + 1} has no normal, or flows inwards")
-    scale = np.sqrt(own + np.diag(hardening))
-    length = scale[:, None]
-    return System(
-        elasticity=elasticity,
-        normals=planes.normals / length,
-        flow=flow / length,
-        distances=planes.distances / scale,
-        hardening=hardening / (length * length.T),
-        scale=scale,
-    )
 
 
 def _check_definite(elasticity: Floats) -> None:

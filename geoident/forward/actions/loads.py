@@ -16,7 +16,7 @@ from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.water import FacePressure
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Traction
 from geoident.model.arrays import Floats
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
@@ -24,7 +24,7 @@ from geoident.model.parameter import Scalar
 class ReadyLoad(Protocol):
     """A load that can be asked for its nodal forces."""
 
-    def forces(self, point: Point) -> Floats:
+    def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) and their derivatives, N."""
 
 
@@ -38,9 +38,9 @@ class ScaledForces:
     def __init__(self, terms: Sequence[tuple[Floats, Scalar]]) -> None:
         self._terms = terms
 
-    def forces(self, point: Point) -> Floats:
+    def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) and their derivatives, N."""
-        parts = (np.outer(unit, point.jet(scalar).columns) for unit, scalar in self._terms)
+        parts = (np.outer(unit, point.number(scalar).columns) for unit, scalar in self._terms)
         return np.asarray(sum(parts))
 
 
@@ -55,7 +55,7 @@ class WaterForces:
     def __init__(self, terms: Sequence[tuple[FacePressure, sp.csr_array]]) -> None:
         self._terms = terms
 
-    def forces(self, point: Point) -> Floats:
+    def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) and their derivatives, N."""
         return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in self._terms))
 

@@ -14,72 +14,69 @@ travel in the same columns, and lambda may be a parameter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from geoident.forward.actions.forces import Actions
-from geoident.forward.ground.elasticity import Values
-from geoident.forward.march.discretization import StageSystems
-from geoident.forward.stages import Timeline
+from geoident.forward.discretization import Discretization
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
+
+Held = Mapping[int, Floats]
+"""Group that left with part of its stress held to the nodal forces H_g, (n_dofs, 1 + n + k)."""
 
 
 class PartialRelease:
-    """Keeps the forces H_g of every group that left with part of its stress held.
+    """The forces H_g of every group that left with part of its stress held.
 
-    A stage finds those of the stage on which it builds, so load cases that branch need no copies.
+    Args:
+        sequence: the states of construction.
+        discretization: the strain points.
+        actions: what acts on a group itself.
     """
 
-    def __init__(self, timeline: Timeline, systems: StageSystems, actions: Actions) -> None:
-        self._timeline = timeline
-        self._systems = systems
+    def __init__(
+        self, sequence: ConstructionSequence, discretization: Discretization, actions: Actions
+    ) -> None:
+        self._sequence = sequence
+        self._discretization = discretization
         self._actions = actions
-        self._held: dict[int, Mapping[int, Floats]] = {0: {}}
 
-    def forces(self, state: int, stress: Floats, values: Values, names: Sequence[str]) -> Floats:
-        """Held forces (n_dofs, 1 + n + k) of a state.
+    def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:
+        """The forces H_g that count at a state.
 
         Args:
             state: index of the state.
+            before: those of the state on which it builds.
             stress: (n_strain, n_points, 1 + n + k) before anything leaves.
-            values: parameter values.
-            names: the parameters to differentiate by.
+            point: the parameters.
         """
-        current = self._timeline.states[state]
-        held = {g: h for g, h in self._held[current.base].items() if g in current.release}
-        for group in current.release.keys() & current.left:
+        current = self._sequence.states[state]
+        held = {g: h for g, h in before.items() if g in current.release}
+        for group in current.release.keys() & current.leaving:
             support = -self._stress_forces(group, stress)
-            carried = self._actions.carried(current.base, {group}, values, names)
+            carried = self._actions.carried(current.base, {group}, point)
             support[:, : carried.shape[1]] += carried
             held[group] = support
-        self._held[state] = held
-        return self._still_held(state, Point(values, names), stress.shape[2])
+        return held
+
+    def forces(self, state: int, held: Held, point: ParameterPoint) -> Floats | float:
+        """What is still held at a state, (n_dofs, 1 + n + k); 0 if there is nothing."""
+        total: Floats | float = 0.0
+        release = self._sequence.states[state].release
+        for group, support in held.items():
+            fraction = point.number(release[group]).columns
+            part = (1.0 - fraction[0]) * support
+            part[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
+            total = total + part
+        return total
 
     def _stress_forces(self, group: int, stress: Floats) -> Floats:
         """C_g^T V sigma, (n_dofs, 1 + n + k)."""
-        points = self._systems.points
+        points = self._discretization.points
         volume = np.zeros(points.n_points)
-        mine = self._systems.points_of[group]
+        mine = self._discretization.points_of[group]
         volume[mine] = points.volume[mine]
         return points.forces(stress, volume)
-
-    def _still_held(self, state: int, point: Point, n_columns: int) -> Floats:
-        total = np.zeros((self._systems.points.compatibility.shape[1], n_columns))
-        release = self._timeline.states[state].release
-        for group, support in self._held[state].items():
-            fraction = point.jet(release[group]).columns
-            total += (1.0 - fraction[0]) * support
-            total[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
-        return total
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the held forces are not affine in the free parameters, or None if they are."""
-    for stage in case.stages:
-        for group, fraction in stage.release.items():
-            if fraction.parameter in free:
-                return f"{fraction.parameter}, the released part of '{group}', multiplies stresses"
-    return None

@@ -13,9 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.ground.elasticity import law_of
+from geoident.forward.ground.elasticity import Values, elasticity
+from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
-from geoident.model.ground import Anisotropic
+from geoident.model.dual import ParameterPoint
+from geoident.model.ground import Anisotropic, Elastic
 from geoident.model.parameter import Parameter, Scalar
 
 _NEGLIGIBLE = 1e-9
@@ -35,7 +37,7 @@ def _fault(case: Case, material: Material) -> Fault | None:
     if isinstance(material.elastic, Anisotropic):
         return _entry_fault(case, material.name, material.elastic)
     for values in trials(case.parameters):
-        E = law_of(material.elastic, values, section=True).matrix
+        E = _section_moduli(material.elastic, values)
         largest = np.abs(E).max()
         if np.abs(E[np.ix_(_strains(case.analysis), (4, 5))]).max() > _NEGLIGIBLE * largest:
             return _oblique(case, material.name)
@@ -44,6 +46,11 @@ def _fault(case: Case, material: Material) -> Fault | None:
         ):
             return _dipping(case, material.name)
     return None
+
+
+def _section_moduli(elastic: Elastic, values: Values) -> Floats:
+    """E (6, 6) in the axes of a section, Pa."""
+    return elasticity(elastic, ParameterPoint(values, ()), section=True).value
 
 
 def trials(parameters: tuple[Parameter, ...]) -> list[Mapping[str, float]]:
@@ -64,7 +71,7 @@ def _strains(analysis: Analysis) -> list[int]:
 def _entry_fault(case: Case, name: str, elastic: Anisotropic) -> Fault | None:
     rows = {i + 1 for i in _strains(case.analysis)}
     start = {p.name: p.start for p in case.parameters}
-    negligible = _NEGLIGIBLE * np.abs(law_of(elastic, start, section=True).matrix).max()
+    negligible = _NEGLIGIBLE * np.abs(_section_moduli(elastic, start)).max()
     for entry in _OUT_OF_PLANE:
         scalar = elastic.entries.get(entry, Scalar(0.0))
         if int(entry[1]) in rows and (scalar.parameter or abs(scalar.factor) > negligible):

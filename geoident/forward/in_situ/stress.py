@@ -1,9 +1,9 @@
 """In-situ stress sigma_0 and its derivatives (theory 2).
 
-The formulas are written with jets, so every number of a model may be a parameter: stresses, unit
-weights, K0 in both directions, the azimuth, the level of the surface. Depth is counted downwards
-from the surface; where the surface is a level that crosses strain points, the stress has a kink
-there, and the derivative by the level is one-sided.
+The formulas are written with dual numbers, so every number of a model may be a parameter: stresses,
+unit weights, K0 in both directions, the azimuth, the level of the surface. Depth is counted
+downwards from the surface; where the surface is a level that crosses strain points, the stress has
+a kink there, and the derivative by the level is one-sided.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.actions.products import product_obstacle
 from geoident.forward.ground.elasticity import Values
 from geoident.forward.in_situ.surfaces import Depths, is_known
-from geoident.forward.stages import Timeline, listed
+from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import (
     Components,
     ConstantStress,
@@ -63,13 +62,12 @@ class InSituStress:
         ]
         self.n_outside = sum(zone.n_outside for zone, _ in self._zones)
 
-    def columns(self, values: Values, names: Sequence[str]) -> Floats:
+    def columns(self, point: ParameterPoint) -> Floats:
         """Stress and its derivatives, (n_strain, m, 1 + n), Pa, tension positive."""
-        point = Point(values, names)
         result = np.zeros((*self._shape, point.n_columns))
         for zone, here in self._zones:
-            for row, jet in enumerate(zone.components(point)[: len(result)]):
-                result[row, here] = jet.columns
+            for row, dual in enumerate(zone.components(point)[: len(result)]):
+                result[row, here] = dual.columns
         return result
 
 
@@ -81,8 +79,8 @@ def in_situ_stress(
     result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
     if model is not None:
         zone = _stress_of(model, Mesh(np.empty((0, dim)), ()), positions)
-        for row, jet in enumerate(zone.components(Point(values, names))[: len(result)]):
-            result[row] = jet.columns
+        for row, dual in enumerate(zone.components(ParameterPoint(values, names))[: len(result)]):
+            result[row] = dual.columns
     return result
 
 
@@ -131,9 +129,9 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     ]
 
 
-def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
+def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
     """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
-    virgin = {timeline.groups[g] for g in timeline.states[0].materials}
+    virgin = {sequence.groups[g] for g in sequence.states[0].materials}
     return [
         case.source.fault(
             ("in_situ", "groups", group),
@@ -146,32 +144,6 @@ def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
     ]
 
 
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why sigma_0 is not affine in the free parameters, or None if it is."""
-    reasons = (_obstacle(model, free) for _, model in in_situ_models(case))
-    return next((reason for reason in reasons if reason), None)
-
-
-def _obstacle(model: InSitu, free: frozenset[str]) -> str | None:
-    if isinstance(model, ConstantStress):
-        return None
-    level = model.surface if isinstance(model.surface, Scalar) else None
-    if isinstance(model, ProfileStress):
-        products = ((level, slope) for slope in model.gradient)
-        reasons = (product_obstacle("the stress", factors, free) for factors in products)
-        return next((reason for reason in reasons if reason), None)
-    if level is not None and level.parameter in free:
-        return f"the in-situ stress ends at the level {level.parameter} of the surface"
-    if model.azimuth is not None and model.azimuth.parameter in free:
-        return f"the horizontal stress turns with the azimuth {model.azimuth.parameter}"
-    size = model.vertical or model.unit_weight
-    for ratio in (model.K0, model.K0_across):
-        reason = product_obstacle("the horizontal stress", (size, ratio), free)
-        if reason is not None:
-            return reason
-    return None
-
-
 class _Uniform:
     """Stress that is the same at all positions."""
 
@@ -180,9 +152,9 @@ class _Uniform:
     def __init__(self, components: Components) -> None:
         self._components = components
 
-    def components(self, point: Point) -> list[Jet]:
+    def components(self, point: ParameterPoint) -> list[Dual]:
         """xx, yy, zz, xy, yz, xz."""
-        return [point.jet(scalar) for scalar in self._components]
+        return [point.number(scalar) for scalar in self._components]
 
 
 class _Heim:
@@ -196,13 +168,13 @@ class _Heim:
         self._depths = None if surface is None else Depths(mesh, surface, positions)
         self.n_outside = 0 if self._depths is None else self._depths.n_outside
 
-    def components(self, point: Point) -> list[Jet]:
+    def components(self, point: ParameterPoint) -> list[Dual]:
         """xx, yy, zz, xy, yz, xz."""
         model = self._model
         vertical = -self._overburden(point)
-        along = vertical * point.jet(model.K0)
-        across = vertical * point.jet(model.K0 if model.K0_across is None else model.K0_across)
-        none = point.given(np.zeros(self._n))
+        along = vertical * point.number(model.K0)
+        across = vertical * point.number(model.K0 if model.K0_across is None else model.K0_across)
+        none = point.constant(np.zeros(self._n))
         if self._dim == 2:
             found = [along, vertical, across, none, none, none]
         else:
@@ -210,17 +182,17 @@ class _Heim:
             found = [xx, yy, vertical, xy, none, none]
         if model.tectonic is None:
             return found
-        return [jet + point.jet(more) for jet, more in zip(found, model.tectonic, strict=True)]
+        return [dual + point.number(more) for dual, more in zip(found, model.tectonic, strict=True)]
 
-    def _overburden(self, point: Point) -> Jet:
+    def _overburden(self, point: ParameterPoint) -> Dual:
         """Vertical pressure (m,), compression positive."""
         model = self._model
         if model.vertical is not None:
-            return point.given(np.ones(self._n)) * point.jet(model.vertical)
+            return point.constant(np.ones(self._n)) * point.number(model.vertical)
         if model.unit_weight is None or self._depths is None:
             msg = "Heim's stress needs a vertical stress, or a unit weight and the surface"
             raise ValueError(msg)
-        return self._depths.at(point).positive_part() * point.jet(model.unit_weight)
+        return self._depths.at(point).positive_part() * point.number(model.unit_weight)
 
 
 class _Profile:
@@ -231,11 +203,11 @@ class _Profile:
         self._depths = Depths(mesh, model.surface, positions)
         self.n_outside = self._depths.n_outside
 
-    def components(self, point: Point) -> list[Jet]:
+    def components(self, point: ParameterPoint) -> list[Dual]:
         """xx, yy, zz, xy, yz, xz."""
         depth = self._depths.at(point)
         return [
-            depth * point.jet(slope) + point.jet(start)
+            depth * point.number(slope) + point.number(start)
             for start, slope in zip(self._model.at_surface, self._model.gradient, strict=True)
         ]
 
@@ -248,11 +220,13 @@ def _stress_of(model: InSitu, mesh: Mesh, positions: Floats) -> _Uniform | _Heim
     return _Profile(model, mesh, positions)
 
 
-def _turned(along: Jet, across: Jet, azimuth: Scalar | None, point: Point) -> tuple[Jet, Jet, Jet]:
+def _turned(
+    along: Dual, across: Dual, azimuth: Scalar | None, point: ParameterPoint
+) -> tuple[Dual, Dual, Dual]:
     """xx, yy, xy of principal stresses: ``along`` acts in the azimuth, clockwise from y."""
     if azimuth is None:
-        return along, across, point.given(np.zeros(along.value.shape))
-    angle = point.jet(azimuth)
+        return along, across, point.constant(np.zeros(along.value.shape))
+    angle = point.number(azimuth)
     east = angle.through(np.sin, np.cos)
     north = angle.through(np.cos, lambda a: -np.sin(a))
     xx = along * (east * east) + across * (north * north)

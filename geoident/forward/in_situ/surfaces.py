@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import Surface
 from geoident.model.mesh import Mesh, rows_in
 
@@ -58,11 +58,11 @@ class Depths:
             self._levels, outside = Topography(mesh, surface).levels(positions)
             self.n_outside = int(outside.sum())
 
-    def at(self, point: Point) -> Jet:
+    def at(self, point: ParameterPoint) -> Dual:
         """Depth (m,) below the surface, negative above it, m."""
         if isinstance(self._surface, str):
-            return point.given(self._levels - self._height)
-        return Jet(point.jet(self._surface).columns[None]).plus(-self._height)
+            return point.constant(self._levels - self._height)
+        return Dual(point.number(self._surface).columns[None]).plus(-self._height)
 
 
 def _pieces(mesh: Mesh, group: str) -> Ints:

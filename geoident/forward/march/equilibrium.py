@@ -31,7 +31,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.protocol import Factor
-from geoident.forward.march.stage_equations import LEFT, NoEquilibrium, StageEquations, Trial
+from geoident.forward.march.stage_equations import (
+    ELASTIC_PARTS,
+    NoEquilibrium,
+    StageEquations,
+    Trial,
+)
 from geoident.model.arrays import Floats
 
 BALANCED = 1e-11
@@ -49,7 +54,7 @@ PATIENCE = 12
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
-_LEFT_OVER = 0.01
+_UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
 
 _SHORTEST = {True: 1e-3, False: 0.05}
@@ -71,14 +76,14 @@ class Balance:
         steps: Newton steps taken.
         factor: of the tangent before the last step, or None if none was made.
         made_at: where it was made.
-        left: part of the change of load that is not balanced, where no more could be done.
+        unbalanced: part of the change of load that is left, where no more could be done.
     """
 
     trial: Trial
     steps: int
     factor: Factor | None
     made_at: Trial | None
-    left: float = 0.0
+    unbalanced: float = 0.0
 
 
 def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
@@ -126,11 +131,11 @@ def _by_residual(equations: StageEquations, start: Trial) -> Balance:
     of the load is small, and is said.
     """
     bold = _lower(equations, start, bold=True)
-    if bold.trial.error <= BALANCED or bold.left == 0.0:
+    if bold.trial.error <= BALANCED or bold.unbalanced == 0.0:
         return bold
     cautious = _lower(equations, start, bold=False)
     for found in (cautious, bold):  # the cautious way stays nearer to the even flow
-        if found.left <= _LEFT_OVER:
+        if found.unbalanced <= _UNBALANCED:
             return found
     raise NoEquilibrium(cautious.trial.du)
 
@@ -146,7 +151,7 @@ def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
             return Balance(trial, step, factor, made_at)
         if trial.error < 0.5 * reached[1]:
             reached = step, trial.error
-        if step - reached[0] > (PATIENCE if bold else 2 * PATIENCE) or least == len(LEFT):
+        if step - reached[0] > (PATIENCE if bold else 2 * PATIENCE) or least == len(ELASTIC_PARTS):
             break
         factor, level = equations.factor(trial, least=least)
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
@@ -166,7 +171,7 @@ def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
 def _next_level(level: int, share: float) -> int:
     """How much of the elastic stiffness the next tangent keeps, after a share of a step."""
     if share < 0.3:
-        return min(max(level + 1, _STIFFER), len(LEFT) - 2)
+        return min(max(level + 1, _STIFFER), len(ELASTIC_PARTS) - 2)
     if share < 0.9:
         return level
     return level - 1 if level > _STIFFER else 0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.march.discretization import StageSystems
-from geoident.forward.march.state import Standing
-from geoident.forward.stages import Timeline
+from geoident.forward.discretization import Discretization
+from geoident.forward.march.state import StageEnd
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats
 from geoident.model.mesh import Mesh
 from geoident.model.result import FieldSeries
@@ -15,44 +15,46 @@ from geoident.model.result import FieldSeries
 class FieldRecorder:
     """Copies displacements and mean element stresses, state by state."""
 
-    def __init__(self, mesh: Mesh, timeline: Timeline, systems: StageSystems) -> None:
+    def __init__(
+        self, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization
+    ) -> None:
         self._mesh = mesh
-        self._timeline = timeline
-        self._points = systems.points
+        self._sequence = sequence
+        self._points = discretization.points
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
         self._yielded: list[Bools] = []
 
-    def add(self, standing: Standing) -> None:
+    def add(self, end: StageEnd) -> None:
         """Record a state (column 0 of its arrays)."""
-        u = standing.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
+        u = end.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
         self._displacement.append(u.copy())
-        mean = self._element_means(standing.stress[..., 0])
-        mean[~self._timeline.present(standing.state)] = np.nan
+        mean = self._element_means(end.stress[..., 0])
+        mean[~self._sequence.present(end.state)] = np.nan
         self._stress.append(mean)
-        self._yielded.append(self._yielded_so_far(standing))
+        self._yielded.append(self._yielded_so_far(end))
 
     def series(self) -> FieldSeries:
         """All that was recorded."""
         n = len(self._displacement)
-        present = np.stack([self._timeline.present(state) for state in range(n)])
+        present = np.stack([self._sequence.present(state) for state in range(n)])
         return FieldSeries(
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
             np.stack(self._yielded),
         )  # fmt: skip
 
-    def _yielded_so_far(self, standing: Standing) -> Bools:
+    def _yielded_so_far(self, end: StageEnd) -> Bools:
         """(n_elements,) elements that yield in this state, or did in those it builds on.
 
         What is placed anew has not yielded yet.
         """
-        state = self._timeline.states[standing.state]
+        state = self._sequence.states[end.state]
         here = np.zeros(self._mesh.n_elements, dtype=bool)
-        here[self._points.element[standing.yielded]] = True
-        if standing.state:
-            placed = np.isin(self._timeline.group_of, list(state.placed))
+        here[self._points.element[end.yielded]] = True
+        if end.state:
+            placed = np.isin(self._sequence.group_of, list(state.placed))
             here |= self._yielded[state.base] & ~placed
-        return here & self._timeline.present(standing.state)
+        return here & self._sequence.present(end.state)
 
     def _element_means(self, stress: Floats) -> Floats:
         """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""

@@ -24,6 +24,9 @@ same ground of the same materials (load cases, mostly) share one factorization.
 A *push* adds forces: to the state (condensation's corrected displacements), or as further columns
 that carry the response to unit forces (its flexibility). It costs no further factorization.
 
+A *run* is one march at one parameter vector: it owns all that it computes and returns what it
+found, so any number of runs of one model may be under way.
+
 Computed once per mesh: C, V, the gradient products. Once per set of present groups: pattern,
 analysis, which points are there. Per parameter vector and change of ground: values of K,
 factorization.
@@ -31,230 +34,303 @@ factorization.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
-from geoident.forward.actions.release import PartialRelease
+from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import BALANCED, InSituStress
-from geoident.forward.march.base_states import Branches
-from geoident.forward.march.discretization import StageSystem, StageSystems
-from geoident.forward.march.elastic_step import ElasticSteps
-from geoident.forward.march.plastic_step import PERFECT, PlasticOptions, PlasticSteps
-from geoident.forward.march.state import Borne, Push, Standing
-from geoident.forward.march.step import StepTask
-from geoident.forward.stages import State, Timeline
+from geoident.forward.march.elastic_step import LastFactor, elastic_step
+from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
+from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
+from geoident.forward.march.systems import StageSystem, StageSystems
+from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
+from geoident.model.certificate import Activity
+from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """How a march is made.
+
+    Args:
+        derivatives: carry the derivatives by all parameters.
+        last: index of the last state wanted; None for all.
+        unit_forces: forces beside those of the case.
+        explain: find the part of the load that can be carried, where there is a collapse.
+        partial: go on after a collapse with the states that do not build on it.
+    """
+
+    derivatives: bool = True
+    last: int | None = None
+    unit_forces: UnitForces | None = None
+    explain: bool = True
+    partial: bool = False
+
+
+@dataclass(frozen=True)
+class RunFindings:
+    """What a march found beside its states.
+
+    Args:
+        imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
+            the forces at work.
+        unbalanced: stage to the part of its change of load that is left unbalanced.
+        collapses: stages at which the ground cannot carry the loads.
+        activity: what the yield planes do, or None if nothing can yield.
+    """
+
+    imbalance: float
+    unbalanced: Mapping[str, float]
+    collapses: tuple[CollapseError, ...]
+    activity: Activity | None
+
+
 class March:
-    """Marches one case on one mesh through its stages, for any parameter values."""
+    """Marches one case on one mesh through its stages, for any parameter values.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+        systems: the equations of the stages.
+        actions: what acts from outside.
+    """
 
     def __init__(
         self,
         case: Case,
         mesh: Mesh,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         systems: StageSystems,
         actions: Actions,
     ) -> None:
-        self._case = case
-        self._timeline = timeline
-        self._systems = systems
-        self._structures = systems.structures
-        self._actions = actions
-        self._thermal = ThermalStrains(case, timeline, systems)
-        points = systems.points
-        groups = timeline.group_of[points.element]
-        self._virgin = InSituStress(case, mesh, points.position, groups, timeline.groups)
-        self._release = PartialRelease(timeline, systems, actions)
-        self._elastic = ElasticSteps(case, systems)
-        self.plastic = PlasticSteps(case, systems)
-        self.imbalance = 0.0
-        self.collapses: list[CollapseError] = []  # of the last run, if it was to go on
+        self.case = case
+        self.sequence = sequence
+        self.systems = systems
+        self.actions = actions
+        discretization = systems.discretization
+        self.thermal = ThermalStrains(case, sequence, discretization)
+        points = discretization.points
+        groups = sequence.group_of[points.element]
+        self.in_situ = InSituStress(case, mesh, points.position, groups, sequence.groups)
+        self.release = PartialRelease(sequence, discretization, actions)
+        self.warm = WarmStart()
 
     @property
     def n_outside(self) -> int:
         """Strain points beside the surface from which the in-situ stress counts depth."""
-        return self._virgin.n_outside
+        return self.in_situ.n_outside
 
     def virgin_tension(self, values: Mapping[str, float]) -> bool:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
-        stress = self._virgin.columns(values, ())[:NORMAL_COMPONENTS, self._systems[0].present, 0]
-        return bool(np.mean(stress.sum(axis=0) > 0.0) > 0.5)
+        stress, _ = self.virgin(ParameterPoint(values, ()))
+        here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
+        return bool(np.mean(here.sum(axis=0) > 0.0) > 0.5)
 
-    def run(
-        self,
-        values: Mapping[str, float],
-        *,
-        names: Sequence[str] = (),
-        last: int | None = None,
-        push: Push | None = None,
-        plastic: PlasticOptions = PERFECT,
-    ) -> Iterator[Standing]:
-        """Yield the standing at the end of every state, the virgin state first.
+    def virgin(self, point: ParameterPoint) -> tuple[Floats, float]:
+        """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance."""
+        system, stress = self.systems[0], self.in_situ.columns(point)
+        stress[:, ~system.present] = 0.0
+        return stress, self.imbalance(stress, self.actions.forces(0, point))
+
+    def imbalance(self, stress: Floats, forces: Floats) -> float:
+        """Largest out-of-balance force of a free unknown relative to the forces at work.
 
         Args:
-            values: parameter values.
-            names: the parameters to differentiate by.
-            last: index of the last state wanted.
-            push: forces beside those of the case.
-            plastic: how yielding is treated.
+            stress: (n_strain, n_points, k) of the virgin state.
+            forces: (n_dofs, k) that act on it.
+        """
+        system = self.systems[0]
+        internal = self.systems.discretization.points.forces(stress, system.volume)
+        rest = np.abs(forces - internal)[system.pattern.dofs].max(axis=0, initial=0.0)
+        scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
+        return float(np.max(rest / np.where(scale > 0, scale, 1.0)))
+
+
+class Run:
+    """One march at one parameter vector: its states one by one, then what it found.
+
+    Args:
+        march: what does not depend on parameters.
+        point: the parameters, all of the case.
+        options: how to march.
+        tell: is told the index of every state that was computed.
+    """
+
+    def __init__(
+        self,
+        march: March,
+        point: ParameterPoint,
+        options: RunOptions,
+        tell: Callable[[int], None] = lambda state: None,
+    ) -> None:
+        self._tell = tell
+        systems = march.systems
+        self._march, self._systems, self._options = march, systems, options
+        self._structures = systems.structures
+        self._point = point if options.derivatives else ParameterPoint(point.values, ())
+        n_strain = systems.discretization.points.n_strain
+        self._ground = GroundAt(march.case, point, n_strain)
+        record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
+        self._plastic_findings = PlasticFindings(record)
+        self._plastic = PlasticSteps(
+            march.case, systems, march.warm, self._plastic_findings, explain=options.explain
+        )
+        self._factor = LastFactor()
+        self._held: dict[int, Held] = {0: {}}
+        self._imbalance = 0.0
+        self._collapses: list[CollapseError] = []
+
+    @property
+    def point(self) -> ParameterPoint:
+        """The parameters, and those by which the march differentiates."""
+        return self._point
+
+    @property
+    def findings(self) -> RunFindings:
+        """What was found so far; all of it once the states are through."""
+        plastic = self._plastic_findings
+        return RunFindings(
+            self._imbalance,
+            dict(plastic.unbalanced),
+            tuple(self._collapses),
+            plastic.record.activity(),
+        )
+
+    def states(self) -> Iterator[StageEnd]:
+        """The end of every stage, the virgin state first.
 
         Raises:
             ModelError: the stiffness of a stage is not positive definite, the virgin stress is
-                outside a yield surface, or the ground collapses (`CollapseError`), unless
-                ``plastic`` says to go on: then that state and all that build on it are NaN.
+                outside a yield surface, or the ground collapses (`CollapseError`), unless the
+                options say to go on: then that state and all that build on it are NaN.
         """
-        points = self._systems.points
-        n_columns = 1 + len(names)
-        k = push.n_columns if push else 0
-        stress = np.zeros((points.n_strain, points.n_points, n_columns + k))
-        u = np.zeros((points.compatibility.shape[1], stress.shape[2]))
-        borne = Borne(stress, np.zeros((self._structures.n_rows, stress.shape[2])))
-        states = self._timeline.states[: None if last is None else last + 1]
-        branches = Branches(states)
-        self._elastic.forget()
-        self.collapses = []
-        self.plastic.begin(values, plastic)
+        march, unit = self._march, self._options.unit_forces
+        u, carried = self._at_rest()
+        last = self._options.last
+        states = march.sequence.states[: None if last is None else last + 1]
+        bases = BaseStates(states)
         lost: set[int] = set()
         for n, state in enumerate(states):
             if n and state.base in lost:
                 lost.add(n)
-                yield _unknown(n, u, borne)
+                self._tell(n)
+                yield _unknown(n, u, carried)
                 continue
-            branches.go_to(n, u, borne)
+            bases.go_to(n, u, carried)
             forces = np.zeros_like(u)
-            forces[:, :n_columns] = self._actions.forces(n, values, names)
-            if push is not None:
-                push.add_to(forces, n)
+            forces[:, : self._point.n_columns] = march.actions.forces(n, self._point)
+            if unit is not None:
+                unit.add_to(forces, n)
             try:
-                yielded = self._advance(n, values, names, u, borne, forces)
+                yielded = self._advance(n, u, carried, forces)
             except CollapseError as error:
-                if not plastic.partial:
+                if not self._options.partial:
                     raise
-                self.collapses.append(error)
+                self._collapses.append(error)
                 lost.add(n)
-                yield _unknown(n, u, borne)
+                self._tell(n)
+                yield _unknown(n, u, carried)
                 continue
-            yield Standing(n, u, stress, borne.members, yielded)
-            branches.leave(n, u, borne)
-        self._elastic.forget()
+            self._tell(n)
+            yield StageEnd(n, u, carried.stress, carried.members, yielded)
+            bases.leave(n, u, carried)
+        self._factor.forget()
 
-    def _advance(
-        self,
-        number: int,
-        values: Mapping[str, float],
-        names: Sequence[str],
-        u: Floats,
-        borne: Borne,
-        forces: Floats,
-    ) -> Bools:
-        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is borne.
+    def _at_rest(self) -> tuple[Floats, Carried]:
+        """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
+        points, unit = self._systems.discretization.points, self._options.unit_forces
+        columns = self._point.n_columns + (unit.n_columns if unit else 0)
+        stress = np.zeros((points.n_strain, points.n_points, columns))
+        members = np.zeros((self._structures.n_rows, columns))
+        return np.zeros((self._systems.discretization.n_dofs, columns)), Carried(stress, members)
+
+    def _advance(self, number: int, u: Floats, carried: Carried, forces: Floats) -> Bools:
+        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is carried.
 
         Returns:
             (n_points,) the strain points that yield.
         """
-        still = np.zeros(self._systems.points.n_points, dtype=bool)
+        still = np.zeros(carried.stress.shape[1], dtype=bool)
         if number == 0:
-            self._begin(values, names, borne, forces)
+            self._begin(carried, forces)
             return still
-        system, state = self._systems[number], self._timeline.states[number]
-        forces += self._release.forces(number, borne.stress, values, names)
-        self._clear(system, state, borne, u)
-        strain = self._thermal.change(number, values, names)
-        task = self._task(number, values, names, borne, forces, strain)
-        du, yielded = (
-            self.plastic.step(task)
-            if self.plastic.yields(state)
-            else (self._elastic.step(task), still)
-        )
+        march, state = self._march, self._march.sequence.states[number]
+        held = march.release.held(number, self._held[state.base], carried.stress, self._point)
+        self._held[number] = held
+        forces += march.release.forces(number, held, self._point)
+        self._clear(self._systems[number], state, carried, u)
+        task = self._task(number, carried, forces, march.thermal.change(number, self._point))
+        if self._plastic.yields(state):
+            du, yielded = self._plastic.step(task)
+        else:
+            du, yielded = elastic_step(task, self._systems, self._factor), still
         u += du
         return yielded
 
-    def _begin(
-        self, values: Mapping[str, float], names: Sequence[str], borne: Borne, forces: Floats
-    ) -> None:
+    def _begin(self, carried: Carried, forces: Floats) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
 
         What is out of balance is small; it is taken as elastic. Where the stress then is must be
         inside the yield surfaces.
         """
-        system, stress = self._systems[0], borne.stress
-        stress[..., : 1 + len(names)] = self._virgin.columns(values, names)
+        system, stress = self._systems[0], carried.stress
+        stress[..., : self._point.n_columns] = self._march.in_situ.columns(self._point)
         stress[:, ~system.present] = 0.0
-        self.imbalance = self._imbalance(system, stress, forces)
-        task = self._task(0, values, names, borne, forces)
-        if self.imbalance > BALANCED:
-            self._elastic.step(task)
-        self.plastic.refuse_virgin(task)
+        self._imbalance = self._march.imbalance(stress, forces)
+        task = self._task(0, carried, forces)
+        if self._imbalance > BALANCED:
+            elastic_step(task, self._systems, self._factor)
+        self._plastic.refuse_virgin(task)
 
-    def virgin(self, values: Mapping[str, float], names: Sequence[str]) -> tuple[Floats, float]:
-        """The in-situ stress (n_strain, n_points, 1 + n) as given, and its imbalance.
-
-        The imbalance is the largest out-of-balance force relative to the forces at work; nothing
-        is factorized.
-        """
-        system, stress = self._systems[0], self._virgin.columns(values, names)
-        stress[:, ~system.present] = 0.0
-        forces = self._actions.forces(0, values, names)
-        return stress, self._imbalance(system, stress, forces)
-
-    def _imbalance(self, system: StageSystem, stress: Floats, forces: Floats) -> float:
-        """Largest out-of-balance force of a free unknown relative to the forces at work."""
-        internal = self._systems.points.forces(stress, system.volume)
-        rest = np.abs(forces - internal)[system.pattern.dofs].max(axis=0, initial=0.0)
-        scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
-        return float(np.max(rest / np.where(scale > 0, scale, 1.0)))
-
-    def _clear(self, system: StageSystem, state: State, borne: Borne, u: Floats) -> None:
-        """What is gone or placed anew bears nothing; nodes that are gone forget their motion."""
-        borne.clear(~system.present)
+    def _clear(
+        self, system: StageSystem, state: ConstructionState, carried: Carried, u: Floats
+    ) -> None:
+        """What is gone or placed anew carries nothing; nodes that are gone forget their motion."""
+        carried.clear(~system.present)
         for group in state.placed:
-            borne.clear(self._systems.points_of[group])
-        self._structures.clear(state, borne.members)
+            carried.clear(self._systems.discretization.points_of[group])
+        self._structures.clear(state, carried.members)
         u[~system.touched] = 0.0
 
     def _task(
-        self,
-        number: int,
-        values: Mapping[str, float],
-        names: Sequence[str],
-        borne: Borne,
-        forces: Floats,
-        thermal: Floats | None = None,
-    ) -> StepTask:
+        self, number: int, carried: Carried, forces: Floats, thermal: Floats | None = None
+    ) -> StageTask:
         """A state to be brought to equilibrium.
 
         ``thermal`` is the normal strain (n_points, 1 + n) of a change of temperature.
         """
-        system, state = self._systems[number], self._timeline.states[number]
-        laws = {
-            m: elasticity(self._case.materials[m], values, self._systems.points.n_strain)
-            for m in set(state.materials.values())
-        }
+        system, state = self._systems[number], self._march.sequence.states[number]
+        moduli = self._structures.moduli(state, self._point)
+        task = StageTask(
+            number, system, state, self._point, self._ground, carried, forces, moduli, thermal
+        )
         if thermal is not None:
-            _impose(thermal, system, laws, borne.stress)
-        moduli = self._structures.moduli(state, values, names)
-        return StepTask(number, system, state, values, names, laws, borne, forces, moduli, thermal)
+            _impose(task, thermal)
+        return task
 
 
-def _unknown(state: int, u: Floats, borne: Borne) -> Standing:
+def _unknown(state: int, u: Floats, carried: Carried) -> StageEnd:
     """A state that is not reached."""
-    still = np.zeros(borne.stress.shape[1], dtype=bool)
-    return Standing(state, u * np.nan, borne.stress * np.nan, borne.members * np.nan, still)
+    still = np.zeros(carried.stress.shape[1], dtype=bool)
+    nan = np.nan
+    return StageEnd(state, u * nan, carried.stress * nan, carried.members * nan, still)
 
 
-def _impose(
-    thermal: Floats, system: StageSystem, laws: Mapping[str, Floats], stress: Floats
-) -> None:
+def _impose(task: StageTask, thermal: Floats) -> None:
     """Take E eps_0 from the stress, with the derivatives of eps_0; those of E come later."""
-    for material, mine in system.points_of.items():
-        pressure = laws[material][:, :NORMAL_COMPONENTS].sum(axis=1)
-        stress[:, mine, : thermal.shape[1]] -= pressure[:, None, None] * thermal[mine]
+    moduli = task.elasticity()
+    for material, mine in task.system.points_of.items():
+        pressure = moduli[material][:, :NORMAL_COMPONENTS].sum(axis=1)
+        change = pressure[:, None, None] * thermal[mine]
+        task.carried.stress[:, mine, : thermal.shape[1]] -= change

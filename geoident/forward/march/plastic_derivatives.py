@@ -13,103 +13,86 @@ projection counts as active (see `geoident.fem.yielding.law`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from geoident.fem.solvers.protocol import Factor
-from geoident.fem.yielding.law import LawSlopes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.march.discretization import StageSystems
+from geoident.forward.march.elastic_step import add_moduli_slopes
 from geoident.forward.march.equilibrium import Balance
-from geoident.forward.march.hardening import Hardening
-from geoident.forward.march.stage_equations import StageEquations, Trial, flowing
-from geoident.forward.march.step import StepTask
-from geoident.forward.yielding.laws import law_slopes
-from geoident.model.arrays import Floats
-from geoident.model.case import Case
+from geoident.forward.march.stage_equations import Ground, StageEquations, Trial, flowing
+from geoident.forward.march.state import StageTask
+from geoident.forward.march.systems import StageSystems
+from geoident.model.arrays import Floats, Ints
 
 _SAME_TANGENT = 1e-7
 """Relative difference of tangents up to which a factor serves the derivatives."""
 
+_DERIVATIVES = slice(1, None)
+"""Columns of what the march carries; column 0 is the state."""
 
-class PlasticSlopes:
-    """Differentiates stages in which materials yield.
+
+def plastic_derivatives(
+    task: StageTask, systems: StageSystems, equations: StageEquations, balance: Balance
+) -> Floats:
+    """Derivatives (n_dofs, n + k) of the displacement step; updates those of what is carried.
 
     Args:
-        case: the case.
+        task: the stage; its state is still that of before.
         systems: the equations of the stages.
+        equations: those of this stage.
+        balance: their solution.
     """
+    trial, structures, points = balance.trial, systems.structures, systems.discretization.points
+    members = task.carried.members[:, 1:]
+    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(trial.du)[:, None]
+    slopes = _at_rest(task, systems, equations, trial)
+    rest = task.forces[:, 1:] - points.forces(slopes, task.system.volume)
+    if structures.n_rows:
+        rest -= structures.nodal_forces(members)
+    ddu = np.zeros_like(rest)
+    if len(equations.dofs):
+        factor = _exact_factor(equations, balance)
+        ddu[equations.dofs] = factor.solve(rest[equations.dofs])
+    task.carried.stress[..., 1:] = slopes + _following(task, points.strain(ddu), equations, trial)
+    if structures.n_rows:
+        members += task.moduli[:, :1] * structures.strain(ddu)
+    return ddu
 
-    def __init__(self, case: Case, systems: StageSystems) -> None:
-        self._case = case
-        self._systems = systems
-        self._structures = systems.structures
 
-    def of(self, task: StepTask, equations: StageEquations, balance: Balance) -> Floats:
-        """Derivatives (n_dofs, n + k) of the displacement step; updates what is borne.
+def _at_rest(
+    task: StageTask, systems: StageSystems, equations: StageEquations, trial: Trial
+) -> Floats:
+    """Derivatives g (s, n_points, n + k) of the stress, the displacements kept."""
+    slopes = np.ascontiguousarray(task.carried.stress[..., 1:])
+    strain = systems.discretization.points.strain(trial.du)
+    if task.thermal is not None:
+        strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
+    add_moduli_slopes(task, strain, slopes)
+    for ground, projection, mine in flowing(equations, trial):
+        before = None
+        if ground.hardens:
+            before = task.carried.multipliers(ground.name, mine, _DERIVATIVES)
+        slopes[:, mine], more = projection.derivatives(slopes[:, mine], before, of_law=True)
+        _add_multipliers(task, ground, mine, more)
+    return slopes
 
-        Args:
-            task: the stage; its state is still that of before.
-            equations: its equations.
-            balance: their solution.
-        """
-        trial = balance.trial
-        members = task.borne.members[:, 1:]
-        strain = self._structures.strain(trial.du)[:, None]
-        members[:, : len(task.names)] += task.moduli[:, 1:] * strain
-        slopes = self._at_rest(task, equations, trial)
-        rest = task.forces[:, 1:] - self._systems.points.forces(slopes, task.system.volume)
-        if self._structures.n_rows:
-            rest -= self._structures.nodal_forces(members)
-        ddu = np.zeros_like(rest)
-        if len(equations.dofs):
-            factor = _exact_factor(equations, balance)
-            ddu[equations.dofs] = factor.solve(rest[equations.dofs])
-        task.borne.stress[..., 1:] = slopes + self._following(task, equations, trial, ddu)
-        if self._structures.n_rows:
-            members += task.moduli[:, :1] * self._structures.strain(ddu)
-        return ddu
 
-    def _at_rest(self, task: StepTask, equations: StageEquations, trial: Trial) -> Floats:
-        """Derivatives g (s, n_points, n + k) of the stress, the displacements kept."""
-        slopes = np.ascontiguousarray(task.borne.stress[..., 1:])
-        strain = self._systems.points.strain(trial.du)
-        if task.thermal is not None:
-            strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
-        further = slopes.shape[2] - len(task.names)
-        hardening = Hardening(task, slopes.shape[2])
-        of_laws = {m: self._of_law(task, m) for m in task.system.points_of}
-        for material, mine in task.system.points_of.items():
-            for column, name in enumerate(task.names):
-                found = of_laws[material].get(name)
-                if found is not None and found.elasticity is not None:
-                    slopes[:, mine, column] += found.elasticity @ strain[:, mine]
-        for ground, projection, mine in flowing(equations, trial):
-            given = [of_laws[ground.name].get(name) for name in task.names] + [None] * further
-            before = hardening.before(ground, mine)
-            slopes[:, mine], more = projection.slopes(slopes[:, mine], given, before)
-            hardening.add(ground, mine, more)
-        return slopes
+def _following(task: StageTask, strain: Floats, equations: StageEquations, trial: Trial) -> Floats:
+    """T E C ddu (s, n_points, n + k) of strains C ddu, which are overwritten."""
+    stress = strain
+    for ground in equations.grounds:
+        mine = ground.points
+        stress[:, mine] = np.tensordot(ground.elasticity, stress[:, mine], axes=1)
+    for ground, projection, points in flowing(equations, trial):
+        stress[:, points], more = projection.derivatives(stress[:, points], of_law=False)
+        _add_multipliers(task, ground, points, more)
+    return stress
 
-    def _following(
-        self, task: StepTask, equations: StageEquations, trial: Trial, ddu: Floats
-    ) -> Floats:
-        """T E C ddu (s, n_points, n + k)."""
-        stress = self._systems.points.strain(ddu)
-        hardening = Hardening(task, stress.shape[2])
-        for ground in equations.grounds:
-            mine = ground.points
-            stress[:, mine] = np.tensordot(ground.elasticity, stress[:, mine], axes=1)
-        for ground, projection, points in flowing(equations, trial):
-            stress[:, points], more = projection.slopes(stress[:, points])
-            hardening.add(ground, points, more)
-        return stress
 
-    def _of_law(self, task: StepTask, material: str) -> Mapping[str, LawSlopes]:
-        n_strain = self._systems.points.n_strain
-        given = self._case.materials[material]
-        return law_slopes(given, task.values, task.names, n_strain)
+def _add_multipliers(task: StageTask, ground: Ground, points: Ints, more: Floats) -> None:
+    """Count further derivatives (y, q, n + k) of multipliers at points (q,)."""
+    if ground.hardens:
+        task.carried.add_multipliers(ground.name, points, _DERIVATIVES, more)
 
 
 def _exact_factor(equations: StageEquations, balance: Balance) -> Factor:

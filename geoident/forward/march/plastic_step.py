@@ -11,36 +11,34 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
-from geoident.fem.solvers.protocol import NotPositiveDefinite
-from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.location import format_point
+from geoident.fem.solvers.general import GeneralFactor
+from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
+from geoident.forward.discretization import numbers
 from geoident.forward.march.collapse import limit_of
-from geoident.forward.march.discretization import StageSystems
 from geoident.forward.march.elastic_step import not_positive_definite
 from geoident.forward.march.equilibrium import Balance, solve
-from geoident.forward.march.hardening import Hardening
-from geoident.forward.march.plastic_derivatives import PlasticSlopes
+from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage_equations import (
     Ground,
     NoEquilibrium,
     StageEquations,
     Trial,
     flowing,
-    numbers,
 )
-from geoident.forward.march.stage_tangents import StageTangents
-from geoident.forward.march.step import StepTask
-from geoident.forward.stages import State
+from geoident.forward.march.state import StageTask
+from geoident.forward.march.systems import StageSystems
+from geoident.forward.stages import ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
-from geoident.forward.yielding.laws import yield_law
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
-from geoident.model.certificate import Activity
 
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
@@ -52,7 +50,7 @@ Meshes that lock under flow without change of volume let pressures grow without 
 flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
 """
 
-_REMEMBERED = 4
+_KEPT = 4
 """Parameter vectors whose displacements are kept, to start from the nearest one."""
 
 _LOAD_STEPS = (1, 4, 16)
@@ -77,7 +75,7 @@ PERFECT = PlasticOptions()
 
 
 @dataclass(frozen=True)
-class _Memory:
+class _Known:
     """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
 
     values: Mapping[str, float]
@@ -86,84 +84,118 @@ class _Memory:
     slopes: Floats
 
 
+class WarmStart:
+    """Displacement steps at parameter vectors that are known, to start Newton's method from.
+
+    It is shared by all marches of a model: what one leaves helps the next to converge, and changes
+    its numbers no further than the tolerance of equilibrium.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[int, deque[_Known]] = {}
+
+    def guesses(self, task: StageTask) -> list[Floats]:
+        """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
+        kept = self._known.get(task.number)
+        if not kept:
+            return []
+        values = task.point.values
+        known = min(kept, key=lambda one: _far(one.values, values))
+        change = [values[name] - known.values[name] for name in known.names]
+        return [known.du, known.du + known.slopes @ np.array(change)]
+
+    def keep(self, task: StageTask, du: Floats) -> None:
+        """What a stage needed: du (n_dofs, 1 + n + k)."""
+        slopes = du[:, 1 : 1 + task.n].copy()
+        kept = self._known.setdefault(task.number, deque(maxlen=_KEPT))
+        kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
+
+
+@dataclass
+class PlasticFindings:
+    """What a march finds where materials yield.
+
+    Args:
+        record: what the yield planes do.
+        unbalanced: stage to the part of its change of load that is not balanced.
+    """
+
+    record: ActivityRecord
+    unbalanced: dict[str, float] = field(default_factory=dict)
+
+
 class PlasticSteps:
-    """Solves stages in which materials yield.
+    """Solves the stages of one march in which materials yield.
 
     Args:
         case: the case.
         systems: the equations of the stages.
+        warm: where Newton's method may start.
+        findings: of the march.
+        explain: find the part of the load that can be carried, where there is a collapse.
     """
 
-    def __init__(self, case: Case, systems: StageSystems) -> None:
+    def __init__(
+        self,
+        case: Case,
+        systems: StageSystems,
+        warm: WarmStart,
+        findings: PlasticFindings,
+        *,
+        explain: bool,
+    ) -> None:
         self._case = case
         self._systems = systems
         self._structures = systems.structures
-        self._slopes = PlasticSlopes(case, systems)
-        self._record = ActivityRecord(case, systems.points.n_strain)
-        self._memory: dict[int, deque[_Memory]] = {}
-        self._laws: dict[str, YieldLaw | None] = {}
-        self.left: dict[str, float] = {}  # stage to the part of its load that is not balanced
-        self._explain = True
+        self._warm = warm
+        self._findings = findings
+        self._record = findings.record
+        self._explain = explain
 
-    def begin(self, values: Mapping[str, float], options: PlasticOptions) -> None:
-        """A march begins at these parameter values."""
-        self._explain = options.explain
-        self._laws = {}
-        self.left = {}
-        self._record.begin(values)
-
-    def activity(self, names: Sequence[str]) -> Activity:
-        """Which planes were reached in the last march, with slopes by some parameters."""
-        return self._record.activity(names)
-
-    def yields(self, state: State) -> bool:
+    def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
         return any(self._case.materials[m].yields for m in state.materials.values())
 
-    def step(self, task: StepTask) -> tuple[Floats, Bools]:
-        """Solve a stage; updates what is borne.
+    def step(self, task: StageTask) -> tuple[Floats, Bools]:
+        """Solve a stage; updates what is carried.
 
         Returns:
             Displacement steps (n_dofs, 1 + n + k), and which strain points (n_points,) yield.
 
         Raises:
             CollapseError: the loads cannot be carried.
+            ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
-        laws = self._yield_laws(task)
+        laws = _yield_laws(task)
         if all(law.associated for law in laws.values()):
             return self._part(task, laws, warm=True)
         return self._in_load_steps(task, laws)
 
-    def _yield_laws(self, task: StepTask) -> dict[str, YieldLaw]:
-        """Laws of the materials that are there; one for the whole march, since it keeps faces."""
-        for name in task.system.points_of:
-            if name not in self._laws:
-                material, elasticity = self._case.materials[name], task.laws[name]
-                law = yield_law(material, task.values, elasticity)
-                self._laws[name] = law
-        found = ((name, self._laws[name]) for name in task.system.points_of)
-        return {name: law for name, law in found if law is not None}
+    def refuse_virgin(self, task: StageTask) -> None:
+        """Refuse an in-situ stress outside a yield surface, with place and factor.
 
-    def refuse_virgin(self, task: StepTask) -> None:
-        """Raise if the virgin stress is outside a yield surface, with place and factor."""
+        Raises:
+            ModelError: it is.
+        """
         if not self.yields(task.state):
             return
-        for material, law in self._yield_laws(task).items():
+        for material, law in _yield_laws(task).items():
             mine = task.system.points_of[material]
-            stress = np.ascontiguousarray(task.borne.stress[:, mine, 0])
+            stress = np.ascontiguousarray(task.carried.stress[:, mine, 0])
             excess = law.excess(stress)
             self._record.reach(material, excess)
             worst = np.unravel_index(np.argmax(excess), excess.shape)
             if excess[worst] > _OUTSIDE * np.abs(stress).max():
-                point = numbers(mine, self._systems.points.n_points)[worst[1]]
-                raise self._outside(task, material, int(worst[0]), int(point), excess[worst])
+                point = numbers(mine, self._systems.discretization.points.n_points)[worst[1]]
+                raise self._outside(law, material, int(worst[0]), int(point), excess[worst])
 
     def _outside(
-        self, task: StepTask, material: str, plane: int, point: int, excess: float
+        self, law: YieldLaw, material: str, plane: int, point: int, excess: float
     ) -> ModelError:
-        distance = self._record.distance(material, plane)
+        distance = float(law.planes.distances.value[plane])
+        place = format_point(self._systems.discretization.points.position[point])
         msg = f"the in-situ stress is outside the yield surface of {material} near "
-        msg += f"{self._systems.describe_point(point)}, at its {self._record.name(material, plane)}"
+        msg += f"{place}, at its {law.planes.names[plane]}"
         if distance > 0.0:
             msg += f": by a factor of {1.0 + excess / distance:.3g}"
         else:
@@ -173,14 +205,14 @@ class PlasticSteps:
         path = ("materials", material, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
-    def _in_load_steps(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+    def _in_load_steps(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
         """The same in parts of the load; more of them where Newton's method fails."""
-        start, before, done = task.borne.copy(), self._internal(task), 0.0
+        start, before, done = task.carried.copy(), self._internal(task), 0.0
         for count in _LOAD_STEPS:
-            self.left.pop(task.state.name, None)
+            self._findings.unbalanced.pop(task.state.name, None)
             self._record.forget(task.number)
             total = np.zeros_like(task.forces)
-            yielded = np.zeros(self._systems.points.n_points, dtype=bool)
+            yielded = np.zeros(self._systems.discretization.points.n_points, dtype=bool)
             for part in range(1, count + 1):
                 forces = before + part / count * (task.forces - before)
                 thermal = task.thermal if part == 1 else None
@@ -188,84 +220,68 @@ class PlasticSteps:
                 try:
                     du, now = self._part(piece, laws, warm=False)
                 except CollapseError:
-                    task.borne.restore(start)
+                    task.carried.restore(start)
                     break
                 total, yielded, done = total + du, yielded | now, max(done, part / count)
             else:
                 return total, yielded
         raise self._collapse(task, done, None, proven=False)
 
-    def _internal(self, task: StepTask) -> Floats:
-        """Forces (n_dofs, 1 + n + k) that hold what is borne."""
-        points = self._systems.points
-        internal = points.forces(task.borne.stress, task.system.volume)
+    def _internal(self, task: StageTask) -> Floats:
+        """Forces (n_dofs, 1 + n + k) that hold what is carried."""
+        points = self._systems.discretization.points
+        internal = points.forces(task.carried.stress, task.system.volume)
         if self._structures.n_rows:
-            internal += self._structures.nodal_forces(task.borne.members)
+            internal += self._structures.nodal_forces(task.carried.members)
         return internal
 
     def _part(
-        self, task: StepTask, laws: Mapping[str, YieldLaw], *, warm: bool
+        self, task: StageTask, laws: Mapping[str, YieldLaw], *, warm: bool
     ) -> tuple[Floats, Bools]:
         equations = self._equations(task, laws)
-        balance = self._balance(task, equations, self._guesses(task) if warm else [])
+        balance = self._balance(task, equations, self._warm.guesses(task) if warm else [])
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
         if du.shape[1] > 1:
-            du[:, 1:] = self._slopes.of(task, equations, balance)
+            du[:, 1:] = plastic_derivatives(task, self._systems, equations, balance)
         self._accept(task, equations, balance.trial)
-        if balance.left > 0.0:
-            self.left[task.state.name] = max(balance.left, self.left.get(task.state.name, 0.0))
+        if balance.unbalanced > 0.0:
+            known = self._findings.unbalanced.get(task.state.name, 0.0)
+            self._findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
         if warm:
-            self._remember(task, du)
+            self._warm.keep(task, du)
         return du, yielded_points(equations, balance.trial)
 
-    def _equations(self, task: StepTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
-        grounds = [
-            Ground(m, mine, task.laws[m], laws.get(m), self._hardened(task, m, laws.get(m)))
-            for m, mine in task.system.points_of.items()
-        ]
+    def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
+        moduli = task.elasticity()
+        grounds = []
+        for m, mine in task.system.points_of.items():
+            law = laws.get(m)
+            hardened = None
+            if law is not None and law.hardens:
+                hardened = task.carried.multipliers(m, mine, 0)
+            grounds.append(Ground(m, mine, moduli[m], law, hardened))
         members: Callable[[Floats], Floats] | None = None
         if self._structures.n_rows:
 
             def members(du: Floats) -> Floats:
                 more = task.moduli[:, 0] * self._structures.strain(du)
-                return self._structures.nodal_forces((task.borne.members[:, 0] + more)[:, None])[
-                    :, 0
-                ]
+                total = (task.carried.members[:, 0] + more)[:, None]
+                return self._structures.nodal_forces(total)[:, 0]
 
         return StageEquations(
-            self._systems.points,
+            self._systems.discretization.points,
             volume=task.system.volume,
             dofs=task.system.pattern.dofs,
             grounds=grounds,
-            stress=np.ascontiguousarray(task.borne.stress[..., 0]),
+            stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],
-            tangents=StageTangents(self._systems, task),
+            tangents=_Tangents(self._systems, task, moduli),
             members=members,
         )
 
-    def _hardened(self, task: StepTask, material: str, law: YieldLaw | None) -> Floats | None:
-        if law is None or not law.hardens or material not in task.borne.hardened:
-            return None
-        return task.borne.hardened[material][:, task.system.points_of[material], 0]
-
-    def _guesses(self, task: StepTask) -> list[Floats]:
-        """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
-        kept = self._memory.get(task.number)
-        if not kept:
-            return []
-        memory = min(kept, key=lambda known: _far(known.values, task.values))
-        change = [task.values[name] - memory.values[name] for name in memory.names]
-        return [memory.du, memory.du + memory.slopes @ np.array(change)]
-
-    def _remember(self, task: StepTask, du: Floats) -> None:
-        names = tuple(task.names)
-        slopes = du[:, 1 : 1 + len(names)].copy()
-        kept = self._memory.setdefault(task.number, deque(maxlen=_REMEMBERED))
-        kept.append(_Memory(dict(task.values), names, du[:, 0].copy(), slopes))
-
     def _balance(
-        self, task: StepTask, equations: StageEquations, guesses: Sequence[Floats]
+        self, task: StageTask, equations: StageEquations, guesses: Sequence[Floats]
     ) -> Balance:
         """Equilibrium, or the reason why there is none."""
         try:
@@ -279,6 +295,10 @@ class PlasticSteps:
         except EmptyDomain as error:
             msg = f"the yield planes of a material contradict each other: {error}"
             raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
+        except NoProjection as error:
+            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
+            hint = "Leave out planes that are the same but for little, or move them apart."
+            raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
             # Whoever searches needs only to know that there is none; load steps say it themselves.
             if not (equations.associated and self._explain):
@@ -288,11 +308,11 @@ class PlasticSteps:
     def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
         """Whether yielding points are strained beyond what small strains can describe."""
         flows = [mine for _, _, mine in flowing(equations, found.trial)]
-        strain = self._systems.points.strain(found.trial.du)
+        strain = self._systems.discretization.points.strain(found.trial.du)
         return any(np.abs(strain[:, mine]).max() > _WITHOUT_MEANING for mine in flows)
 
     def _after_limit(
-        self, task: StepTask, equations: StageEquations, error: NoEquilibrium
+        self, task: StageTask, equations: StageEquations, error: NoEquilibrium
     ) -> Balance:
         """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
         limit = limit_of(equations)
@@ -304,7 +324,7 @@ class PlasticSteps:
             raise self._collapse(task, np.nan, again.mechanism) from again
 
     def _collapse(
-        self, task: StepTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
+        self, task: StageTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
     ) -> CollapseError:
         msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
@@ -319,19 +339,51 @@ class PlasticSteps:
             msg += self._systems.describe_motion(mechanism)
         return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
 
-    def _accept(self, task: StepTask, equations: StageEquations, trial: Trial) -> None:
-        """The state of what is borne after the step."""
-        task.borne.stress[..., 0] = trial.stress
+    def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
+        """The state of what is carried after the step."""
+        task.carried.stress[..., 0] = trial.stress
         if self._structures.n_rows:
-            task.borne.members[:, 0] += task.moduli[:, 0] * self._structures.strain(trial.du)
-        hardening = Hardening(task, 1, state=True)
+            task.carried.members[:, 0] += task.moduli[:, 0] * self._structures.strain(trial.du)
         for ground, projection, mine in flowing(equations, trial):
-            hardening.add(ground, mine, projection.multipliers.T[..., None])
+            if ground.hardens:
+                more = projection.multipliers.T[..., None]
+                task.carried.add_multipliers(ground.name, mine, slice(0, 1), more)
             self._record.flow(task.number, ground.name, projection)
         for ground in equations.grounds:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
                 self._record.reach(ground.name, excess)
+
+
+class _Tangents:
+    """Factors of K plus changes at strain points, for one stage and parameter vector."""
+
+    def __init__(
+        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Floats]
+    ) -> None:
+        self._systems = systems
+        self._system = task.system
+        self._elastic = systems.values(task.system, task.state, moduli, task.point.values)
+
+    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+        """Factor of K plus changes (q, s, s) of V E at some points (q,)."""
+        below, above = self._elastic, self._elastic
+        if len(points):
+            more = self._systems.tangents(self._system).added(points, change, symmetric=symmetric)
+            below, above = below + more[0], above + more[1]
+        analysis = self._systems.analysis(self._system)
+        if analysis is None:
+            raise AssertionError
+        if symmetric or not len(points):
+            return analysis.factorize(below)
+        counts = self._systems.solver_counts
+        return GeneralFactor(self._system.pattern.lower, below, above, counts)
+
+
+def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:
+    """Laws of the materials that are there and yield."""
+    found = ((name, task.ground.yield_law(name)) for name in task.system.points_of)
+    return {name: law for name, law in found if law is not None}
 
 
 def _far(one: Mapping[str, float], other: Mapping[str, float]) -> float:

@@ -13,13 +13,13 @@ from typing import Protocol
 import numpy as np
 
 from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
+from geoident.forward.discretization import Index, numbers
 from geoident.model.arrays import Floats, Ints
 
-LEFT = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 """Parts of the elastic stiffness left in a tangent, by level."""
-
-Index = Ints | slice
 
 
 class Operators(Protocol):
@@ -60,6 +60,11 @@ class Ground:
     elasticity: Floats
     law: YieldLaw | None = None
     hardened: Floats | None = None
+
+    @property
+    def hardens(self) -> bool:
+        """Whether multipliers of earlier stages count."""
+        return self.law is not None and self.law.hardens
 
 
 class NoEquilibrium(ArithmeticError):
@@ -144,13 +149,13 @@ class StageEquations:
         )  # fmt: skip
 
     def before(self) -> Floats:
-        """(n_dofs,) forces that hold what is borne before the stage."""
+        """(n_dofs,) forces that hold what is carried into the stage."""
         internal = self.operators.forces(self.stress, self.volume)
         return internal if self._members is None else internal + self._members(0.0 * internal)
 
     @cached_property
     def _at_work(self) -> float:
-        """Largest force that is given or borne before, N.
+        """Largest force that is given or carried, N.
 
         Signs at random keep the forces of an element from cancelling those of the next, so that
         stress in equilibrium with itself counts.
@@ -180,6 +185,8 @@ class StageEquations:
             return None
         try:
             projection = ground.law.project(trial, ground.hardened)
+        except NoProjection:
+            raise
         except ArithmeticError as error:  # flow that is not associated may lead nowhere
             raise NoEquilibrium(None) from error
         stress[:, mine] = projection.stress
@@ -208,14 +215,14 @@ class StageEquations:
         return energy
 
     def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
-        """Factor of the consistent tangent, and which of `LEFT` it needed, from a first."""
+        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed."""
         points, change = self.changes(trial)
-        for level in range(least, len(LEFT)):
-            part = (1.0 - LEFT[level]) * change
+        for level in range(least, len(ELASTIC_PARTS)):
+            part = (1.0 - ELASTIC_PARTS[level]) * change
             try:
                 return self._tangents(points, part, symmetric=self.associated), level
             except NotPositiveDefinite:
-                if level == len(LEFT) - 1 or not len(points):
+                if level == len(ELASTIC_PARTS) - 1 or not len(points):
                     raise
         raise AssertionError
 
@@ -241,11 +248,6 @@ class StageEquations:
         full = np.zeros(self.forces.shape[0])
         full[self.dofs] = free
         return full
-
-
-def numbers(index: Index, n: int) -> Ints:
-    """A slice or an array of numbers as numbers."""
-    return np.arange(n)[index] if isinstance(index, slice) else index
 
 
 def flowing(equations: StageEquations, trial: Trial) -> list[tuple[Ground, Projection, Ints]]:

@@ -1,14 +1,22 @@
-"""What travels through the march: forces that push, what is borne, where it stands."""
+"""What travels through the march: stress and forces carried, one stage to be solved, its end."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from geoident.forward.discretization import Index
+from geoident.forward.ground_at import GroundAt
+from geoident.forward.march.systems import StageSystem
+from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import ParameterPoint
 
 
 @dataclass(frozen=True)
-class Push:
+class UnitForces:
     """Forces along the readings, beside those of the case.
 
     Args:
@@ -36,8 +44,8 @@ class Push:
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Where the march stands at the end of a state. Arrays are the march's own: copy to keep.
+class StageEnd:
+    """The state of equilibrium at the end of a stage. Arrays are the march's own: copy to keep.
 
     Args:
         state: index of the state.
@@ -55,8 +63,8 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Borne:
-    """What ground and structures bear, changed in place.
+class Carried:
+    """What ground and structures carry from one stage to the next, changed in place.
 
     Args:
         stress: (n_strain, n_points, k), Pa.
@@ -69,23 +77,113 @@ class Borne:
     members: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
 
-    def columns(self, part: slice) -> Borne:
+    def columns(self, part: slice) -> Carried:
         """Some of its columns, not copied."""
-        return Borne(self.stress[..., part], self.members[:, part])
+        return Carried(self.stress[..., part], self.members[:, part])
 
     def clear(self, points: Bools | Ints | slice) -> None:
-        """Strain points that are gone or placed anew bear nothing and have not hardened."""
+        """Strain points that are gone or placed anew carry nothing and have not hardened."""
         self.stress[:, points] = 0.0
         for multipliers in self.hardened.values():
             multipliers[:, points] = 0.0
 
-    def copy(self) -> Borne:
+    def multipliers(self, material: str, points: Index, columns: slice | int) -> Floats | None:
+        """Multipliers so far (y, q, ...) of a material at some points (q,); None for none."""
+        found = self.hardened.get(material)
+        return None if found is None else found[:, points, columns]
+
+    def add_multipliers(self, material: str, points: Index, columns: slice, more: Floats) -> None:
+        """Add multipliers (y, q, c) of a material that hardens in c columns at points (q,)."""
+        if material not in self.hardened:
+            shape = (more.shape[0], *self.stress.shape[1:])
+            self.hardened[material] = np.zeros(shape)
+        self.hardened[material][:, points, columns] += more
+
+    def copy(self) -> Carried:
         """A copy of its own."""
         hardened = {name: values.copy() for name, values in self.hardened.items()}
-        return Borne(self.stress.copy(), self.members.copy(), hardened)
+        return Carried(self.stress.copy(), self.members.copy(), hardened)
 
-    def restore(self, kept: Borne) -> None:
+    def restore(self, kept: Carried) -> None:
         """Take over the values of a copy."""
         self.stress[:], self.members[:] = kept.stress, kept.members
         self.hardened.clear()
         self.hardened.update({name: values.copy() for name, values in kept.hardened.items()})
+
+
+class BaseStates:
+    """Keeps what later states build on, as long as they need it, and no longer.
+
+    Args:
+        states: of the march.
+    """
+
+    def __init__(self, states: Sequence[ConstructionState]) -> None:
+        self._bases = [state.base for state in states]
+        self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
+        self._kept: dict[int, tuple[Floats, Carried]] = {}
+
+    def go_to(self, state: int, u: Floats, carried: Carried) -> None:
+        """Put the displacements and stresses in place on which a state builds.
+
+        Args:
+            state: index of the state.
+            u: (n_dofs, 1 + n + k), overwritten.
+            carried: overwritten.
+        """
+        base = self._bases[state]
+        if base == state - 1 or state == 0:
+            return
+        u[:], kept = self._kept[base]
+        carried.restore(kept)
+        if self._last_use[base] == state:
+            del self._kept[base]
+
+    def leave(self, state: int, u: Floats, carried: Carried) -> None:
+        """Copy them where a later state builds on this one, but not the next.
+
+        Args:
+            state: index of the state.
+            u: (n_dofs, 1 + n + k).
+            carried: at its end.
+        """
+        if self._last_use.get(state, -1) > state:
+            self._kept[state] = u.copy(), carried.copy()
+
+
+@dataclass(frozen=True)
+class StageTask:
+    """One stage to be solved.
+
+    Args:
+        number: of the state.
+        system: its equations.
+        state: what is there.
+        point: the parameters, and those to differentiate by.
+        ground: moduli and yield laws there.
+        carried: before the stage, without what left; thermal strains are in it. Changed in place.
+        forces: (n_dofs, 1 + n + k).
+        moduli: (n_rows, 1 + n) of structures.
+        thermal: (n_points, 1 + n) normal strains, or None.
+    """
+
+    number: int
+    system: StageSystem
+    state: ConstructionState
+    point: ParameterPoint
+    ground: GroundAt
+    carried: Carried
+    forces: Floats
+    moduli: Floats
+    thermal: Floats | None
+
+    @property
+    def n(self) -> int:
+        """Number of parameters to differentiate by."""
+        return len(self.point.names)
+
+    def elasticity(self) -> dict[str, Floats]:
+        """E (s, s) of every material that is there, Pa."""
+        return {
+            m: np.ascontiguousarray(self.ground.elasticity(m).value) for m in self.system.points_of
+        }

@@ -34,7 +34,7 @@ so one set of formulas serves both.
 *Unloading* (p rises again after contraction has yielded) is elastic until the wall yields the other
 way, after a change of Q_a; what lies beyond is refused.
 
-All are written with jets, so derivatives by every parameter are exact.
+All are written with dual numbers, so derivatives by every parameter are exact.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ import numpy as np
 
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
 from geoident.model.arrays import Floats
-from geoident.model.dual import Jet, Number
+from geoident.model.dual import Dual, Number
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ class Rock:
         out_of_plane: z0, the normal stress out of the plane before the opening, Pa.
     """
 
-    E: Jet
-    nu: Jet
-    pressure: Jet
-    out_of_plane: Jet
+    E: Dual
+    nu: Dual
+    pressure: Dual
+    out_of_plane: Dual
 
     @property
-    def shear(self) -> Jet:
+    def shear(self) -> Dual:
         """Shear modulus G, Pa."""
         return self.E / (2.0 * (1.0 + self.nu))
 
@@ -81,11 +81,11 @@ class Strength:
         K: the slope of the flow.
     """
 
-    N: Jet
-    Y: Jet
-    K: Jet
+    N: Dual
+    Y: Dual
+    K: Dual
 
-    def hoop(self, radial: Jet) -> Jet:
+    def hoop(self, radial: Dual) -> Dual:
         """sigma_t at the limit."""
         return self.N * radial + self.Y
 
@@ -94,16 +94,16 @@ class Strength:
         """The same limit for expansion: sigma_r = N sigma_t + Y solved for sigma_t."""
         return Strength(1.0 / self.N, -self.Y / self.N, 1.0 / self.K)
 
-    def difference(self, radial: Jet) -> Jet:
+    def difference(self, radial: Dual) -> Dual:
         """Q = sigma_t - sigma_r at the limit."""
         return (self.N - 1.0) * radial + self.Y
 
-    def critical(self, pressure: Jet) -> Jet:
+    def critical(self, pressure: Dual) -> Dual:
         """sigma_R, the inner pressure at which the wall begins to yield."""
         return (2.0 * pressure - self.Y) / (self.N + 1.0)
 
 
-def mohr_coulomb(cohesion: Jet, friction: Jet, dilation: Jet) -> Strength:
+def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
     """The limit of cohesion c (Pa), friction angle phi and dilation angle psi (rad).
 
     Tresca where both angles are zero.
@@ -113,7 +113,7 @@ def mohr_coulomb(cohesion: Jet, friction: Jet, dilation: Jet) -> Strength:
     return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), _slope(dilation))
 
 
-def _slope(angle: Jet) -> Jet:
+def _slope(angle: Dual) -> Dual:
     sine = angle.through(np.sin, np.cos)
     return (1.0 + sine) / (1.0 - sine)
 
@@ -133,18 +133,18 @@ class _Zone:
 
     rock: Rock
     limit: Strength
-    outer: Jet
-    radial: Jet
-    moved: Jet
+    outer: Dual
+    radial: Dual
+    moved: Dual
     edge: bool
 
-    def stress(self, r: Number) -> Jet:
+    def stress(self, r: Number) -> Dual:
         """sigma_r = radial - Q (1 - e^(-(N-1) l)) / (N - 1), with l = ln(outer / r)."""
         way = (self.outer / r).log()
         fall = way * exp_divided((1.0 - self.limit.N) * way)
         return self.radial - self.limit.difference(self.radial) * fall
 
-    def displacement(self, r: Number) -> Jet:
+    def displacement(self, r: Number) -> Dual:
         """At r: e^(K l) (moved + outer * integral over 0..l of e^(-(K+1) t) g(t) dt)."""
         way, N, K = (self.outer / r).log(), self.limit.N, self.limit.K
         first, second = -(K + 1.0) * way, -(K + N) * way
@@ -152,25 +152,25 @@ class _Zone:
         integral = way * (self._g() * exp_divided(first) - self._dg() * fall)
         return (K * way).exp() * (self.moved + self.outer * integral)
 
-    def axial(self, radial: Jet) -> Jet:
+    def axial(self, radial: Dual) -> Dual:
         """sigma_z where sigma_r is given."""
         rock, hoop = self.rock, self.limit.hoop(radial)
         if self.edge:
             return hoop
         return rock.out_of_plane + rock.nu * (radial + hoop - 2.0 * rock.pressure)
 
-    def _g(self) -> Jet:
+    def _g(self) -> Dual:
         """The source g at the outer radius."""
         rock, hoop = self.rock, self.limit.hoop(self.radial)
         across = hoop - rock.pressure + self.axial(self.radial) - rock.out_of_plane
         return self._strain(self.radial - rock.pressure, across)
 
-    def _dg(self) -> Jet:
+    def _dg(self) -> Dual:
         """Its change dg / d sigma_r, 1/Pa."""
         nu, N = self.rock.nu, self.limit.N
         return self._strain(1.0, N + N if self.edge else N + nu * (1.0 + N))
 
-    def _strain(self, radial: Number, across: Jet) -> Jet:
+    def _strain(self, radial: Number, across: Dual) -> Dual:
         """e_r + K (e_t + e_z) of changes of sigma_r and of sigma_t + sigma_z."""
         nu, K = self.rock.nu, self.limit.K
         return ((1.0 - 2.0 * nu * K) * radial + (K * (1.0 - nu) - nu) * across) / self.rock.E
@@ -191,39 +191,39 @@ class Opening:
         self.strength = strength
 
     @property
-    def critical(self) -> tuple[Jet, Jet] | None:
+    def critical(self) -> tuple[Dual, Dual] | None:
         """Pressures below and above which the wall yields, Pa; None where it never does."""
         if self.strength is None:
             return None
         p0 = self.rock.pressure
         return self.strength.critical(p0), self.strength.reversed.critical(p0)
 
-    def under(self, pressure: Jet) -> State:
+    def under(self, pressure: Dual) -> GroundState:
         """The ground when the pressure inside went from p0 to this, Pa, in one direction.
 
         Raises:
             BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
         """
         if self.strength is None or self.critical is None:
-            return State(self, pressure)
+            return GroundState(self, pressure)
         below, above = self.critical
         if pressure.value < below.value:
             return PlasticState(self, pressure, self.strength)
         if pressure.value > above.value:
             return PlasticState(self, pressure, self.strength.reversed)
         hoop = 2.0 * self.rock.pressure - pressure
-        wall = [float(jet.value) for jet in (pressure, hoop, self.rock.out_of_plane)]
+        wall = [float(dual.value) for dual in (pressure, hoop, self.rock.out_of_plane)]
         if max(wall) > self.strength.hoop(self.rock.pressure * 0.0 + min(wall)).value:
             raise BeyondClosedForm(OUT_OF_PLANE)
-        return State(self, pressure)
+        return GroundState(self, pressure)
 
-    def history(self, pressures: Sequence[Jet]) -> Iterator[State]:
+    def history(self, pressures: Sequence[Dual]) -> Iterator[GroundState]:
         """The ground under pressures that follow each other, p0 before the first.
 
         Raises:
             BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
         """
-        turned: State | None = None  # first loading ended there, and all since is elastic
+        turned: GroundState | None = None  # first loading ended there, and all since is elastic
         for pressure in pressures:
             if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
                 turned = self.under(pressure)
@@ -247,7 +247,7 @@ class BeyondClosedForm(Exception):
         super().__init__(reason)
 
 
-class State:
+class GroundState:
     """The ground under an inner pressure: elastic here, see `PlasticState` and `Unloaded`.
 
     Attributes:
@@ -255,34 +255,34 @@ class State:
         edge_radius: the radius inside which sigma_z = sigma_t, m; None where that is nowhere.
     """
 
-    plastic_radius: Jet | None = None
-    edge_radius: Jet | None = None
+    plastic_radius: Dual | None = None
+    edge_radius: Dual | None = None
 
-    def __init__(self, opening: Opening, pressure: Jet) -> None:
+    def __init__(self, opening: Opening, pressure: Dual) -> None:
         self.opening = opening
         self.pressure = pressure
 
-    def displacement(self, r: Floats) -> Jet:
+    def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a from the virgin state, m, outwards."""
         return _lame(self.opening.rock, self.pressure, self.opening.radius, r)[0]
 
-    def stresses(self, r: Floats) -> tuple[Jet, Jet, Jet]:
+    def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
         rock = self.opening.rock
         _, change = _lame(rock, self.pressure, self.opening.radius, r)
         return rock.pressure + change, rock.pressure - change, rock.out_of_plane + 0.0 * change
 
 
-def _lame(rock: Rock, pressure: Jet, radius: Number, r: Floats) -> tuple[Jet, Jet]:
+def _lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, Dual]:
     """u_r and the change of sigma_r at radii r (m,) around a pressure at a radius."""
     change = (pressure - rock.pressure) * radius * radius / r**2
     return change * r / (2.0 * rock.shear), change
 
 
-class PlasticState(State):
+class PlasticState(GroundState):
     """The ground around a wall that yields, loaded in one direction."""
 
-    def __init__(self, opening: Opening, pressure: Jet, limit: Strength) -> None:
+    def __init__(self, opening: Opening, pressure: Dual, limit: Strength) -> None:
         super().__init__(opening, pressure)
         self._limit = limit
         rock = opening.rock
@@ -295,12 +295,12 @@ class PlasticState(State):
         self.plastic_radius = self._outer
         self._find_edge()
 
-    def goes_on(self, pressure: Jet) -> bool:
+    def goes_on(self, pressure: Dual) -> bool:
         """Whether a next pressure loads further in the same direction."""
         onward = self.pressure.value - self.opening.rock.pressure.value
         return bool((pressure.value - self.pressure.value) * onward >= 0.0)
 
-    def bears(self, pressure: Jet) -> bool:
+    def bears(self, pressure: Dual) -> bool:
         """Whether the wall stays elastic on the way back to a pressure.
 
         A change d adds to sigma_r what it takes from sigma_t: the other limit is met at d = Q.
@@ -308,12 +308,12 @@ class PlasticState(State):
         change = pressure.value - self.pressure.value
         return bool(abs(change) <= abs(self._limit.difference(self.pressure).value))
 
-    def displacement(self, r: Floats) -> Jet:
+    def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a, m."""
         outside, _ = _lame(self.opening.rock, self._critical, self._outer, r)
         return self._replaced(outside, r, lambda zone, inner: zone.displacement(inner))
 
-    def stresses(self, r: Floats) -> tuple[Jet, Jet, Jet]:
+    def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
         rock, limit = self.opening.rock, self._limit
         _, change = _lame(rock, self._critical, self._outer, r)
@@ -324,15 +324,15 @@ class PlasticState(State):
             self._replaced(far[2], r, lambda zone, inner: zone.axial(zone.stress(inner))),
         )
 
-    def _replaced(self, far: Jet, r: Floats, formula: Callable[[_Zone, Floats], Jet]) -> Jet:
+    def _replaced(self, far: Dual, r: Floats, formula: Callable[[_Zone, Floats], Dual]) -> Dual:
         """What holds far away, (m,), with what the zones say inside them."""
         columns = far.columns.copy()
         for zone in self._zones:
             inside = r < zone.outer.value
             columns[inside] = formula(zone, r[inside]).columns
-        return Jet(columns)
+        return Dual(columns)
 
-    def _radius(self, radial: Jet) -> Jet:
+    def _radius(self, radial: Dual) -> Dual:
         """The radius at which sigma_r has a value: ln(r / a) = ln(Q / Q_a) / (N - 1)."""
         wall, rise = self._limit.difference(self.pressure), radial - self.pressure
         way = rise / wall * log_divided((self._limit.N - 1.0) * rise / wall)
@@ -353,7 +353,7 @@ class PlasticState(State):
         excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * Y
         divisor = N - nu * (1.0 + N)
         radial = excess / divisor if divisor.value != 0.0 else None
-        within = sorted(float(jet.value) for jet in (self.pressure, self._critical))
+        within = sorted(float(dual.value) for dual in (self.pressure, self._critical))
         inner = self.pressure
         if radial is not None and within[0] < radial.value < within[1]:
             inner = radial
@@ -363,7 +363,7 @@ class PlasticState(State):
         if not (self._is_middle(self._critical) and self._is_middle(inner)):
             raise BeyondClosedForm(OUT_OF_PLANE)
 
-    def _is_middle(self, radial: Jet) -> bool:
+    def _is_middle(self, radial: Dual) -> bool:
         """Whether sigma_z of the face zone lies between the others, to rounding."""
         axial, hoop = self._zones[0].axial(radial).value, self._limit.hoop(radial).value
         slack = 1e-9 * abs(hoop - radial.value)
@@ -371,23 +371,23 @@ class PlasticState(State):
         return bool(low - slack <= axial <= high + slack)
 
 
-class Unloaded(State):
+class Unloaded(GroundState):
     """The ground after the pressure went back elastically from where it had yielded."""
 
-    def __init__(self, turned: PlasticState, pressure: Jet) -> None:
+    def __init__(self, turned: PlasticState, pressure: Dual) -> None:
         super().__init__(turned.opening, pressure)
         self._turned = turned
         self.plastic_radius, self.edge_radius = turned.plastic_radius, turned.edge_radius
 
-    def displacement(self, r: Floats) -> Jet:
+    def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a, m."""
         return self._turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
 
-    def stresses(self, r: Floats) -> tuple[Jet, Jet, Jet]:
+    def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
         radial, hoop, axial = self._turned.stresses(r)
         return radial + self._back(r), hoop - self._back(r), axial
 
-    def _back(self, r: Floats) -> Jet:
+    def _back(self, r: Floats) -> Dual:
         """The change of sigma_r since."""
         return (self.pressure - self._turned.pressure) * (self.opening.radius / r) ** 2

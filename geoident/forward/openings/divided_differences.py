@@ -1,4 +1,4 @@
-"""Divided differences of the exponential and the logarithm, of jets, with no cancellation.
+"""Divided differences of the exponential and the logarithm, of dual numbers, with no cancellation.
 
 Integrals of powers end in quotients such as (x^m - 1) / m, which lose all digits as m goes to zero
 though nothing happens there (Mohr-Coulomb becomes Tresca). They are divided differences:
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from geoident.model.arrays import Floats
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
@@ -23,14 +23,14 @@ _NEAR = 0.5
 """From here on ln(1 + x) / x and its derivative are taken as they are written."""
 
 
-def exp_divided(*nodes: Jet) -> Jet:
+def exp_divided(*nodes: Dual) -> Dual:
     """exp[0, x1, .., xn], the divided difference of exp over 0 and the nodes.
 
     It is the integral over 0 < t_n < .. < t_1 < 1 of exp(x1 (t_1 - t_2) + .. + xn t_n) (Hermite and
     Genocchi), and the corner of exp of the matrix with the nodes on its diagonal and ones above it
     (G. Opitz, Steigungsmatrizen, Z. angew. Math. Mech. 44, 1964).
 
-    >>> one = Jet(np.array([1.0, 0.0]))
+    >>> one = Dual(np.array([1.0, 0.0]))
     >>> round(float(exp_divided(one).value), 12) == round(np.e - 1.0, 12)
     True
     """
@@ -39,14 +39,14 @@ def exp_divided(*nodes: Jet) -> Jet:
     result = np.zeros(np.broadcast_shapes(*(node.columns.shape for node in nodes)))
     result[..., 0] = _corner([np.zeros_like(values[0]), *values])
     if nodes[0].columns.shape[-1] == 1:  # no parameters
-        return Jet(result)
+        return Dual(result)
     for value, node in zip(values, nodes, strict=True):
         slope = _corner([np.zeros_like(value), *values, value])
         result[..., 1:] += slope[..., None] * node.columns[..., 1:]
-    return Jet(result)
+    return Dual(result)
 
 
-def log_divided(x: Jet) -> Jet:
+def log_divided(x: Dual) -> Dual:
     """ln[1, 1 + x] = ln(1 + x) / x for x > -1, one at x = 0."""
     return x.through(_log_ratio, _log_ratio_slope)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.ground.elasticity import Values
-from geoident.forward.march.state import Standing
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.result import MemberForces
 from geoident.model.structures import Beam, Bolts, Structure
 
@@ -17,21 +16,23 @@ from geoident.model.structures import Beam, Bolts, Structure
 class MemberRecorder:
     """Turns the member forces q = (N, M at mid-length, Q) into forces at the ends, by state."""
 
-    def __init__(self, structures: Structures, timeline: Timeline, values: Values) -> None:
+    def __init__(
+        self, structures: Structures, sequence: ConstructionSequence, values: Values
+    ) -> None:
         self._structures = structures
-        self._timeline = timeline
+        self._sequence = sequence
         self._values = values
         self._axial: list[Floats] = []
         self._moment: list[Floats] = []
         self._shear: list[Floats] = []
 
-    def add(self, standing: Standing) -> None:
-        """Record a state (column 0 of its arrays)."""
-        state = self._timeline.states[standing.state]
+    def add(self, number: int, members: Floats) -> None:
+        """Record the forces (n_rows, ...) at a state; column 0 of them counts."""
+        state = self._sequence.states[number]
         parts = []
         for part in self._structures.parts:
             length = np.linalg.norm(part.members.ends[:, 1] - part.members.ends[:, 0], axis=1)
-            found = self._at_ends(part.structure, standing.members[part.rows, 0], length)
+            found = self._at_ends(part.structure, members[part.rows, 0], length)
             parts.append(found if part.name in state.structures else np.full_like(found, np.nan))
         table = np.concatenate(parts, axis=1)
         self._axial.append(table[0])
@@ -46,7 +47,7 @@ class MemberRecorder:
         return MemberForces(
             structures=tuple(part.name for part in parts for _ in range(len(part.members))),
             numbers=np.concatenate([np.arange(1, len(part.members) + 1) for part in parts]),
-            stages=tuple(state.name for state in self._timeline.states[1:]),
+            stages=tuple(state.name for state in self._sequence.states[1:]),
             ends=np.concatenate([part.members.ends for part in parts]),
             axial=np.stack(self._axial[1:], axis=-1),
             moment=np.stack(self._moment[1:], axis=-1).swapaxes(0, 1),
@@ -59,8 +60,8 @@ class MemberRecorder:
     def _at_ends(self, structure: Structure, forces: Floats, length: Floats) -> Floats:
         """N, M at the first and second end, Q: (4, n_members); of a bar only N, of one bar."""
         if isinstance(structure, Bolts):
-            one = Point(self._values, ())
-            spacing = 1.0 if structure.spacing is None else one.jet(structure.spacing).value
+            one = ParameterPoint(self._values, ())
+            spacing = 1.0 if structure.spacing is None else one.number(structure.spacing).value
             missing = np.full(len(forces), np.nan)
             return np.stack([forces * spacing, missing, missing, missing])
         axial, middle, shear = forces.reshape(3, -1)

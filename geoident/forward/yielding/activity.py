@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
-from geoident.fem.yielding.law import Projection
-from geoident.forward.yielding.laws import law_slopes, plane_distances, plane_names
+from geoident.fem.yielding.law import Projection, YieldPlanes
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
 from geoident.model.certificate import Activity
 
 
@@ -17,46 +13,36 @@ class ActivityRecord:
     """Collects during a march what its yield planes do.
 
     Args:
-        case: the case.
-        n_strain: strain components of the analysis.
+        planes: of every material that yields, at the parameters of the march.
+        stages: names of the stages.
     """
 
-    def __init__(self, case: Case, n_strain: int) -> None:
-        self._n_strain = n_strain
-        self._materials = {name: m for name, m in case.materials.items() if m.yields}
-        self._stages = case.stage_names[1:]
-        self._names = {name: plane_names(m, n_strain) for name, m in self._materials.items()}
-        counts = np.cumsum([0, *(len(names) for names in self._names.values())])
+    def __init__(self, planes: dict[str, YieldPlanes], stages: tuple[str, ...]) -> None:
+        self._planes = planes
+        self._stages = stages
+        ends = np.cumsum([0, *map(len, planes.values())])
         self._rows = {
             name: slice(int(first), int(last))
-            for name, first, last in zip(self._names, counts[:-1], counts[1:], strict=True)
+            for name, first, last in zip(planes, ends[:-1], ends[1:], strict=True)
         }
-        self._n_planes = int(counts[-1])
-        self.begin({})
-
-    def begin(self, values: Mapping[str, float]) -> None:
-        """A march begins: forget the one before."""
-        self._values = values
-        shape = (self._n_planes, len(self._stages))
+        shape = (int(ends[-1]), len(stages))
         self._points = np.zeros(shape, dtype=np.int64)
         self._biactive = np.zeros(shape, dtype=np.int64)
-        self._margin = np.full(self._n_planes, -np.inf)
+        self._margin = np.full(shape[0], -np.inf)
 
     def forget(self, state: int) -> None:
         """A state is tried anew."""
         self._points[:, state - 1] = 0
         self._biactive[:, state - 1] = 0
 
-    def name(self, material: str, plane: int) -> str:
-        """Name of a plane within its material."""
-        return self._names[material][plane]
-
-    def distance(self, material: str, plane: int) -> float:
-        """The distance k of a plane, Pa."""
-        return float(self._distances(material)[plane])
-
     def flow(self, state: int, material: str, projection: Projection) -> None:
-        """What yields in a state; of several load steps the one where most does counts."""
+        """What yields in a state; of several load steps the one where most does counts.
+
+        Args:
+            state: index of the state.
+            material: whose points are projected.
+            projection: of its trial stresses.
+        """
         place = self._rows[material], state - 1
         flowing = (projection.multipliers > 0.0).sum(axis=0)
         self._points[place] = np.maximum(self._points[place], flowing)
@@ -67,28 +53,17 @@ class ActivityRecord:
         rows = self._rows[material]
         self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
 
-    def activity(self, names: Sequence[str]) -> Activity:
-        """What was collected; the slopes are by the parameters of these names."""
-        distances = np.concatenate([np.empty(0), *map(self._distances, self._names)])
+    def activity(self) -> Activity | None:
+        """What was collected, with slopes by all parameters; None where nothing can yield."""
+        if not self._planes:
+            return None
+        distances = np.concatenate([p.distances.columns for p in self._planes.values()])
         return Activity(
-            planes=tuple(f"{m}: {plane}" for m, planes in self._names.items() for plane in planes),
+            planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),
             stages=self._stages,
             points=self._points,
             biactive=self._biactive,
-            distances=distances,
-            reached=distances + self._margin,
-            slopes=self._slopes(names),
+            distances=distances[:, 0].copy(),
+            reached=distances[:, 0] + self._margin,
+            slopes=distances[:, 1:].copy(),
         )
-
-    def _distances(self, material: str) -> Floats:
-        return plane_distances(self._materials[material], self._values, self._n_strain)
-
-    def _slopes(self, names: Sequence[str]) -> Floats:
-        """(r, n) dk/dp."""
-        slopes = np.zeros((self._n_planes, len(names)))
-        for material, rows in self._rows.items():
-            found = law_slopes(self._materials[material], self._values, names, self._n_strain)
-            for column, name in enumerate(names):
-                if name in found and found[name].distances is not None:
-                    slopes[rows, column] = found[name].distances
-        return slopes

@@ -8,13 +8,12 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
-from geoident.fem.yielding.law import Planes
 from geoident.forward.ground.checks import trials
-from geoident.forward.yielding.cones import frame_jet
-from geoident.forward.yielding.laws import facets_of, is_smooth
+from geoident.forward.ground.elasticity import material_axes
+from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
-from geoident.model.dual import Point
+from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Parameter
 from geoident.model.yielding import (
     DruckerPrager,
@@ -70,10 +69,10 @@ def no_stress_left(case: Case, material: Material, values: Mapping[str, float]) 
     """
     if not any(isinstance(surface, GivenPlanes) for surface in material.yields):
         return None
-    planes = facets_of(material, Point(values, ()), n_strain_of(case))
+    planes = yield_planes(material, ParameterPoint(values, ()), n_strain_of(case))
     if planes.distances.value.min() >= 0.0:
         return None
-    found = empty_domain(planes.planes())
+    found = empty_domain(planes.normals.value, planes.distances.value)
     if found is None:
         return None
     names = " and ".join(f"'{planes.names[k]}'" for k in found)
@@ -122,7 +121,7 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
 
 
 def _normal(surface: WeakPlane, values: Mapping[str, float]) -> Floats:
-    return frame_jet(surface.frame, Point(values, ()), section=True).value[:, 2]
+    return material_axes(surface.frame, ParameterPoint(values, ()), section=True).value[:, 2]
 
 
 def _empty(case: Case, material: Material) -> Fault | None:
@@ -150,8 +149,8 @@ def _empty_in_the_box(
     """
     start = {p.name: p.start for p in parameters}
     tied = [p for p in parameters if any(q.distance.parameter == p.name for q in surface.planes)]
-    point = Point(start, tuple(p.name for p in tied))
-    distances = np.stack([point.jet(plane.distance).columns for plane in surface.planes])
+    point = ParameterPoint(start, tuple(p.name for p in tied))
+    distances = np.stack([point.number(plane.distance).columns for plane in surface.planes])
     given, slopes = distances[:, 0], distances[:, 1:]
     normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
     box = np.hstack(
@@ -159,11 +158,11 @@ def _empty_in_the_box(
     )
     edges = [p.upper - p.start for p in tied] + [p.start - p.lower for p in tied]
     rows = np.vstack([np.hstack([normals, -slopes]), box])
-    return empty_domain(Planes(rows, np.concatenate([given, edges]))) is not None
+    return empty_domain(rows, np.concatenate([given, edges])) is not None
 
 
 def _outside_at_zero(case: Case, material: Material) -> bool:
-    planes = facets_of(material, Point(_start(case), ()), n_strain_of(case))
+    planes = yield_planes(material, ParameterPoint(_start(case), ()), n_strain_of(case))
     return bool(planes.distances.value.min() < 0.0)
 
 
@@ -188,7 +187,7 @@ def _described(case: Case, material: Material) -> str:
         assert isinstance(surface, MohrCoulomb)
         flow = "with associated flow" if surface.dilation is None else "with its own dilation"
         return f"{_kind(surface)}, smooth, {flow}"
-    count = len(facets_of(material, Point(_start(case), ()), n_strain_of(case)).names)
+    count = len(yield_planes(material, ParameterPoint(_start(case), ()), n_strain_of(case)).names)
     kinds = " and ".join(_kind(surface) for surface in material.yields)
     return f"{kinds}: {count} plane{'s' * (count > 1)}, with associated flow"
 

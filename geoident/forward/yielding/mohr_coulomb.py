@@ -36,8 +36,8 @@ from math import ceil
 
 import numpy as np
 
+from geoident.fem.yielding.law import YieldPlanes, common_inside
 from geoident.forward.yielding.even_directions import spread_frames
-from geoident.forward.yielding.planes import Facets, joined, stacked
 from geoident.forward.yielding.smooth_distance import principal_values, shrinkage
 from geoident.forward.yielding.tension import (
     AXIAL,
@@ -49,48 +49,28 @@ from geoident.forward.yielding.tension import (
     products,
 )
 from geoident.model.arrays import Floats
-from geoident.model.dual import Jet, Point
-from geoident.model.yielding import Fit, GivenPlanes, MohrCoulomb
+from geoident.model.dual import Dual, ParameterPoint, joined, stacked
+from geoident.model.yielding import Fit, MohrCoulomb
 
 _PAIRS = ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1))
 _SINES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 0.95)
 _BETWEEN_SINES = 0.995  # what the smallest ratio may fall between those
 
 
-def given_planes(surface: GivenPlanes, point: Point, n_strain: int) -> Facets:
-    """The planes of a case, cut to the components of the analysis."""
-    normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
-    distances = stacked([point.jet(plane.distance) for plane in surface.planes])
-    hardening = Jet(np.repeat(point.jet(surface.hardening).columns[None], len(normals), axis=0))
-    still = not hardening.columns.any()
-    names = tuple(plane.name for plane in surface.planes)
-    return Facets(names, point.given(normals), distances, hardening=None if still else hardening)
-
-
-def sine(angle: Jet) -> Jet:
-    """Its sine."""
-    return angle.through(np.sin, np.cos)
-
-
-def cosine(angle: Jet) -> Jet:
-    """Its cosine."""
-    return angle.through(np.cos, lambda x: -np.sin(x))
-
-
-def mohr_coulomb(surface: MohrCoulomb, point: Point, n_strain: int) -> Facets:
+def mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint, n_strain: int) -> YieldPlanes:
     """Mohr-Coulomb as a polyhedron, with its cut-off of tension."""
     if surface.planes is None:
         raise ValueError("the smooth surface is no polyhedron")
     count = surface.planes if n_strain < 6 else ceil(surface.planes / 6)
     parts = [(_section if n_strain < 6 else _solid)(surface, point, count)]
     if surface.tension is not None:
-        limit = point.jet(surface.tension)
+        limit = point.number(surface.tension)
         parts.append(cut_off(limit, point, n_strain, count, surface.fit))
-    return joined(parts).scaled()
+    return common_inside(parts).of_unit_length()
 
 
-def _section(surface: MohrCoulomb, point: Point, sides: int) -> Facets:
-    S, one = sine(point.jet(surface.friction)), point.given(1.0)
+def _section(surface: MohrCoulomb, point: ParameterPoint, sides: int) -> YieldPlanes:
+    S, one = point.number(surface.friction).sine(), point.constant(1.0)
     round_ = circle(sides, surface.fit)
     normals = [
         S * (2 * MEAN) + one * (2 * round_),
@@ -99,22 +79,22 @@ def _section(surface: MohrCoulomb, point: Point, sides: int) -> Facets:
     ]
     families = ("shear", "shear, axial compression", "shear, axial tension")
     names = tuple(f"{family} {angle}" for family in families for angle in angle_names(sides))
-    distances = Jet(np.repeat(_strength(surface, point).columns, len(names), axis=0))
-    return Facets(names, Jet(np.concatenate([n.columns for n in normals])), distances)
+    distances = Dual(np.repeat(_strength(surface, point).columns, len(names), axis=0))
+    return YieldPlanes(joined(normals), distances, names=names)
 
 
-def _solid(surface: MohrCoulomb, point: Point, count: int) -> Facets:
+def _solid(surface: MohrCoulomb, point: ParameterPoint, count: int) -> YieldPlanes:
     """2 S p + D^T sigma / kappa <= 2 c cos phi, with p the mean stress and D the pairs' deviator.
 
     D = (1 + S) a a^T - (1 - S) b b^T - 2 S / 3 I, linear in S.
     """
-    S = sine(point.jet(surface.friction))
+    S = point.number(surface.friction).sine()
     difference, total = _pair_deviators(count)
     kappa = _solid_shrinkage(count, surface.fit)
-    normals = S * (2 * PRESSURE) + (S * total + point.given(difference)) / kappa
+    normals = S * (2 * PRESSURE) + (S * total + point.constant(difference)) / kappa
     names = tuple(f"shear {n}" for n in range(1, 1 + len(difference)))
-    distances = Jet(np.repeat(_strength(surface, point).columns, len(names), axis=0))
-    return Facets(names, normals, distances)
+    distances = Dual(np.repeat(_strength(surface, point).columns, len(names), axis=0))
+    return YieldPlanes(normals, distances, names=names)
 
 
 def _pair_deviators(count: int) -> tuple[Floats, Floats]:
@@ -143,33 +123,35 @@ def _bears(principal: Floats, S: float) -> Floats:
     return np.asarray((1 + S) * principal[:, 2] - (1 - S) * principal[:, 0])
 
 
-def _strength(surface: MohrCoulomb, point: Point) -> Jet:
+def _strength(surface: MohrCoulomb, point: ParameterPoint) -> Dual:
     """2 c cos phi, (1,)."""
-    return stacked([point.jet(surface.cohesion) * cosine(point.jet(surface.friction)) * 2.0])
+    return stacked([point.number(surface.cohesion) * point.number(surface.friction).cosine() * 2.0])
 
 
-def _wedge(S: Jet) -> Jet:
+def _wedge(S: Dual) -> Dual:
     """(1 + S, 0, -(1 - S)), (1, 3)."""
     return S * np.array([[1.0, 0.0, 1.0]]) + np.array([[1.0, 0.0, -1.0]])
 
 
-def smooth_mohr_coulomb(surface: MohrCoulomb, point: Point) -> Facets:
+def smooth_mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint) -> YieldPlanes:
     """Its plane for principal stresses in descending order; the others are its mirror images.
 
     The flow has the angle of dilation in place of that of friction.
     """
-    friction = point.jet(surface.friction)
-    dilation = friction if surface.dilation is None else point.jet(surface.dilation)
-    cone = Facets(
-        ("shear",),
-        _wedge(sine(friction)),
+    friction = point.number(surface.friction)
+    dilation = friction if surface.dilation is None else point.number(surface.dilation)
+    cone = YieldPlanes(
+        _wedge(friction.sine()),
         _strength(surface, point),
-        None if surface.dilation is None else _wedge(sine(dilation)),
+        None if surface.dilation is None else _wedge(dilation.sine()),
+        names=("shear",),
     )
     if surface.tension is None:
-        return cone.scaled()
-    cut = point.given(np.array([[1.0, 0.0, 0.0]]))
-    normals = Jet(np.concatenate([cone.normals.columns, cut.columns]))
-    distances = stacked([cone.distances[0], point.jet(surface.tension)])
-    flow = None if cone.flow is None else Jet(np.concatenate([cone.flow.columns, cut.columns]))
-    return Facets((*cone.names, "tension"), normals, distances, flow).scaled()
+        return cone.of_unit_length()
+    cut = point.constant(np.array([[1.0, 0.0, 0.0]]))
+    return YieldPlanes(
+        joined([cone.normals, cut]),
+        stacked([cone.distances[0], point.number(surface.tension)]),
+        None if cone.flow is None else joined([cone.flow, cut]),
+        names=("shear", "tension"),
+    ).of_unit_length()

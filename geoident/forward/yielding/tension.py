@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.forward.yielding.even_directions import spread_directions
-from geoident.forward.yielding.planes import Facets
 from geoident.forward.yielding.smooth_distance import polygon_shrinkage, principal_values, shrinkage
 from geoident.model.arrays import Floats
-from geoident.model.dual import Jet, Point
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.yielding import Fit
 
 MEAN = np.array([0.5, 0.5, 0.0, 0.0])
@@ -52,7 +52,7 @@ def products(a: Floats, b: Floats) -> Floats:
     return np.concatenate([a * b, np.stack(shear, axis=-1)], axis=-1)
 
 
-def cut_off(limit: Jet, point: Point, n_strain: int, count: int, fit: Fit) -> Facets:
+def cut_off(limit: Dual, point: ParameterPoint, n_strain: int, count: int, fit: Fit) -> YieldPlanes:
     """The planes that limit principal stresses.
 
     Args:
@@ -66,8 +66,8 @@ def cut_off(limit: Jet, point: Point, n_strain: int, count: int, fit: Fit) -> Fa
     names = tuple(f"tension {n}" for n in range(1, 1 + len(normals)))
     if n_strain < 6:
         names = (*(f"tension {angle}" for angle in angle_names(count)), "tension axial")
-    distances = Jet(np.repeat(limit.columns[None], len(normals), axis=0))
-    return Facets(names, point.given(normals), distances)
+    distances = Dual(np.repeat(limit.columns[None], len(normals), axis=0))
+    return YieldPlanes(point.constant(normals), distances, names=names)
 
 
 def _in_section(sides: int, fit: Fit) -> Floats:

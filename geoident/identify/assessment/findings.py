@@ -1,29 +1,120 @@
 """Sentences on what the readings do not determine, for the people who placed the gauges.
 
-The unseen directions of readings and priors together are gaps that remain. The unseen directions of
-the readings alone that are not among them are held by a prior only. For a gap of two parameters
-that change in proportion, their ratio (or product) is what the readings do determine, and is
-given with its interval.
+The undetermined directions of readings and priors together are gaps that remain. The undetermined
+directions of the readings alone that are not among them are held by a prior only. For a gap of two
+parameters that change in proportion, their ratio (or product) is what the readings do determine,
+and is given with its interval.
+
+A direction is read in relative changes of the parameters, w = d(ln p), so that "E and sigma_v
+scaled by one factor" is the direction (1, 1) whatever their units and scales. A parameter whose
+bounds have zero between them has no relative change; its scaled x takes the place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.identify.assessment.directions import Direction, join
-from geoident.identify.assessment.spectrum import Spectrum, sparse_basis, without
+from geoident.identify.assessment.spectrum import SingularDirections, sparse_basis, without
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.result import NORMAL_95
+
+NOTICEABLE = 0.15
+"""Entries below this part of the largest are not named."""
+
+SIMILAR = 0.05
+"""Entries that differ by less than this part count as equal."""
+
 
 LEANING = 0.5
 """Share of a parameter's variance that comes from the prior of another from which it is said."""
 
 PAIR_HALF_WIDTH = 0.5
 """A ratio or product is worth saying if its logarithm is known to this half width."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction with its noticeable entries.
+
+    Args:
+        indices: of the parameters in it.
+        names: their names.
+        weights: their relative changes, the largest of size one, the first positive.
+        relative: every entry is a relative change.
+    """
+
+    indices: tuple[int, ...]
+    names: tuple[str, ...]
+    weights: tuple[float, ...]
+    relative: bool
+
+    @classmethod
+    def of(cls, w: Floats, names: Sequence[str], relative: Sequence[bool]) -> Direction:
+        """Keeps the noticeable entries.
+
+        Args:
+            w: (n,) relative changes of the parameters.
+            names: of the parameters.
+            relative: for each, whether its entry is a relative change.
+        """
+        size = np.abs(w)
+        kept = [int(i) for i in np.flatnonzero(size > NOTICEABLE * size.max())]
+        weights = w[kept] / size.max() * np.sign(w[kept[0]])
+        return cls(
+            tuple(kept),
+            tuple(names[i] for i in kept),
+            tuple(float(a) for a in weights),
+            all(relative[i] for i in kept),
+        )
+
+    @property
+    def single(self) -> bool:
+        """One parameter only."""
+        return len(self.indices) == 1
+
+    @property
+    def equal(self) -> bool:
+        """All entries are relative changes of the same size."""
+        return self.relative and min(abs(a) for a in self.weights) > 1.0 - SIMILAR
+
+    @property
+    def subjects(self) -> str:
+        """The parameters in a list, such as ``E and sigma_v``."""
+        return join(self.names)
+
+    def phrase(self) -> str:
+        """Why the readings cannot separate the parameters along the direction.
+
+        >>> Direction((0, 1), ("E", "sigma_v"), (1.0, 1.0), True).phrase()
+        'scaled by one factor, they leave the readings as they are'
+        >>> Direction((0, 1), ("E", "nu"), (1.0, 0.4), True).phrase()
+        'rising or falling together, they leave the readings as they are'
+        >>> Direction((0, 1), ("E", "nu"), (1.0, -0.4), True).phrase()
+        'one can make up for the other'
+        >>> Direction((0, 1, 2), ("E", "nu", "K0"), (1.0, 0.8, -0.4), True).phrase()
+        'a fall of K0 can make up for a rise of E and nu'
+        """
+        up = [name for name, a in zip(self.names, self.weights, strict=True) if a > 0.0]
+        down = [name for name, a in zip(self.names, self.weights, strict=True) if a < 0.0]
+        if not down:
+            how = "scaled by one factor" if self.equal else "rising or falling together"
+            return f"{how}, they leave the readings as they are"
+        if len(self.names) == 2:
+            return "one can make up for the other"
+        return f"a fall of {join(down)} can make up for a rise of {join(up)}"
+
+
+def join(names: Sequence[str]) -> str:
+    """A list in words.
+
+    >>> join(["E", "nu", "K0"])
+    'E, nu and K0'
+    """
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 @dataclass(frozen=True)
@@ -47,8 +138,8 @@ class Knowledge:
     from_prior: Bools
     prior_rows: Floats
     width: Floats
-    whole: Spectrum
-    readings: Spectrum
+    whole: SingularDirections
+    readings: SingularDirections
 
     @property
     def relative(self) -> list[bool]:
@@ -69,11 +160,11 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
 
     Args:
         known: what the singular values say.
-        covariance: (n, n) SI, unseen directions with their spread.
+        covariance: (n, n) SI, the undetermined directions as far as the bounds allow.
     """
-    gaps = known.whole.unseen_vectors
+    gaps = known.whole.undetermined_vectors
     remaining = list(known.directions(gaps))
-    held = list(known.directions(without(known.readings.unseen_vectors, gaps)))
+    held = list(known.directions(without(known.readings.undetermined_vectors, gaps)))
     said = {d.indices[0] for d in remaining + held if d.single}
     return (
         *(_gap(d, _determined_pair(known, d, covariance)) for d in remaining),
@@ -87,10 +178,7 @@ def _gap(direction: Direction, pair: str) -> str:
     """A direction that nothing determines."""
     if direction.single:
         return f"The readings do not determine {direction.subjects}."
-    return (
-        f"The readings do not determine {direction.subjects} one by one: "
-        f"{direction.phrase()} without a change in the readings that can be seen.{pair}"
-    )
+    return f"The readings cannot separate {direction.subjects}: {direction.phrase()}.{pair}"
 
 
 def _held(known: Knowledge, direction: Direction, pair: str) -> str:
@@ -99,11 +187,12 @@ def _held(known: Knowledge, direction: Direction, pair: str) -> str:
     priors = "priors" if len(names) != 1 else "prior"
     prior = f"the {priors} of {join(names)}" if names else "the priors"
     if direction.single:
-        return f"The readings do not determine {direction.subjects}; what is known is {prior}."
+        return (
+            f"The readings do not determine {direction.subjects}: "
+            f"it is known only from {'its prior' if names else 'the priors'}."
+        )
     separates = "separates" if len(names) == 1 else "separate"
-    return (
-        f"The readings do not see that {direction.phrase()}; only {prior} {separates} them.{pair}"
-    )
+    return f"{_gap(direction, '')} Only {prior} {separates} them.{pair}"
 
 
 def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats) -> str:
@@ -137,9 +226,7 @@ def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
     for i, parameter in enumerate(known.parameters):
         if known.from_prior[i] and i not in said:
             leaning = _leaning_on(known, i)
-            also = (
-                f" What is said of {join(leaning)} rests mainly on that prior." if leaning else ""
-            )
+            also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
             yield (
                 f"{parameter.name} is known only from its prior: the readings hardly add to it."
                 + also
@@ -152,7 +239,7 @@ def _leaning_on(known: Knowledge, prior_of: int) -> list[str]:
     With the posterior covariance C, an error of one standard deviation in the prior row P_k
     moves the estimate by C P_k^T, so (C P_k^T)_i^2 / C_ii is its share of the variance of i.
     """
-    covariance = known.whole.seen_covariance
+    covariance = known.whole.determined_covariance
     rows = known.prior_rows[known.prior_rows[:, prior_of] != 0.0]
     part = ((covariance @ rows.T) ** 2).sum(axis=1)
     shares = part / np.maximum(np.diag(covariance), 1e-300)
@@ -169,6 +256,6 @@ def _bounds(known: Knowledge) -> Iterator[str]:
         if known.at_bound[i] and parameter.lower < parameter.upper:
             near_lower = known.values[i] - parameter.lower < parameter.upper - known.values[i]
             yield (
-                f"{parameter.name} ends on its {'lower' if near_lower else 'upper'} bound; "
-                "what is said of the other parameters holds for that value."
+                f"{parameter.name} lies on its {'lower' if near_lower else 'upper'} bound: "
+                "the results for the other parameters hold for that value."
             )

@@ -1,10 +1,10 @@
-"""Seen and unseen directions of the parameters, by singular values (theory 6).
+"""Seen and undetermined directions of the parameters, by singular values (theory 6).
 
 Each parameter is measured by the admissible range R between its bounds, z = x / R, so that "no
 better known than the bounds" means the same for all. A direction v_k of the singular value
 decomposition U S V^T of the weighted Jacobian in z is known with the standard deviation 1/S_k.
 Its admissible extent is L_k = 1 / max_i |v_ik|: the parameter that moves most spans its
-bounds. The direction is *unseen* if its 95 % interval is wider than that, or below rounding:
+bounds. The direction is *undetermined* if its 95 % interval is wider than that, or below rounding:
 
     2 * 1.96 / S_k > L_k    or    S_k <= 1e-10 S_1.
 
@@ -25,7 +25,7 @@ RANK = 1e-10
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class SingularDirections:
     """Directions and how well each is known.
 
     Args:
@@ -37,7 +37,7 @@ class Spectrum:
     S: Floats
 
     @classmethod
-    def of(cls, A: Floats, taking_part: Bools) -> Spectrum:
+    def of(cls, A: Floats, taking_part: Bools) -> SingularDirections:
         """Decomposes A (rows, n), whitened and in z; parameters (n,) may stay out."""
         q = int(taking_part.sum())
         padded = np.zeros((max(q, A.shape[0]), q))
@@ -54,28 +54,28 @@ class Spectrum:
         return 1.0 / largest
 
     @property
-    def unseen(self) -> Bools:
+    def undetermined(self) -> Bools:
         """Directions (q,) that are not better known than by the bounds."""
         rounding = np.less_equal(self.S, RANK * self.S.max(initial=0.0))
         wide = np.less(self.S * self.extent, 2.0 * NORMAL_95)
         return np.asarray(wide | rounding, dtype=np.bool_)
 
     @property
-    def seen_covariance(self) -> Floats:
-        """Sum over the seen directions of v v^T / S^2, (n, n) in z."""
-        seen = self.V[:, ~self.unseen] / self.S[~self.unseen]
-        return seen @ seen.T
+    def determined_covariance(self) -> Floats:
+        """Sum over the determined directions of v v^T / S^2, (n, n) in z."""
+        determined = self.V[:, ~self.undetermined] / self.S[~self.undetermined]
+        return determined @ determined.T
 
     @property
-    def unseen_vectors(self) -> Floats:
+    def undetermined_vectors(self) -> Floats:
         """Unit vectors (n, u) in z."""
-        return self.V[:, self.unseen]
+        return self.V[:, self.undetermined]
 
     @property
-    def spread(self) -> Floats:
-        """Unseen directions (n, u) in z, one standard deviation long each."""
-        S, L = self.S[self.unseen], self.extent[self.unseen]
-        return self.unseen_vectors / np.maximum(S, 1.0 / L)
+    def undetermined_columns(self) -> Floats:
+        """Undetermined directions (n, u) in z, one standard deviation long each."""
+        S, L = self.S[self.undetermined], self.extent[self.undetermined]
+        return self.undetermined_vectors / np.maximum(S, 1.0 / L)
 
 
 def without(vectors: Floats, taken: Floats) -> Floats:

@@ -6,13 +6,13 @@ range R (see `spectrum`),
     B = (1/s) J (dp/dx) R          readings alone            (g, n)
     A = [B ; prior rows R]         readings and priors       (g + k, n)
 
-the singular values of A separate seen from unseen directions. Their parts are kept apart:
+the singular values of A tell determined from undetermined directions. Their parts are kept apart:
 
-    cov_x    = R (sum over seen v v^T / S^2) R                (n, n)
-    spread_x = R v min(1/S, L), one column for each unseen v   (n, u)
+    cov_x   = R (sum over determined v v^T / S^2) R                   (n, n)
+    gaps_x  = R v min(1/S, L), one column for each undetermined v     (n, u)
 
 A parameter is *determined* if 1.96 times its total standard deviation, the root of the diagonal of
-cov_x + spread_x spread_x^T, is at most half its range, and the part of it that comes from unseen
+cov_x + gaps_x gaps_x^T, is at most half its range, and the part of it that comes from undetermined
 directions, so from the bounds of other parameters, at most a quarter; and if, having a prior, it is
 better known than that, its standard deviation below 0.95 of the prior's. What one parameter
 lacks does not touch the number of another that has no part in it.
@@ -21,9 +21,10 @@ A parameter on its bound is fixed in cov_x: the numbers of the others hold for t
 it and the others are determined is judged as if it were free, or a bound would hide that two
 parameters cannot be told apart.
 
-A prediction with Jacobian J_l has the variance J_l cov J_l^T + s_l^2, with the unseen directions'
-part on top. Where that part is larger than all the rest, the prediction is not determined and its
-standard deviation infinite. A prediction that does not depend on what is unseen keeps its band.
+A prediction with Jacobian J_l has the variance J_l cov J_l^T + s_l^2, with the part of the
+undetermined directions on top. Where that part is larger than all the rest, the prediction is not
+determined and its standard deviation infinite. A prediction that does not depend on what is
+undetermined keeps its band.
 
 Computed once, from the Jacobian at the estimate; no evaluation of the model.
 """
@@ -35,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
-from geoident.identify.assessment.spectrum import Spectrum
+from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -67,8 +68,8 @@ class Assessment:
         singular_values: (min(g, n),) of B, the readings alone, largest first.
         findings: sentences on what is not determined and what only a prior fixes.
         slope: (n,) dp/dx, SI.
-        covariance_x: (n, n) of the seen directions in x; zero rows at bounds.
-        spread_x: (n, u) the unseen directions in x, one standard deviation long each.
+        covariance_x: (n, n) of the determined directions in x; zero rows at bounds.
+        gaps_x: (n, u) the undetermined directions in x, one standard deviation long each.
     """
 
     sd: Floats
@@ -84,7 +85,7 @@ class Assessment:
     findings: tuple[str, ...]
     slope: Floats
     covariance_x: Floats
-    spread_x: Floats
+    gaps_x: Floats
 
 
 def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
@@ -101,18 +102,18 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
     at_bound = ~varies | _on_bound(problem.parameters, values, slope * width)
-    whole, readings = Spectrum.of(A, varies), Spectrum.of(B, varies)
-    covariance_x, spread_x = _scaled(Spectrum.of(A, ~at_bound), width)
-    unseen = np.linalg.norm(whole.spread, axis=1)
-    total = np.hypot(np.sqrt(np.diag(whole.seen_covariance)), unseen)
+    whole, readings = SingularDirections.of(A, varies), SingularDirections.of(B, varies)
+    covariance_x, gaps_x = _scaled(SingularDirections.of(A, ~at_bound), width)
+    undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
+    total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
     from_prior = _only_from_prior(P, total)
-    known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * unseen <= 0.25)
+    known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * undetermined <= 0.25)
     determined = known_enough & ~from_prior
     known = Knowledge(
         problem.parameters, values, at_bound, from_prior, P, slope * width, whole, readings
     )
-    covariance = covariance_x + spread_x @ spread_x.T
-    whole_x, gaps_x = _scaled(whole, width)
+    covariance = covariance_x + gaps_x @ gaps_x.T
+    every_x, every_gap_x = _scaled(whole, width)
     sd_x = np.where(determined & ~at_bound, np.sqrt(np.diag(covariance)), np.nan)
     lower95, upper95 = _interval(scaling, values, sd_x)
     return Assessment(
@@ -126,10 +127,12 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
         determined=determined,
         from_prior=known_enough & from_prior,
         singular_values=readings.S[: min(B.shape)],
-        findings=describe_gaps(known, np.outer(slope, slope) * (whole_x + gaps_x @ gaps_x.T)),
+        findings=describe_gaps(
+            known, np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T)
+        ),
         slope=slope,
         covariance_x=covariance_x,
-        spread_x=spread_x,
+        gaps_x=gaps_x,
     )
 
 
@@ -146,16 +149,18 @@ def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Floats
     """
     rows = jacobian * assessment.slope
     known = np.einsum("li,ij,lj->l", rows, assessment.covariance_x, rows) + sd**2
-    unseen = np.sum((rows @ assessment.spread_x) ** 2, axis=1)
-    return np.where(unseen > known, np.inf, np.sqrt(known + unseen))
+    undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)
+    return np.where(undetermined > known, np.inf, np.sqrt(known + undetermined))
 
 
-def _scaled(spectrum: Spectrum, width: Floats) -> tuple[Floats, Floats]:
-    """Covariance (n, n) of the seen directions and the unseen ones (n, u), in x.
+def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
+    """Covariance (n, n) of the determined directions and the undetermined ones (n, u), in x.
 
-    Both from one spectrum: a direction that one of two calls unseen must not fall between them.
+    Both from one spectrum: no direction may fall between those of two.
     """
-    return spectrum.seen_covariance * np.outer(width, width), spectrum.spread * width[:, None]
+    return spectrum.determined_covariance * np.outer(
+        width, width
+    ), spectrum.undetermined_columns * width[:, None]
 
 
 def _ranges(scaling: Scaling) -> Floats:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.history import History
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter
@@ -43,12 +43,13 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
         InputError: an axis of an unknown parameter, or one without finite ends.
     """
     axes = grid_axes(problem.parameters, options)
-    columns = [_index(problem.parameters, name) for name in axes]
+    names = [q.name for q in problem.parameters]
+    columns = [names.index(name) for name in axes]
     phi = np.full([len(axis) for axis in axes.values()], np.nan)
     discrepancy = Discrepancy(problem)
     history = History("scan", problem.response, observe)
     for place in np.ndindex(phi.shape):
-        p = _start(problem)
+        p = problem.start
         p[columns] = [axis[k] for axis, k in zip(axes.values(), place, strict=True)]
         phi[place] = discrepancy.objective(p)
         history.record(p, float(phi[place]), step=0.0, note="grid")
@@ -95,23 +96,12 @@ def _values(parameter: Parameter, axis: ScanAxis) -> Floats:
     return np.asarray(space(axis.start, axis.stop, axis.points), dtype=np.float64)
 
 
-def _index(parameters: tuple[Parameter, ...], name: str) -> int:
-    return next(i for i, q in enumerate(parameters) if q.name == name)
-
-
-def _start(problem: Problem) -> Floats:
-    return np.array([q.start for q in problem.parameters], dtype=np.float64)
-
-
 def _outcome(problem: Problem, grid: Grid, history: History) -> Outcome:
     """The lowest point of the history, with the reason that fits."""
     best = min(history.iterations, key=lambda entry: entry.objective)
-    if history.stop is not None:
-        status, reason = "out-of-budget", history.stop
-    elif np.isfinite(best.objective):
-        status, reason = "converged", f"All {grid.objective.size} points of the grid are computed."
-    else:
-        status = "not-converged"
+    status, reason = "converged", f"All {grid.objective.size} points of the grid are computed."
+    values = best.values
+    if not np.isfinite(best.objective):
+        status, values = "not-converged", problem.start
         reason = "The model has no solution at any point of the grid: move or refine the grid."
-    values = best.values if np.isfinite(best.objective) else _start(problem)
-    return Outcome(values, best.objective, status, reason, history.iterations, grid)
+    return replace(history.outcome(values, best.objective, status, reason), grid=grid)

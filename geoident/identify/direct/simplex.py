@@ -39,23 +39,22 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.history import History
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 
 Objective = Callable[[Floats], float]
-Watch = Callable[["Progress"], bool]
+Watch = Callable[["SimplexMove"], bool]
 
 Vertices = tuple[Floats, Floats]
-Ending = Literal["converged", "moved", "evaluations", "stopped"]
+SimplexEnding = Literal["converged", "moved", "evaluations", "stopped"]
 
 HALVINGS = 20
 """How often an edge of a new simplex is halved in search of an admissible vertex."""
 
 
 @dataclass(frozen=True)
-class Progress:
+class SimplexMove:
     """What one iteration did.
 
     Args:
@@ -86,7 +85,7 @@ class Minimum:
     x: Floats
     value: float
     evaluations: int
-    ending: Ending
+    ending: SimplexEnding
 
 
 def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Outcome:
@@ -116,7 +115,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
         inside = np.all((y >= scaling.lower[free]) & (y <= scaling.upper[free]))
         return found.objective(natural(y)) if inside else np.inf
 
-    def watch(at: Progress) -> bool:
+    def watch(at: SimplexMove) -> bool:
         history.record(natural(at.x), at.value, step=at.size, note=at.note)
         return history.stop is not None
 
@@ -126,8 +125,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
     except ModelError:
         _say_why(problem, natural(start))
         raise
-    status, reason = _ending(minimum, options, history.stop)
-    return Outcome(natural(minimum.x), minimum.value, status, reason, history.iterations)
+    return history.outcome(natural(minimum.x), minimum.value, *_ending(minimum, options))
 
 
 def _say_why(problem: Problem, p: Floats) -> None:
@@ -138,10 +136,8 @@ def _say_why(problem: Problem, p: Floats) -> None:
     problem.response.readings(p)
 
 
-def _ending(minimum: Minimum, options: SimplexOptions, stop: str | None) -> tuple[str, str]:
+def _ending(minimum: Minimum, options: SimplexOptions) -> tuple[str, str]:
     """Status and reason, a sentence with the remedy where there is one."""
-    if stop is not None:
-        return "out-of-budget", stop
     if minimum.ending == "converged":
         return "converged", (
             "The simplex is small and the discrepancy is the same at its vertices "
@@ -179,7 +175,7 @@ def minimise(
     >>> found.ending, bool(abs(found.x[0] - 3.0) < 1e-4)
     ('converged', True)
     """
-    search = _Search(objective, options, watch)
+    search = _Simplex(objective, options, watch)
     search.open(np.asarray(x0, dtype=np.float64))
     ending = search.descend(options.size)
     for number in range(1, options.restarts + 1):
@@ -228,7 +224,7 @@ def _clearly_better(value: float, before: float, delta: float) -> bool:
     return before - value > math.sqrt(delta) * max(abs(before), 1.0)
 
 
-class _Search:
+class _Simplex:
     """The simplex and its moves: vertices (n+1, n) in ``x``, sorted by their ``values`` (n+1,)."""
 
     def __init__(self, objective: Objective, options: SimplexOptions, watch: Watch | None) -> None:
@@ -278,7 +274,7 @@ class _Search:
                 "Give start values at which the model can be computed.",
             )
 
-    def descend(self, edge: float) -> Ending:
+    def descend(self, edge: float) -> SimplexEnding:
         """Builds a simplex around the best point and moves it until it rests, or may not go on."""
         note = "start" if len(self.x) == 1 else "restart"
         if self._stopped(note):
@@ -333,5 +329,5 @@ class _Search:
 
     def _stopped(self, note: str) -> bool:
         """Tells the watch; whether it wants the search to stop."""
-        at = Progress(self.x[0].copy(), self.best, self.size, note)
+        at = SimplexMove(self.x[0].copy(), self.best, self.size, note)
         return False if self._watch is None else self._watch(at)

@@ -1,4 +1,4 @@
-"""Which trial points a Gauss-Newton search goes to, and how far it trusts its next step.
+"""Which trial points a Gauss-Newton descent goes to, and how far it trusts its next step.
 
 A trial is taken where phi falls. Where phi rises the step may be good all the same: readings that
 react strongly and bend early can hide that all parameters come nearer. The natural level of
@@ -17,10 +17,11 @@ The radius follows the ratio of the gain found to the gain promised, as usual (M
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from geoident.identify.least_squares.bounded import smallest_solution
+from geoident.identify.least_squares.trust_region import smallest_solution
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.model.arrays import Floats
 
@@ -35,8 +36,14 @@ DETOUR = 2
 
 
 @dataclass(frozen=True)
-class Point:
-    """A point where the model was evaluated: x (n,) scaled, p (n,) SI."""
+class Iterate:
+    """A point where the model was evaluated.
+
+    Args:
+        x: (n,) scaled parameters.
+        p: (n,) parameters, SI.
+        model: residuals and their derivative there.
+    """
 
     x: Floats
     p: Floats
@@ -48,17 +55,27 @@ class Point:
         return self.model.objective
 
 
+IterateT = TypeVar("IterateT", bound=Iterate)
+"""What a search knows of a point: an `Iterate`, perhaps with more."""
+
+
 @dataclass(frozen=True)
 class Step:
-    """A step d (n,) in x, its length in the measure of the trust region, and the gain promised."""
+    """A proposed step.
+
+    Args:
+        d: (n,) the step in x.
+        length: in the measure of the trust region.
+        gain: by how much it promises to lower phi.
+    """
 
     d: Floats
     length: float
     gain: float
 
 
-class Walk:
-    """Where one descent stands.
+class Acceptance(Generic[IterateT]):
+    """Judges the trials of one descent.
 
     Args:
         start: the first point.
@@ -69,14 +86,14 @@ class Walk:
         radius: length that the next step may have.
     """
 
-    def __init__(self, start: Point) -> None:
+    def __init__(self, start: IterateT) -> None:
         self.point = start
         self.best = start
         self.radius = FIRST_RADIUS
         self._detour = 0
         self._first_length = FIRST_RADIUS
 
-    def judge(self, step: Step, trial: Point | None) -> str:
+    def judge(self, step: Step, trial: IterateT | None) -> str:
         """Takes or rejects the trial that a step led to, None where there is no solution.
 
         Returns:
@@ -99,7 +116,7 @@ class Walk:
         self.radius = 0.25 * self._first_length
         self._detour = DETOUR
 
-    def _take(self, step: Step, trial: Point) -> None:
+    def _take(self, step: Step, trial: IterateT) -> None:
         if self.point is self.best:
             self._first_length = step.length
         self.point = trial
@@ -125,14 +142,14 @@ def _next_radius(radius: float, step: Step, gain: float) -> float:
     return 2.0 * radius if ratio > 0.75 and step.length > 0.9 * radius else radius
 
 
-def _best_part(point: Point, step: Step, trial: Point) -> float:
+def _best_part(point: Iterate, step: Step, trial: Iterate) -> float:
     """Where along a rejected step the parabola through phi, its slope and the trial is lowest."""
     slope = 2.0 * float(point.model.residual @ (point.model.jacobian @ step.d))
     part = -0.5 * slope / (trial.phi - point.phi - slope)
     return float(np.clip(part, 0.2, 0.5))
 
 
-def _nearer(point: Point, step: Step, trial: Point) -> bool:
+def _nearer(point: Iterate, step: Step, trial: Iterate) -> bool:
     """The natural level test of the module's head."""
     J = point.model.jacobian[:, step.d != 0.0]
     before = smallest_solution(J, point.model.residual)

@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.gauss_newton import Search
-from geoident.identify.problem.history import History
+from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
 from geoident.identify.problem.problem import Observer, Outcome, Problem
 from geoident.identify.problem.protocols import HasOpening, OpeningForm
@@ -43,7 +42,7 @@ def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer)
     smaller = _covered(problem, form)
     search = GaussNewtonOptions(options.tolerance, options.max_iterations, options.starts)
     try:
-        outcome = Search(smaller, search, History("closed-form", form, observe)).run()
+        outcome = gauss_newton(smaller, search, observe, method="closed-form")
     except ModelError as error:
         return _passed_over(problem, error.message)
     return replace(outcome, remarks=(*form.remarks(outcome.values), *_left_out(form)))
@@ -64,7 +63,6 @@ def _left_out(form: OpeningForm) -> list[str]:
 
 def _passed_over(problem: Problem, reason: str) -> Outcome:
     """The start, with the reason why there is nothing better."""
-    start = np.array([parameter.start for parameter in problem.parameters], dtype=np.float64)
     remark = f"the closed form was passed over: {reason}"
     text = f"The closed form was not possible: {reason}."
-    return Outcome(start, float("inf"), "not-converged", text, (), remarks=(remark,))
+    return Outcome(problem.start, float("inf"), "not-converged", text, (), remarks=(remark,))

@@ -56,7 +56,7 @@ count with ``output``; with ``equation`` a largest independent set is chosen by 
 
 A direction of p that A does not see has no part in the step: it stays where it started.
 
-Computed per iteration: one call of ``condense``, one small least-squares problem (see `bounded`).
+Computed per iteration: one call of ``condense``, one small least-squares problem in a box.
 """
 
 from __future__ import annotations
@@ -68,11 +68,9 @@ import numpy as np
 from scipy.linalg import qr
 
 from geoident.errors import Fault, InputError, ModelError
-from geoident.identify.least_squares.bounded import bounded_least_squares
-from geoident.identify.least_squares.trust import TrustBox
+from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import CHECK_UNITS, Discrepancy
-from geoident.identify.problem.history import History
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.identify.problem.protocols import AffineElastic, Condensed, Response
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import CondensationOptions
@@ -142,7 +140,7 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
     faults = condensation_faults(problem.response, problem.parameters, options)
     if faults or not isinstance(problem.response, AffineElastic):
         raise InputError(faults)
-    return _Iteration(problem, problem.response, options, observe).run()
+    return _FixedPointIteration(problem, problem.response, options, observe).run()
 
 
 def independent_readings(flexibility: Floats) -> Ints:
@@ -182,7 +180,7 @@ def _in_forces(flexibility: Floats, errors: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Point:
+class _CondensedIterate:
     """An iterate: p (n,) SI, the condensed equations and the discrepancy there."""
 
     p: Floats
@@ -190,7 +188,7 @@ class _Point:
     phi: float
 
 
-class _Iteration:
+class _FixedPointIteration:
     """One run of the method."""
 
     def __init__(
@@ -207,15 +205,14 @@ class _Iteration:
         self.scaling = self.discrepancy.scaling
         self.box = TrustBox(self.scaling)
         self.history = History("condensation", response, observe)
-        self.points: list[_Point] = []
+        self.points: list[_CondensedIterate] = []
         self.changes: list[float] = []
-        self.lower: Floats = np.array([q.lower for q in problem.parameters], dtype=np.float64)
-        self.upper: Floats = np.array([q.upper for q in problem.parameters], dtype=np.float64)
+        self.lower, self.upper = problem.bounds
 
     def run(self) -> Outcome:
         """Iterates [18] until nothing changes, or it turns out that it will not come to rest."""
-        start = np.array([q.start for q in self.problem.parameters], dtype=np.float64)
-        self.record(self.evaluate(np.clip(start, self.lower, self.upper)), 0.0, "start")
+        start = np.clip(self.problem.start, self.lower, self.upper)
+        self.record(self.evaluate(start), 0.0, "start")
         while self.history.stop is None:
             q = self.next()
             change = self.change(self.points[-1].p, q)
@@ -225,9 +222,9 @@ class _Iteration:
             trouble = self.trouble() or self.advance(q)
             if trouble is not None:
                 return self.outcome(self.lowest(), "not-converged", trouble)
-        return self.outcome(self.lowest(), "out-of-budget", self.history.stop)
+        return self.outcome(self.lowest(), "not-converged", "")
 
-    def evaluate(self, p: Floats) -> _Point:
+    def evaluate(self, p: Floats) -> _CondensedIterate:
         """The condensed equations at p (n,), SI; raises ModelError where there is no solution."""
         why = self.response.admissible(p)
         if why is not None:
@@ -236,7 +233,7 @@ class _Iteration:
         phi = self.discrepancy.objective_of(p, model.readings)
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
             raise ModelError("The discrepancy is not a finite number here.", CHECK_UNITS)
-        return _Point(p, model, phi)
+        return _CondensedIterate(p, model, phi)
 
     def next(self) -> Floats:
         """p_{j+1} (n,), SI: the linear least-squares problem [18] in the bounds.
@@ -276,7 +273,7 @@ class _Iteration:
             f"give tighter bounds, or {_FOLLOW}"
         )
 
-    def record(self, point: _Point, change: float, note: str) -> None:
+    def record(self, point: _CondensedIterate, change: float, note: str) -> None:
         """Adds an iterate."""
         self.points.append(point)
         self.changes.append(change)
@@ -319,10 +316,10 @@ class _Iteration:
         near = 1e-3 * self.changes[-1]
         return any(self.change(point.p, last) < near for point in earlier)
 
-    def lowest(self) -> _Point:
+    def lowest(self) -> _CondensedIterate:
         """The iterate of lowest discrepancy."""
         return min(self.points, key=lambda point: point.phi)
 
-    def outcome(self, point: _Point, status: str, reason: str) -> Outcome:
+    def outcome(self, point: _CondensedIterate, status: str, reason: str) -> Outcome:
         """The answer."""
-        return Outcome(point.p, point.phi, status, reason, self.history.iterations)
+        return self.history.outcome(point.p, point.phi, status, reason)

@@ -1,4 +1,4 @@
-"""Further starts, spread evenly and always the same over the bounds (Halton's sequence)."""
+"""Further starts, even over the bounds and always the same (Halton's sequence)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 
 
-def spread_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
+def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
     """``count`` points x (n,) inside the bounds, the same in every run.
 
-    A parameter without finite bounds is spread by two units of x to both sides of its start.
+    A parameter without finite bounds varies by two units of x to both sides of its start.
     """
     lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
     upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)

@@ -2,7 +2,7 @@
 
 `METHODS` maps the names that users write to the methods. A method is imported when it runs, so the
 table costs nothing at start-up. In a chain each method starts where the one before ended: a scan
-finds the valley, condensation comes near at once, Gauss-Newton gives the exact minimum.
+finds where to begin, condensation comes near at once, Gauss-Newton gives the exact minimum.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import cast
 
-import numpy as np
-
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Observer, Outcome, Problem
 from geoident.identify.problem.protocols import (
     AffineElastic,
     ComplementaritySystem,
@@ -24,7 +22,6 @@ from geoident.identify.problem.protocols import (
     Response,
     YieldSystem,
 )
-from geoident.model.arrays import Floats
 from geoident.model.methods import (
     METHOD_OPTIONS,
     ClosedFormOptions,
@@ -42,9 +39,6 @@ SQUARED = SquaredOptions()
 
 FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
 """What the formulations of the complementarity method need beside the model's equations."""
-
-STOPPED = "out-of-budget"
-"""Status of an outcome that the observer ended."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +218,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         done.append(outcome)
         if outcome.status == STOPPED:
             break
-        problem = _restarted(problem, outcome.values)
+        problem = problem.begun_at(outcome.values)
     return _joined(done)
 
 
@@ -233,15 +227,6 @@ def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> No
     faults = [Fault("method-not-possible", reason) for reason in reasons]
     if faults:
         raise InputError(faults)
-
-
-def _restarted(problem: Problem, values: Floats) -> Problem:
-    """The problem with the values (n,), SI, clipped into the bounds, for its start."""
-    parameters = (
-        replace(q, start=float(np.clip(value, q.lower, q.upper)))
-        for q, value in zip(problem.parameters, values, strict=True)
-    )
-    return replace(problem, parameters=tuple(parameters))
 
 
 def _joined(done: Sequence[Outcome]) -> Outcome:

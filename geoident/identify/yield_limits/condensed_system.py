@@ -110,8 +110,7 @@ def condensed(problem: Problem, system: BilinearSystem) -> CondensedSystem:
     Raises:
         ModelError: the equations do not determine the unknowns.
     """
-    lower = np.array([q.lower for q in problem.parameters])
-    upper = np.array([q.upper for q in problem.parameters])
+    lower, upper = problem.bounds
     reference = np.maximum(np.maximum(abs(lower), abs(upper)), 1e-300)
     n, equations = len(reference), system.equations
     by_lam = equations.by_x[:, system.multipliers].toarray()

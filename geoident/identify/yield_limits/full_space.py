@@ -12,7 +12,7 @@ Only a local method, as the implicit one is. Needs the extra ``full-space`` (cas
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -20,11 +20,10 @@ import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.history import History
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.identify.problem.protocols import ComplementaritySystem
-from geoident.identify.yield_limits.complementarity import certificate_at
+from geoident.identify.yield_limits.implicit import certificate_at
 from geoident.identify.yield_limits.nonlinear_program import Program, nonlinear_program
 from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions
@@ -78,13 +77,12 @@ class _Smoothing:
         self.problem = problem
         self.discrepancy = Discrepancy(problem)
         self.history = History("complementarity", problem.response, observe)
-        self.start = np.array([q.start for q in problem.parameters])
         self.program = nonlinear_program(problem, problem.response.system())
         self.mu = np.inf
 
     def run(self) -> Outcome:
         """All smoothings, then the model."""
-        best = self.start, self.confirm(self.start, "start")
+        best = self.problem.start, self.confirm(self.problem.start, "start")
         solve, found = solver(self.program, self.note), None
         x = self.program.start
         for mu in _SMOOTHINGS:
@@ -95,16 +93,14 @@ class _Smoothing:
             x = found.x
         p = self.natural(x)
         best = min(best, (p, self.confirm(p, "model")), key=lambda pair: pair[1])
-        status, reason = self.ending(found, best)
+        outcome = self.history.outcome(*best, *self.ending(found, best))
         proof = certificate_at(self.problem, best[0], self.history)
-        return Outcome(*best, status, reason, self.history.iterations, certificate=proof)
+        return replace(outcome, iterations=self.history.iterations, certificate=proof)
 
     def natural(self, x: Floats) -> Floats:
         """Parameters (n,), SI, inside their bounds."""
-        lower = np.array([q.lower for q in self.problem.parameters])
-        upper = np.array([q.upper for q in self.problem.parameters])
         reference = self.program.reference
-        return np.clip(x[: len(reference)] * reference, lower, upper)
+        return np.clip(x[: len(reference)] * reference, *self.problem.bounds)
 
     def confirm(self, p: Floats, note: str) -> float:
         """The discrepancy of the model at p (n,); infinite where it has no solution."""
@@ -120,11 +116,10 @@ class _Smoothing:
 
     def ending(self, found: _Solution | None, best: tuple[Floats, float]) -> tuple[str, str]:
         """Status and reason."""
-        if self.history.stop is not None or found is None:
-            return "out-of-budget", self.history.stop or ""
-        if not found.success:
+        if found is None or not found.success:
+            word = "stopped" if found is None else found.word
             return "not-converged", (
-                f"The nonlinear program was not solved ({found.word}): use the formulation "
+                f"The nonlinear program was not solved ({word}): use the formulation "
                 "implicit, or start nearer to the expected values."
             )
         if abs(best[1] - found.objective) > _AGREE * max(best[1], 1.0):

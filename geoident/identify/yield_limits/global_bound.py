@@ -25,16 +25,15 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.history import History
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, History, Observer, Outcome, Problem
 from geoident.identify.problem.protocols import ComplementaritySystem
-from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.condensed_system import (
     CondensedSystem,
     condensed,
     condensing_obstacle,
 )
+from geoident.identify.yield_limits.implicit import implicit
 from geoident.identify.yield_limits.mixed_program import solve_box
 from geoident.identify.yield_limits.parameter_boxes import (
     EnergyForm,
@@ -66,7 +65,7 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     Args:
         problem: readings, model and parameters with finite bounds.
         options: gap, number of boxes; the others serve the implicit method that goes first.
-        observe: is reported of every box; its reason to stop ends the search with the bound so far.
+        observe: is told of every box; its reason to stop ends the search with the bound so far.
 
     Returns:
         The best point that the model evaluated, its certificate with bound and gap.
@@ -80,8 +79,8 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     assert isinstance(problem.response, ComplementaritySystem)
     system = problem.response.system()
     _refuse(_system_obstacle(system))
-    first = complementarity(problem, replace(options, formulation="implicit"), observe)
-    if first.status == "out-of-budget":
+    first = implicit(problem, options, observe)
+    if first.status == STOPPED:
         return first
     return _BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
 
@@ -145,19 +144,19 @@ class _BranchAndBound:
         return self.outcome(todo)
 
     @property
-    def slack(self) -> float:
+    def allowed(self) -> float:
         """What the gap allows."""
         return self.options.gap * max(self.best.objective, 1.0)
 
     @property
     def goal(self) -> float:
         """A box with a bound of this is done with."""
-        return self.best.objective - self.slack
+        return self.best.objective - self.allowed
 
     def visit(self, system: CondensedSystem, box: ParameterBox) -> list[ParameterBox]:
         """What is left to do of a box."""
         self.examined += 1
-        better = max(self.best.objective, self.slack)
+        better = max(self.best.objective, self.allowed)
         found = examined(system, self.form, box, better)
         if found is None:
             self.close(self.best.objective)
@@ -188,20 +187,12 @@ class _BranchAndBound:
     def improve(self, p: Floats) -> None:
         """Takes over a better point, after a descent on the model from there."""
         try:
-            found = gauss_newton(self.begun_at(p), GaussNewtonOptions(), _silent)
+            found = gauss_newton(self.problem.begun_at(p), GaussNewtonOptions(), _silent)
         except ModelError:
             return
         if found.objective < self.goal:
-            options = replace(self.options, formulation="implicit", restarts=0)
-            self.best = complementarity(self.begun_at(found.values), options, _silent)
-
-    def begun_at(self, p: Floats) -> Problem:
-        """The problem with another start p (n,), SI."""
-        parameters = (
-            replace(q, start=float(np.clip(value, q.lower, q.upper)))
-            for q, value in zip(self.problem.parameters, p, strict=True)
-        )
-        return replace(self.problem, parameters=tuple(parameters))
+            options = replace(self.options, restarts=0)
+            self.best = implicit(self.problem.begun_at(found.values), options, _silent)
 
     def outcome(self, todo: list[ParameterBox]) -> Outcome:
         """The best point with what is proven."""
@@ -226,7 +217,7 @@ class _BranchAndBound:
     def ending(self, bound: float, proven: bool) -> tuple[str, str]:
         """Status and reason."""
         if self.history.stop is not None and not proven:
-            return "out-of-budget", self.history.stop
+            return STOPPED, self.history.stop
         if proven:
             return "converged", (
                 f"The discrepancy {self.best.objective:.6g} is the lowest within the bounds: "

@@ -72,7 +72,7 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
         ModelError: the equations do not determine the unknowns.
     """
     ca: Any = import_module("casadi")
-    start = np.array([q.start for q in problem.parameters])
+    start, (lower, upper) = problem.start, problem.bounds
     reference = np.array([_size(q) for q in problem.parameters])
     constant, matrix = system.equations.at(start)
     x = determined_unknowns(system, matrix, constant[:, None])[:, 0]
@@ -102,8 +102,8 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
         ca.vertcat(
             values(system.equations, _sizes_of_equations(system, size, start, unit)), paired
         ),
-        np.append(np.array([q.lower for q in problem.parameters]) / reference, -endless),
-        np.append(np.array([q.upper for q in problem.parameters]) / reference, endless),
+        np.append(lower / reference, -endless),
+        np.append(upper / reference, endless),
         np.append(start / reference, x / unit),
         reference,
     )

@@ -2,19 +2,65 @@
 
 Where n^T sigma stays below k everywhere and always, a smaller k, down to the largest n^T sigma,
 gives the same response to the last digit. So k is known to be at least that and no more: the
-*bound information* of planes that are not violated. A search uses it to bring such planes as near
-as can be, where they bite as soon as their neighbours give way.
+*bound information* of planes that are not violated. A search brings such planes as near as can be
+(`yield_evaluator`): they yield as soon as their neighbours give way.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from geoident.identify.least_squares.acceptance import Iterate
+from geoident.identify.least_squares.descent import Evaluator
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History
+from geoident.identify.problem.protocols import YieldSystem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity
 
+CLOSE = 1e-6
+"""An unreached plane is kept this far, relative, from where it is reached."""
+
 _PART = 1e-12
 """A derivative below this part of the largest is none."""
+
+
+@dataclass(frozen=True)
+class YieldIterate(Iterate):
+    """A point with its yield planes, those that no strain point reaches as near as can be.
+
+    Args:
+        unreached: (n,) strengths whose planes no strain point reaches.
+        activity: the planes at the point that was evaluated, before they were brought near.
+    """
+
+    unreached: Bools
+    activity: Activity
+
+
+def yield_evaluator(
+    discrepancy: Discrepancy, history: History, model: YieldSystem
+) -> Evaluator[YieldIterate]:
+    """An evaluator that brings unreached planes near.
+
+    Args:
+        discrepancy: of the problem.
+        history: is told of every point that is recorded.
+        model: of the problem.
+    """
+    scaling = discrepancy.scaling
+
+    def brought_near(point: Iterate) -> YieldIterate:
+        activity = model.activity(point.p)
+        idle = unreached(activity, point.model.jacobian)
+        room = headroom(activity) - CLOSE * np.abs(point.p)
+        near = idle & np.isfinite(room) & (room > 0.0)
+        x = scaling.to_scaled(np.where(near, point.p - np.where(near, room, 0.0), point.p))
+        return YieldIterate(x, scaling.to_natural(x), point.model, idle, activity)
+
+    return Evaluator(discrepancy, history, brought_near)
 
 
 def strengths(activity: Activity, scaling: Floats) -> Bools:

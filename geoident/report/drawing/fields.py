@@ -42,7 +42,7 @@ _WIDTH = 10.0
 _BANDS = 12
 _MPA = 1e-6
 _ENDS = (0.005, 0.995)
-_TENSION = "Tension is positive. The out-of-plane stress counts as well."
+_TENSION = "Tension is positive. The out-of-plane stress is included."
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[
             Picture(
                 f"{tag}yielded",
                 f"Yielded zones{where}",
-                "Elements that yielded so far.",
+                "Elements that have yielded up to this stage.",
                 lambda: yielded_figure(scene, sheet),
             )
         )
@@ -336,7 +336,7 @@ def _deformed_picture(scene: Scene, sheet: Sheet, tag: str, where: str) -> Pictu
         f"{tag}deformed",
         f"Deformed mesh{where}, displacements {factor:g} times magnified",
         f"Blue and black: moved by the displacement {scene.since}, "
-        f"{factor:g} times magnified. Orange: the outline as it was.",
+        f"{factor:g} times magnified. Orange: initial outline.",
         lambda: deformed_figure(scene, sheet, factor),
     )
 

@@ -34,6 +34,7 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
+from geoident.report.text.case import gauge_quantity
 
 _PER_FIGURE = 12
 _COMPARED_PER_FIGURE = 15
@@ -69,9 +70,8 @@ def instruments(table: GaugeTable) -> tuple[Instrument, ...]:
 def reading_pictures(result: Result) -> tuple[Picture, ...]:
     """Every gauge over the stages, so many to a figure."""
     caption = (
-        "Dots are measured, with 1.96 times their accuracy as error bars; hollow dots were not "
-        "used. Solid lines are computed, dashed lines in their 95 % bands predicted. "
-        "Positive: the points move apart, or as the gauge's direction says."
+        "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
+        "lines: computed; dashed lines with 95 % bands: predicted."
     )
     return paged(
         instruments(result.gauges),
@@ -122,7 +122,7 @@ def _draw_gauge(axes: Axes, result: Result, gauge: Instrument) -> None:
     axes.axhline(0, color=FAINT, lw=0.5, zorder=0)
     stage_ticks(axes, result.gauges.stages)
     axes.grid(axis="y")
-    axes.set_ylabel("reading (mm)")
+    axes.set_ylabel(gauge_quantity(result, gauge.name), fontsize=SMALL)
     axes.set_title(short(gauge.name, 16))
     if any(gauge.labels):
         _anchor_legend(axes, gauge)
@@ -216,8 +216,8 @@ def last_fitted(table: GaugeTable) -> int:
 def profile_pictures(result: Result) -> tuple[Picture, ...]:
     """Every extensometer along its length."""
     caption = (
-        "Extension between head and anchor over the depth of the anchor, one line a stage; "
-        "dots are measured, solid lines computed, dashed lines predicted."
+        "Extension between head and anchor over the depth of the anchor, one line per stage. "
+        "Dots: measured; solid lines: computed; dashed lines: predicted."
     )
     return paged(
         _extensometers(result.gauges),
@@ -300,9 +300,7 @@ def _draw_profile(axes: Axes, result: Result, gauge: Instrument, stages: Sequenc
 
 def compared_gauge_pictures(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
     """The gauges of several results (with their labels), one over the other."""
-    caption = (
-        "Computed and predicted lines of every result; dots are the readings of the first one."
-    )
+    caption = "Lines: computed and predicted by every result. Dots: readings of the first result."
     return paged(
         list(dict.fromkeys(c for _, result in results for c in result.gauges.channels)),
         partial(compared_figure, results),
@@ -342,5 +340,6 @@ def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
             read = True
     stage_ticks(axes, stages)
     axes.set_title(short(channel, 24))
-    axes.set_ylabel("reading (mm)")
+    owner = next(result for result in results if channel in result.gauges.channels)
+    axes.set_ylabel(gauge_quantity(owner, channel.partition(".")[0]), fontsize=SMALL)
     axes.grid(axis="y")

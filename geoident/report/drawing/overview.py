@@ -40,8 +40,8 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
         Picture(
             "overview",
             "Displacements and gauges at a glance",
-            "The gauges that moved most for their accuracy. Dots are measured, solid lines "
-            "computed, dashed lines in their 95 % bands predicted.",
+            "The gauges that moved most in relation to their accuracy. Dots: measured; solid "
+            "lines: computed; dashed lines with 95 % bands: predicted.",
             lambda: overview_figure(result, scene),
         ),
     )

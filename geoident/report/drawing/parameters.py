@@ -38,8 +38,8 @@ def parameter_pictures(result: Result) -> tuple[Picture, ...]:
         Picture(
             "parameters",
             "Parameters: bounds, prior and estimate",
-            "Each axis spans the bounds. A bar from end to end of the prior's 95 % interval, the "
-            "start value, and the estimate with its 95 % interval.",
+            "Each axis spans the bounds. Bar: 95 % interval of the prior; tick: start value; dot "
+            "and line: estimate and its 95 % interval.",
             lambda: parameter_figure([("estimate", result.parameters)]),
         ),
     )
@@ -142,15 +142,15 @@ def _scale(axes: Axes, table: ParameterTable, i: int, unit: Unit) -> None:
 
 
 def scan_pictures(result: Result) -> tuple[Picture, ...]:
-    """The discrepancy over its grid, if the result is that of a scan."""
+    """The misfit over its grid, if the result is that of a scan."""
     grid = result.grid
     if grid is None or not np.isfinite(grid.objective).any():
         return ()
     return (
         Picture(
             "scan",
-            "Discrepancy over the parameters",
-            "Weighted squares, with the part of the priors; blank where the model has no solution.",
+            "Misfit over the parameters",
+            "Weighted squares, priors included; blank where the model has no solution.",
             lambda: scan_figure(result.parameters, grid),
         ),
     )
@@ -170,7 +170,7 @@ def scan_figure(parameters: ParameterTable, grid: Grid) -> Figure:
     objective = np.where(np.isfinite(grid.objective), grid.objective, np.nan)
     if len(values) == 1:
         axes.plot(values[0], objective, "-o", ms=3, color=colour(0))
-        axes.set_ylabel("discrepancy")
+        axes.set_ylabel("misfit")
         axes.grid()
         return figure
     axes.set_ylabel(labels[1])
@@ -182,5 +182,5 @@ def scan_figure(parameters: ParameterTable, grid: Grid) -> Figure:
     best = np.unravel_index(np.nanargmin(objective), objective.shape)
     axes.plot(values[0][best[0]], values[1][best[1]], "*", ms=11, color="#d55e00", mec="white")
     least = float(np.nanmin(objective))
-    figure.colorbar(shown, ax=axes, label=f"log10 of discrepancy / least ({number(least)})")
+    figure.colorbar(shown, ax=axes, label=f"log10 (misfit / least misfit {number(least)})")
     return figure

@@ -46,7 +46,7 @@ def _one_to_one_picture(result: Result) -> Picture:
     return Picture(
         "one-to-one",
         "Computed against measured",
-        "Every reading; on the line, computed and measured are the same.",
+        "All readings; on the line, computed and measured are equal.",
         lambda: one_to_one_figure(result),
     )
 
@@ -157,9 +157,9 @@ def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable, y: int) -> N
 def _history_picture(result: Result) -> Picture:
     return Picture(
         "history",
-        "How the search went",
-        "Left, the discrepancy (weighted squares, with the part of the priors) at each trial. "
-        "Right, the parameters that are determined, over their final value.",
+        "Course of the search",
+        "Left: misfit (weighted squares, priors included) at each trial. Right: parameters that "
+        "are determined, divided by their final values.",
         lambda: history_figure(result),
     )
 
@@ -191,7 +191,7 @@ def _draw_objective(axes: Axes, history: Sequence[Iteration]) -> None:
     if objective.size and objective.min() > 0 and objective.max() > 10 * objective.min():
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: number(y)))
-    axes.set_ylabel("discrepancy")
+    axes.set_ylabel("misfit")
 
 
 def _draw_traces(
@@ -224,7 +224,7 @@ def _correlation_picture(result: Result) -> Picture:
     return Picture(
         "correlation",
         "Correlation of the parameters",
-        "Near 1 or -1 the readings tell a combination of two parameters better than each of them. "
+        "Near 1 or -1 the readings determine a combination of two parameters better than either. "
         "A dash: not determined.",
         lambda: correlation_figure(result.parameters),
     )

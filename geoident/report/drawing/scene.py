@@ -81,7 +81,7 @@ class Scene:
         """From when on displacements count."""
         present = self.fields.present
         placed = bool((present & ~present[0]).any() or (present[1:] & ~present[:-1]).any())
-        return "since the virgin state" + (", or since the place was filled" if placed else "")
+        return "since the initial state" + (", or since the ground was placed" if placed else "")
 
     @property
     def n_states(self) -> int:
@@ -110,7 +110,7 @@ class Scene:
 
     def stage(self, state: int) -> str:
         """The name of a state."""
-        return self.result.gauges.stages[state - 1] if state else "virgin state"
+        return self.result.gauges.stages[state - 1] if state else "initial state"
 
     def predicted(self, state: int) -> bool:
         """Whether the state comes after the last fitted one."""

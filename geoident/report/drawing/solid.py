@@ -39,7 +39,7 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
         Picture(
             "cut-away",
             f"The model around the gauges, opened along {sheet.plane}",
-            "What lies before the section is taken away; orange: points of the gauges. " + colours,
+            "The part in front of the section is removed. Orange: points of the gauges. " + colours,
             lambda: surface_figure(scene, sheet, 0.0),
         ),
         Picture(

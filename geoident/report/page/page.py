@@ -99,7 +99,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section("Readings (mm)", table(reading_table(result))),
         _section(structures.TITLE, table(structures.force_table(result.members))),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
-        _section("Where this comes from", _provenance(result), _case(result)),
+        _section("Provenance", _provenance(result), _case(result)),
     )
 
 
@@ -127,7 +127,7 @@ def _outliers(result: Result) -> Html:
     """The readings that stand out, in words."""
     found = outliers(result)
     if not found:
-        return tag("p", f"No reading deviates by more than {OUTLIER:g} standard deviations.")
+        return tag("p", f"No residual exceeds {OUTLIER:g} standard deviations.")
     items = [
         f"{o.channel}, {o.stage}: {o.residual:+.1f} standard deviations"
         f"{'' if o.used else ' (not used)'}"
@@ -135,17 +135,17 @@ def _outliers(result: Result) -> Html:
     ]
     if len(found) > _MOST_OUTLIERS:
         items.append(f"and {len(found) - _MOST_OUTLIERS} more, see the table of readings")
-    words = f"Readings beyond {OUTLIER:g} standard deviations (measured minus computed):"
+    words = f"Residuals (measured minus computed) beyond {OUTLIER:g} standard deviations:"
     return joined([tag("p", words), tag("ul", *(tag("li", item) for item in items))])
 
 
 def _influence(result: Result) -> Html:
-    """The readings that bear most on the answer."""
+    """The most influential readings."""
     title = influence_title(result.diagnostics).replace("\n", ". ")
     found = table(influence_table(result), caption=title)
     note = (
-        "Leverage: how far the reading decides alone, 0 to 1. Changes most, by sd: the parameter "
-        "that would move most without the reading, in its standard deviations."
+        "Leverage: share of its own fitted value that the reading decides, 0 to 1. Changes most, "
+        "by sd: the parameter that the reading moves most, in standard deviations of the parameter."
     )
     return joined([found, tag("p", note, class_="note")]) if found else found
 
@@ -169,7 +169,7 @@ def _provenance(result: Result) -> Html:
         ("seed", str(origin.seed)),
         ("status", f"{result.status} (exit code {int(result.exit_code)})"),
         ("why it ended", result.reason or "-"),
-        ("discrepancy", number(result.objective)),
+        ("misfit", number(result.objective)),
         ("cost", counts_text(result.counts)),
         ("versions", ", ".join(f"{name} {text}" for name, text in sorted(origin.versions.items()))),
         ("SHA-256 of the case", _hash(origin.case_sha256)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -22,20 +23,38 @@ from geoident.report.text.layout import (
 
 def case_title(result: Result) -> str:
     """The title that the user gave the case; empty if there is none."""
-    title = _case(result).get("title", "")
+    title = _case(result.case_resolved).get("title", "")
     return title if isinstance(title, str) else ""
 
 
 def axis_names(result: Result) -> tuple[str, str, str]:
     """What the coordinates are called."""
-    turned = _case(result).get("analysis") == "axisymmetric"
+    turned = _case(result.case_resolved).get("analysis") == "axisymmetric"
     return ("radius r", "height y", "") if turned else ("x", "y", "z")
 
 
-def _case(result: Result) -> dict[str, Any]:
+def gauge_quantity(result: Result, gauge: str) -> str:
+    """What a gauge measures, with its unit and direction, as a figure says it."""
+    gauges = _case(result.case_resolved).get("gauges")
+    found = gauges.get(gauge) if isinstance(gauges, dict) else None
+    given = found if isinstance(found, dict) else {}
+    component = given.get("component")
+    along = f" {component}" if isinstance(component, str) else ""
+    return _QUANTITIES.get(given.get("kind", ""), f"displacement{along} (mm)")
+
+
+_QUANTITIES = {
+    "extensometer": "extension (mm)",
+    "convergence": "change of length (mm)",
+    "settlement": "settlement (mm, downwards)",
+}
+
+
+@lru_cache(maxsize=8)
+def _case(text: str) -> dict[str, Any]:
     """The case as texts; empty if there is none that can be read."""
     try:
-        case = yaml.load(result.case_resolved, Loader=yaml.BaseLoader)
+        case = yaml.load(text, Loader=yaml.BaseLoader)
     except (yaml.YAMLError, RecursionError):
         return {}
     return case if isinstance(case, dict) else {}
@@ -48,7 +67,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Groups", _groups(summary)),
         section("Stages", _stages(summary.stages)),
         section("Gauges", _gauges(summary)),
-        section("Where the gauges stand", _places(summary)),
+        section("Positions of the gauges", _places(summary)),
         _readings(summary),
         section("Computation", _cost(summary.cost)),
         section("Notes", bullets(summary.notes)),
@@ -151,12 +170,12 @@ def _together(channels: Sequence[str]) -> str:
 def _cost(cost: CostEstimate | None) -> str:
     if cost is None:
         return ""
-    fit = "a fit by gauss-newton takes some 5 to 10 of them."
+    fit = "a fit by gauss-newton takes 5 to 10 evaluations."
     if cost.newton_steps > 1:
         fit = (
-            f"ground yields, so {cost.newton_steps} Newton steps a stage are reckoned with. A fit "
-            "by complementarity takes some 20 to 60 evaluations, most of them near a known one, at "
-            "two to four steps a stage."
+            f"ground yields, so {cost.newton_steps} Newton steps per stage are assumed. A fit by "
+            "complementarity takes 20 to 60 evaluations, most of them close to an earlier one, "
+            "with two to four steps per stage."
         )
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "

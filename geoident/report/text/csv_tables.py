@@ -134,7 +134,7 @@ def _gauges(result: Result) -> CsvTable:
 
 
 def _diagnostics(result: Result) -> CsvTable:
-    """How each used reading bears on the answer, the one that bears most first."""
+    """How each used reading acts on the answer, the most influential first."""
     header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
     found = wide_diagnostics(result)
     if found is None:

@@ -56,9 +56,9 @@ def by_stage(shown: Bools) -> list[tuple[int, int]]:
 
 
 def fit_title(result: Result) -> str:
-    """How many readings were used, and the discrepancy."""
+    """How many readings were used, and the misfit."""
     used = np.count_nonzero(result.gauges.used)
-    phi = "" if math.isnan(result.objective) else f", discrepancy {number(result.objective)}"
+    phi = "" if math.isnan(result.objective) else f", misfit {number(result.objective)}"
     return f"Readings (mm; {used} used{phi})"
 
 
@@ -214,7 +214,8 @@ def influence_title(found: Diagnostics | None) -> str:
     """What the table shows; with a robust loss also the plain weighted squares."""
     if found is None:
         return ""
-    title = f"Readings that bear most on the answer (scatter {number(found.scale, 2)} accuracies)"
+    scale = number(found.scale, 2)
+    title = f"Most influential readings (residuals have {scale} of the stated standard deviation)"
     if found.loss != "squared":
         title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
     return title

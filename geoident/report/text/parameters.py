@@ -176,7 +176,7 @@ def iteration_text(iteration: Iteration, parameters: Sequence[Parameter]) -> str
     )
     note = f" {iteration.note}," if iteration.note else ""
     return (
-        f"{iteration.method} {iteration.number}:{note} discrepancy"
+        f"{iteration.method} {iteration.number}:{note} misfit"
         f" {number(iteration.objective, 6)} ({values})"
     )
 
@@ -192,11 +192,11 @@ def grid_text(result: Result) -> str:
 
 def _line_text(grid: Grid, unit: Unit) -> str:
     rows = [
-        [number(in_unit(float(value), *unit)), _discrepancy(float(phi))]
+        [number(in_unit(float(value), *unit)), _misfit(float(phi))]
         for value, phi in zip(grid.axes[0], grid.objective, strict=True)
     ]
     axis = f"{grid.names[0]} ({unit[0]})" if unit[0] else grid.names[0]
-    return TextTable((axis, "discrepancy"), rows, right="rr").text
+    return TextTable((axis, "misfit"), rows, right="rr").text
 
 
 def _plane_text(grid: Grid, units: Sequence[Unit]) -> str:
@@ -212,7 +212,7 @@ def _plane_text(grid: Grid, units: Sequence[Unit]) -> str:
     ]
     finite = grid.objective[np.isfinite(grid.objective)]
     extent = (
-        f"Discrepancy from {number(float(finite.min()))} to {number(float(finite.max()))}"
+        f"Misfit from {number(float(finite.min()))} to {number(float(finite.max()))}"
         f" over {grid.objective.size} points; the values are in the result file."
         if finite.size
         else "The model has no solution at any point."
@@ -224,5 +224,5 @@ def _plane_text(grid: Grid, units: Sequence[Unit]) -> str:
     )
 
 
-def _discrepancy(phi: float) -> str:
+def _misfit(phi: float) -> str:
     return "no solution" if math.isinf(phi) else number(phi, 6)

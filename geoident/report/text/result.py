@@ -44,7 +44,7 @@ from geoident.report.text.parameters import (
 _STATUS = {
     "converged": "The search converged",
     "not-converged": "The search did not converge: the values are the best found so far",
-    "not-determined": "Not everything is determined by the readings",
+    "not-determined": "The readings do not determine all parameters",
     "out-of-budget": "The search ran out of its budget: the values are the best found so far",
     "done": "The computation is complete",
 }
@@ -86,7 +86,7 @@ def plan_text(case: str, plan: Identifiability) -> str:
     """What planned gauges could determine, at the start values."""
     return sections(
         f"{case}: {plan.readings} planned readings",
-        section("Parameters at their start values, as the gauges could know them",
+        section("Parameters at their start values, with the intervals to expect",
                 parameters_text(plan.parameters)),
         section("Findings", bullets(plan.findings)),
     )  # fmt: skip
@@ -142,11 +142,10 @@ def _fit(result: Result) -> list[str]:
     if math.isnan(spread):
         return []
     far = sum(outlier.used for outlier in outliers(result))
-    count = {0: "none deviates", 1: "one deviates"}.get(far, f"{far} deviate")
+    count = {0: "no reading exceeds", 1: "one reading exceeds"}.get(far, f"{far} readings exceed")
     return [
-        f"The readings that were used deviate from the computed ones by {spread:.2f} times their "
-        f"standard deviation in the root mean square (about 1 if the accuracies are right); {count}"
-        f" by more than {OUTLIER:g}."
+        f"The root mean square of the residuals is {spread:.2f} of the stated standard deviation "
+        f"(about 1 if the stated accuracies are right); {count} {OUTLIER:g} standard deviations."
     ]
 
 
@@ -154,7 +153,7 @@ def _predicted(result: Result) -> list[str]:
     inside, total = scored(result)
     if not total:
         return []
-    return [f"Of {total} readings that were predicted, {inside} lie in their 95 % band."]
+    return [f"{inside} of {total} predicted readings lie within their 95 % bands."]
 
 
 def warnings(result: Result) -> list[str]:
@@ -191,7 +190,7 @@ def compared_outcomes(results: Sequence[tuple[str, Result]]) -> TextTable:
         "command",
         "status",
         "method",
-        "discrepancy",
+        "misfit",
         "readings used",
         "rms residual (sd)",
         "in 95 % band",

@@ -15,12 +15,12 @@ from geoident.units import in_unit, shown_unit
 TITLE = "Yield planes (strain points that yield on them, stage by stage)"
 
 _KINDS = {
-    "strongly stationary": "the derivatives of the discrepancy are zero, and the answer lies at no"
+    "strongly stationary": "the derivatives of the misfit are zero and the answer does not lie at a"
     " kink of the response: no small change improves it",
-    "stationary on the active pieces": "the answer lies at a kink of the response; no change that"
-    " was tried to its sides improves it",
+    "stationary on the active pieces": "the answer lies at a kink of the response; none of the"
+    " changes that were tried on either side improves it",
     "not stationary": "a small change may improve the answer",
-    "global": "no answer in the bounds is better: that is proven",
+    "global": "proven: no answer within the bounds is better",
 }
 _PA_PER_MPA = 1e6
 
@@ -38,7 +38,7 @@ def certificate_sentences(found: Certificate) -> list[str]:
     said = [f"{kind}: {_KINDS.get(found.kind, found.kind)} (gradient {number(found.gradient, 2)})."]
     if math.isfinite(found.bound) and math.isfinite(found.gap):
         said.append(
-            f"Proven: no discrepancy is below {number(found.bound)} (gap {100 * found.gap:.2g} %)."
+            f"Proven: no misfit is below {number(found.bound)} (gap {100 * found.gap:.2g} %)."
         )
     return [*said, *found.remarks]
 
@@ -67,7 +67,7 @@ def _reached(found: Certificate, r: int) -> bool:
 
 def _from_below(reached: float) -> str:
     if not np.isfinite(reached):
-        return "no strain point has the material"
+        return "no strain point has this material"
     if reached <= 0.0:
         return "never reached"
     return f"never reached: k >= {number(reached / _PA_PER_MPA)} MPa"

@@ -27,7 +27,7 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
     computer on which the rates were measured. Where ground yields, the Newton steps are a guess.
     """
     costs = _stage_costs(model)
-    columns, points = 1 + len(model.names), model.systems.points.n_points
+    columns, points = 1 + len(model.names), model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
     flops, entries = steps * sum(c.flops for c in costs), sum(c.entries for c in costs)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
@@ -36,14 +36,14 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
     largest = max((c.entries for c in costs), default=0)
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
-    state = 8.0 * points * columns * (model.systems.points.n_strain + 2)
+    state = 8.0 * points * columns * (model.discretization.points.n_strain + 2)
     state += _YIELD_BYTES * points / 4 if model.yields else 0
     memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
 def _states(model: StagedModel) -> range:
-    return range(1, len(model.timeline.states))
+    return range(1, len(model.sequence.states))
 
 
 def _stage_costs(model: StagedModel) -> list[FactorCost]:

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from geoident.errors import InputError, Interrupted, ModelError
+from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel
-from geoident.forward.response import StagedResponse
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response

@@ -131,7 +131,7 @@ def with_computed(
     columns = np.array(states, dtype=np.int64) - 1  # the survey leaves the virgin state out
     values = model.values(p)
     own, common = (
-        model.instruments.added(values, model.names, rows, columns + 1, times)
+        model.instrument_errors.added(values, model.names, rows, columns + 1, times)
         for times in (readings.time, None)
     )
     more = own - common

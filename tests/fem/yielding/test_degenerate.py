@@ -6,23 +6,35 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.plastic import coulomb, definite, images, isotropic, projection_by_piqp, random_planes
+from support.plastic import (
+    Planes,
+    coulomb,
+    definite,
+    images,
+    isotropic,
+    polyhedral,
+    principal,
+    projection_by_piqp,
+    random_planes,
+)
 
 from geoident.fem.yielding import projection as dual
 from geoident.fem.yielding import scaled_planes as system
-from geoident.fem.yielding.domain import EmptyDomain, empty_domain, empty_principal_domain
-from geoident.fem.yielding.law import Planes
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.domain import (
+    EmptyDomain,
+    NoProjection,
+    empty_domain,
+    empty_principal_domain,
+)
 
 SMALL = st.integers(-2, 2)
 
 
 def check(elasticity, planes, trial, *, scale=None):
     """Optimality of the projection of (s, m), which is proof enough: the problem is convex."""
-    law = PolyhedralLaw(elasticity, planes)
+    law = polyhedral(elasticity, planes)
     projection = law.project(trial)
-    lam = np.zeros((law.n_planes, trial.shape[1]))
+    lam = np.zeros((len(law.planes), trial.shape[1]))
     lam[:, projection.yielded] = projection.multipliers.T
     hardened = None if planes.hardening is None else lam
     excess = law.excess(projection.stress, hardened)
@@ -57,7 +69,7 @@ def test_planes_on_a_grid_through_which_many_pass_at_once(data):
     elasticity = (
         np.eye(size) if data.draw(st.booleans()) else definite(np.random.default_rng(0), size)
     )
-    contradicting = empty_domain(planes)
+    contradicting = empty_domain(planes.normals, planes.distances)
     if contradicting is None or planes.hardening is not None:
         try:
             check(elasticity, planes, trial)
@@ -69,7 +81,7 @@ def test_planes_on_a_grid_through_which_many_pass_at_once(data):
     with pytest.raises(EmptyDomain) as caught:
         check(elasticity, planes, trial)
     some = list(caught.value.planes)
-    assert empty_domain(Planes(normals[some], distances[some])) is not None
+    assert empty_domain(normals[some], distances[some]) is not None
 
 
 @pytest.mark.parametrize("far", [0.0, 1e-9, 1.0, 1e6])
@@ -91,31 +103,31 @@ def test_repeated_planes_share_nothing_and_one_is_active():
 def test_a_stress_on_a_plane_or_an_edge_is_inside():
     planes = Planes(np.eye(3), np.ones(3))
     trial = np.array([[1.0, 1.0, 1.0, 0.5], [0.0, 1.0, 1.0, 1.0], [0.0, 0.3, 1.0, 1.0]])
-    assert PolyhedralLaw(np.eye(3), planes).project(trial).yielded.size == 0
-    assert PolyhedralLaw(np.eye(3), planes).project(trial + 1e-17).yielded.size == 0
+    assert polyhedral(np.eye(3), planes).project(trial).yielded.size == 0
+    assert polyhedral(np.eye(3), planes).project(trial + 1e-17).yielded.size == 0
 
 
 def test_planes_reached_without_a_multiplier_are_biactive():
-    law = PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.ones(3)))
+    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
     projection = law.project(np.array([[2.0, 2.0], [1.0, 0.9], [0.0, 2.0]]))
     assert projection.active.tolist() == [[True, False, False], [True, False, True]]
     assert projection.biactive.tolist() == [[False, True, False], [False, False, False]]
 
 
 def test_no_points_and_no_plane_reached():
-    law = PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.ones(3)))
-    smooth = PrincipalLaw(isotropic(1.0, 1.0, 6), coulomb(0.5, 1.0, dilation=0.1))
+    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
+    smooth = principal(isotropic(1.0, 1.0, 6), coulomb(0.5, 1.0, dilation=0.1))
     for one, size in ((law, 3), (smooth, 6)):
         for count in (0, 2):
             projection = one.project(np.zeros((size, count)))
             assert projection.stress.shape == (size, count)
-            assert projection.multipliers.shape == (0, one.n_planes)
-            assert projection.active.shape == projection.biactive.shape == (0, one.n_planes)
+            assert projection.multipliers.shape == (0, len(one.planes))
+            assert projection.active.shape == projection.biactive.shape == (0, len(one.planes))
             assert projection.reduction.shape == (0, size, size)
             assert projection.reserve.shape == (0,)
-            stress, lam = projection.slopes(np.zeros((size, 0, 2)), [None, None])
+            stress, lam = projection.derivatives(np.zeros((size, 0, 2)), of_law=True)
             assert stress.shape == (size, 0, 2)
-            assert lam.shape == (one.n_planes, 0, 2)
+            assert lam.shape == (len(one.planes), 0, 2)
 
 
 @pytest.mark.parametrize("count", [5, 40])
@@ -151,7 +163,7 @@ def test_the_number_of_steps_stays_far_below_its_bound(monkeypatch):
 
     monkeypatch.setattr(dual, "_advance", counted)
     rng = np.random.default_rng(0)
-    law = PolyhedralLaw(definite(rng, 6), random_planes(rng, 100, 6))
+    law = polyhedral(definite(rng, 6), random_planes(rng, 100, 6))
     law.project(1e6 * rng.normal(size=(6, 2000)))
     assert len(steps) < 0.05 * dual.step_limit(100)
 
@@ -176,31 +188,49 @@ def test_points_that_would_take_turns_for_ever_are_asked_for_less(monkeypatch):
     test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size=4, miss=1e-14)
 
 
+def test_points_that_never_end_are_refused_and_not_accepted_with_a_violation(monkeypatch):
+    """Each plane that is taken in is thrown out again and violated by as much as before."""
+    seen = []
+
+    def round_and_round(work, rays):
+        seen.append((work.tolerance.copy(), work.excess.max()))
+        work.plane[:] = -1
+
+    monkeypatch.setattr(dual, "_advance", round_and_round)
+    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
+    trial = np.array([[1.0 + 1e-6], [0.0], [0.0]])
+    with pytest.raises(NoProjection, match="of 1 points"):
+        law.project(trial)
+    assert len(seen) == dual.step_limit(3)
+    assert seen[-1][0].max() / seen[0][0].max() == pytest.approx(1e5)
+    assert seen[-1][0].max() < 1e-7 < seen[-1][1]
+
+
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**31), count=st.integers(2, 20), size=st.integers(2, 6))
 def test_emptiness_by_projection_and_by_linear_programming_agree(seed, count, size):
     rng = np.random.default_rng(seed)
     planes = Planes(rng.normal(size=(count, size)), rng.normal(size=count) + 0.3)
-    found = empty_domain(planes)
-    law = PolyhedralLaw(definite(rng, size), planes)
+    found = empty_domain(planes.normals, planes.distances)
+    law = polyhedral(definite(rng, size), planes)
     if found is None:
         law.project(10 * rng.normal(size=(size, 3)))
         return
     with pytest.raises(EmptyDomain) as caught:
         law.project(10 * rng.normal(size=(size, 3)))
     for some in (list(found), list(caught.value.planes)):
-        assert empty_domain(Planes(planes.normals[some], planes.distances[some])) is not None
+        assert empty_domain(planes.normals[some], planes.distances[some]) is not None
     for plane in found:
         rest = [other for other in found if other != plane]
         less = Planes(planes.normals[rest], planes.distances[rest])
-        assert not rest or empty_domain(less) is None
+        assert not rest or empty_domain(less.normals, less.distances) is None
 
 
 def test_hardening_fills_an_empty_domain():
     """k + H lam grows until there is a stress: the problem has an answer again."""
     normals = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
     planes = Planes(normals, np.array([-1.0, -1.0]), hardening=0.5 * np.eye(2))
-    assert empty_domain(planes) == (0, 1)
+    assert empty_domain(planes.normals, planes.distances) == (0, 1)
     trial = np.array([[0.3], [1.0], [0.0]])
     _, projection = check(np.eye(3), planes, trial)
     expected = projection_by_piqp(np.eye(3), planes, trial[:, 0])
@@ -209,13 +239,13 @@ def test_hardening_fills_an_empty_domain():
 
 def test_what_contradicts_in_principal_stresses():
     upper, lower = [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]
-    assert empty_principal_domain(coulomb(0.5, 1.0, tension=0.2)) is None
+    assert empty_principal_domain(coulomb(0.5, 1.0, tension=0.2).dual()) is None
     # The largest below -2 and the smallest above -1.
     planes = Planes(np.array([[1.0, 0.0, -0.2], upper, lower]), np.array([9.0, -2.0, 1.0]))
-    assert empty_principal_domain(planes) == (1, 2)
-    assert empty_principal_domain(coulomb(0.0, -1.0)) == (0,)
+    assert empty_principal_domain(planes.dual()) == (1, 2)
+    assert empty_principal_domain(coulomb(0.0, -1.0).dual()) == (0,)
     # Cohesion zero leaves the tip of the cone and what is below.
-    assert empty_principal_domain(coulomb(0.5, 0.0)) is None
+    assert empty_principal_domain(coulomb(0.5, 0.0).dual()) is None
 
 
 def test_cohesion_zero_and_no_tension():
@@ -225,7 +255,7 @@ def test_cohesion_zero_and_no_tension():
         coulomb(0.5, 0.0, tension=0.0),
         coulomb(0.5, 0.0, dilation=0),
     ):
-        law = PrincipalLaw(elasticity, planes)
+        law = principal(elasticity, planes)
         trial = np.random.default_rng(0).normal(size=(4, 500))
         trial[:, 0] = [1.0, 1.0, 1.0, 0.0]
         trial[:, 1] = 0.0

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.hardening import harden, harden_slopes
-from support.plastic import definite, projection_by_piqp, random_planes
-
-from geoident.fem.yielding.law import LawSlopes, Planes
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from support.plastic import Planes, definite, polyhedral, projection_by_piqp, random_planes
 
 SHAPES = [(4, 3), (8, 4), (16, 4), (12, 6), (100, 6)]
 
@@ -36,7 +32,7 @@ def test_stresses_are_those_of_an_independent_solver(count, size, hardening):
     _, elasticity, planes, trial, hardened = problem(
         count, size, points=points, hardening=hardening
     )
-    stress = PolyhedralLaw(elasticity, planes).project(trial, hardened).stress
+    stress = polyhedral(elasticity, planes).project(trial, hardened).stress
     for point in range(points):
         before = None if hardened is None else hardened[:, point]
         expected = projection_by_piqp(elasticity, planes, trial[:, point], before)
@@ -52,7 +48,7 @@ def test_conditions_hold_to_rounding(count, size, hardening, spread):
     _, elasticity, planes, trial, hardened = problem(
         count, size, points=300 if count > 50 else 4000, hardening=hardening, spread=spread
     )
-    law = PolyhedralLaw(elasticity, planes)
+    law = polyhedral(elasticity, planes)
     projection = law.project(trial, hardened)
     lam = whole(projection, count)
     total = lam if hardened is None else lam + hardened
@@ -71,7 +67,7 @@ def test_conditions_hold_to_rounding(count, size, hardening, spread):
 @pytest.mark.parametrize(("count", "size"), SHAPES)
 def test_projection_brings_no_two_points_apart(count, size):
     rng, elasticity, planes, trial, _ = problem(count, size, points=2000)
-    law = PolyhedralLaw(elasticity, planes)
+    law = polyhedral(elasticity, planes)
     other = trial + rng.normal(size=trial.shape) * rng.choice([1e-3, 1.0], trial.shape[1])
 
     def square(difference):
@@ -84,7 +80,7 @@ def test_projection_brings_no_two_points_apart(count, size):
 @pytest.mark.parametrize("hardening", [0.0, 0.3])
 def test_plastic_work_is_not_negative_and_reserve_is_its_potential(hardening):
     _, elasticity, planes, trial, hardened = problem(12, 4, points=2000, hardening=hardening)
-    projection = PolyhedralLaw(elasticity, planes).project(trial, hardened)
+    projection = polyhedral(elasticity, planes).project(trial, hardened)
     points = projection.yielded
     stress = projection.stress[:, points]
     plastic = np.linalg.solve(elasticity, trial[:, points] - stress)
@@ -101,7 +97,7 @@ def test_plastic_work_is_not_negative_and_reserve_is_its_potential(hardening):
 @pytest.mark.parametrize(("count", "size"), [(8, 3), (16, 4), (14, 6)])
 def test_tangent_is_symmetric_and_semidefinite(count, size, hardening):
     _, elasticity, planes, trial, hardened = problem(count, size, points=500, hardening=hardening)
-    projection = PolyhedralLaw(elasticity, planes).project(trial, hardened)
+    projection = polyhedral(elasticity, planes).project(trial, hardened)
     tangent = projection.reduction @ elasticity
     largest = np.abs(elasticity).max()
     assert np.abs(tangent - tangent.swapaxes(1, 2)).max() < 1e-11 * largest
@@ -137,18 +133,20 @@ def test_slopes_with_hardening(what):
 def check_slopes(case, what):
     elasticity, planes, trial, hardened, change = case
     change = change if what == "all" else {what: change[what]}
+    names = ("elasticity", "normals", "distances", "hardening")
 
     def at(step):
         def moved(name, value):
             return value if name not in change else value + step * change[name]
 
-        law = PolyhedralLaw(
+        law = polyhedral(
             moved("elasticity", elasticity),
             Planes(
                 moved("normals", planes.normals),
                 moved("distances", planes.distances),
                 hardening=moved("hardening", planes.hardening),
             ),
+            [Planes(**{name: change[name] for name in names if name in change})],
         )
         projection = law.project(moved("trial", trial), moved("hardened", hardened))
         return projection.stress, whole(projection, 9), projection
@@ -156,13 +154,11 @@ def check_slopes(case, what):
     base = at(0.0)[2]
     points = base.yielded
     forward, backward = at(1e-6), at(-1e-6)
-    names = ("elasticity", "normals", "distances", "hardening")
     columns = [
         change.get("trial", np.zeros_like(trial))[:, points, None],
-        [LawSlopes(**{name: change[name] for name in names if name in change})],
         change["hardened"][:, points, None] if "hardened" in change else None,
     ]
-    for place, found in enumerate(base.slopes(*columns)):
+    for place, found in enumerate(base.derivatives(*columns, of_law=True)):
         expected = ((forward[place] - backward[place]) / 2e-6)[:, points]
         error = np.abs(found[:, :, 0] - expected).max(axis=0) / np.abs(found).max()
         # No point of these lies at a kink.
@@ -171,43 +167,19 @@ def check_slopes(case, what):
 
 def test_slopes_of_the_trial_stress_alone_are_the_reduction():
     rng, elasticity, planes, trial, _ = problem(9, 4, points=100)
-    projection = PolyhedralLaw(elasticity, planes).project(trial)
+    projection = polyhedral(elasticity, planes).project(trial)
     change = rng.normal(size=(4, projection.yielded.size, 3))
-    stress, _ = projection.slopes(change)
+    stress, _ = projection.derivatives(change, of_law=False)
     expected = np.einsum("qst,tqn->sqn", projection.reduction, change)
     np.testing.assert_allclose(stress, expected, atol=1e-10)
 
 
-def test_hardening_of_all_planes_and_its_slope():
-    rng, elasticity, planes, _, _ = problem(5, 4, points=1, hardening=0.2)
-    slopes = LawSlopes(
-        elasticity=definite(rng, 4), normals=rng.normal(size=(5, 4)), hardening=definite(rng, 5)
-    )
-
-    def hardened(step):
-        return harden(
-            Planes(
-                planes.normals + step * slopes.normals,
-                planes.distances,
-                hardening=planes.hardening + step * slopes.hardening,
-            ),
-            elasticity + step * slopes.elasticity,
-            0.1,
-        ).hardening
-
-    own = np.einsum("yi,ij,yj->y", planes.normals, elasticity, planes.normals)
-    np.testing.assert_allclose(hardened(0.0), planes.hardening + 0.1 * np.diag(own))
-    expected = (hardened(1e-5) - hardened(-1e-5)) / 2e-5
-    found = harden_slopes(slopes, planes, elasticity, 0.1).hardening
-    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
-
-
 def test_a_law_is_refused_that_makes_no_sense():
     with pytest.raises(ValueError, match="positive definite"):
-        PolyhedralLaw(-np.eye(3), Planes(np.eye(3), np.ones(3)))
+        polyhedral(-np.eye(3), Planes(np.eye(3), np.ones(3)))
     with pytest.raises(ValueError, match="plane 2 has no normal"):
-        PolyhedralLaw(np.eye(3), Planes(np.diag([1.0, 0.0, 1.0]), np.ones(3)))
+        polyhedral(np.eye(3), Planes(np.diag([1.0, 0.0, 1.0]), np.ones(3)))
     with pytest.raises(ValueError, match="finite"):
-        PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.array([1.0, np.inf, 1.0])))
+        polyhedral(np.eye(3), Planes(np.eye(3), np.array([1.0, np.inf, 1.0])))
     with pytest.raises(ValueError, match="along their normals"):
-        PolyhedralLaw(np.eye(3), Planes(np.eye(3), np.ones(3), flow=np.eye(3)))
+        polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3), flow=np.eye(3)))

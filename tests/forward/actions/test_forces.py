@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, rollers
+from support.cases import NOWHERE, displacement, material, model, rollers
 from support.derivatives import assert_exact
-from support.meshes import box, opening
+from support.meshes import box, opening, regroup
 
 from geoident.errors import InputError
 from geoident.model.actions import PointForce, Seismic
@@ -87,7 +87,7 @@ def test_a_force_inside_an_element_keeps_its_resultant_and_its_moment(kind):
         supports=rollers(dim),
         loads={"f": PointForce(at, scalars(*value))},
     )
-    forces = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, dim)
+    forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, dim)
     np.testing.assert_allclose(forces.sum(axis=0), value, rtol=1e-12)
     moment = np.einsum("ni,nj->ij", staged.mesh.points, forces)
     np.testing.assert_allclose(moment, np.outer(at, value), rtol=1e-9)
@@ -103,7 +103,7 @@ def test_nodes_of_a_group_share_a_force():
         supports=rollers(2),
         loads={"f": PointForce("pad", scalars(0, -9))},
     )
-    forces = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, 2)
+    forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, 2)
     np.testing.assert_allclose(forces[[4, 9, 14]], [[0, -3]] * 3)
     np.testing.assert_allclose(forces.sum(axis=0), [0, -9])
 
@@ -118,7 +118,7 @@ def test_an_earthquake_pushes_with_a_part_of_the_weight():
         loads={"quake": Seismic(scalars(0.15, 0.05))},
     )
     weight = 2600 * 9.81 * 40
-    total = staged.actions.forces(0, {}, ())[:, 0].reshape(-1, 2).sum(axis=0)
+    total = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, 2).sum(axis=0)
     np.testing.assert_allclose(total, [0.15 * weight, -0.95 * weight], rtol=1e-12)
 
 
@@ -165,3 +165,24 @@ def test_a_force_outside_the_ground_is_a_fault():
             supports=rollers(2),
             loads={"f": PointForce((5.0, 5.0), scalars(0, 1))},
         )
+
+
+def test_a_load_that_is_given_twice_is_at_fault_where_it_has_no_ground():
+    """The same force before its ground is placed and again afterwards: the first is the fault."""
+    mesh = regroup(box("quad4", (2, 2)), fill=lambda x: x[:, 1] > 0.5)
+    force = PointForce((0.5, 0.9), scalars(0, 1))
+    with pytest.raises(InputError) as error:
+        model(
+            mesh,
+            materials={"rock": ROCK},
+            groups={"rock": "rock", "fill": None},
+            supports=rollers(2),
+            loads={"f": force},
+            stages=(
+                Stage("fill", install={"fill": "rock"}, remove=("f",)),
+                Stage("again", loads={"f": force}),
+            ),
+        )
+    (fault,) = error.value.faults
+    assert fault.path == "loads.f.at"
+    assert "at stage 'virgin'" in fault.message

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.anisotropy import STRATA, attitude, general, scalars, turn_matrix
-from support.cases import model
+from support.cases import model, moduli_at
 from support.closed_forms import kirsch, lekhnitskii
 from support.meshes import opening
 
-from geoident.forward.ground.elasticity import elasticity
 from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import TransverselyIsotropic
 from geoident.model.in_situ import ConstantStress
@@ -56,7 +55,7 @@ def closed_form(material: Material):
 def elasticity_of_section(material: Material) -> np.ndarray:
     """All six components in the axes of the section, from the law in a solid turned by hand."""
     upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # x, y, z of the section
-    E = elasticity(material, {}, 6)
+    E = moduli_at(material, {}, 6)
     return turn_matrix(E, upright)
 
 

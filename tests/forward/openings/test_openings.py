@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 
 from geoident.forward.openings.closed_forms import (
     BeyondClosedForm,
+    GroundState,
     Opening,
     Rock,
-    State,
     mohr_coulomb,
 )
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 from tests.support.closed_forms import (
     lame_cylinder,
     plastic_sphere,
@@ -45,12 +45,12 @@ class Site:
         rock = Rock(*(number(x) for x in (self.E, self.nu, self.p0, self.z0)))
         return Opening(radius, rock, mohr_coulomb(*map(number, (self.c, self.phi, self.psi))))
 
-    def state(self, radius: float = 1.0) -> State:
+    def state(self, radius: float = 1.0) -> GroundState:
         return self.opening(radius).under(number(self.p))
 
 
-def number(x: float) -> Jet:
-    return Jet(np.array([x]))
+def number(x: float) -> Dual:
+    return Dual(np.array([x]))
 
 
 SITES = {
@@ -118,8 +118,8 @@ def test_solution_is_that_of_the_differential_equations(name: str) -> None:
     r = np.maximum(r, 1.0)
     assert state.plastic_radius is not None
     assert float(state.plastic_radius.value) == pytest.approx(R, rel=1e-8)
-    for jet, column in zip(state.stresses(r), table.T, strict=False):
-        np.testing.assert_allclose(jet.value, column, atol=1e-7 * site.p0)
+    for dual, column in zip(state.stresses(r), table.T, strict=False):
+        np.testing.assert_allclose(dual.value, column, atol=1e-7 * site.p0)
     scale = np.abs(table[:, 3]).max()
     np.testing.assert_allclose(state.displacement(r).value, table[:, 3], atol=1e-7 * scale)
 
@@ -137,7 +137,7 @@ def test_plastic_multipliers_are_never_negative(name: str) -> None:
     site, state = SITES[name], SITES[name].state()
     assert state.plastic_radius is not None
     r = np.linspace(1.0, 0.999 * float(state.plastic_radius.value), 40)
-    sigma = np.stack([jet.value for jet in state.stresses(r)])
+    sigma = np.stack([dual.value for dual in state.stresses(r)])
     change = sigma - np.array([site.p0, site.p0, site.z0])[:, None]
     e = ((1 + site.nu) * change - site.nu * change.sum(axis=0)) / site.E
     sense = 1.0 if site.p < site.p0 else -1.0
@@ -288,9 +288,9 @@ class _Displacements:
         columns = self._jet(p).columns
         return columns[:, 0], columns[:, 1:]
 
-    def _jet(self, p: np.ndarray) -> Jet:
+    def _jet(self, p: np.ndarray) -> Dual:
         E, nu, p0, z0, c, phi, psi, inner = (
-            Jet(np.concatenate([[x], row])) for x, row in zip(p, np.eye(8), strict=True)
+            Dual(np.concatenate([[x], row])) for x, row in zip(p, np.eye(8), strict=True)
         )
         opening = Opening(1.0, Rock(E, nu, p0, z0), mohr_coulomb(c, phi, psi))
         return opening.under(inner).displacement(self._radii)
@@ -335,14 +335,14 @@ def test_derivatives_by_the_angles_where_they_are_zero() -> None:
 
 
 def test_divided_differences_against_their_definition() -> None:
-    a, b = Jet(np.array([-1.3, 1.0, 0.0])), Jet(np.array([0.7, 0.0, 1.0]))
+    a, b = Dual(np.array([-1.3, 1.0, 0.0])), Dual(np.array([0.7, 0.0, 1.0]))
     first, second = (np.expm1(x) / x for x in (-1.3, 0.7))
     both = exp_divided(a, b)
     assert float(both.value) == pytest.approx((second - first) / 2.0, rel=1e-13)
     assert float(exp_divided(b).value) == pytest.approx(second, rel=1e-14)
     for x in (-0.6, -1e-12, 0.0, 1e-9, 0.4999, 0.5001, 7.0):
-        jet = log_divided(Jet(np.array([x, 1.0])))
+        dual = log_divided(Dual(np.array([x, 1.0])))
         exact = np.log1p(x) / x if x else 1.0
-        assert float(jet.value) == pytest.approx(exact, rel=1e-14)
-    near, far = (log_divided(Jet(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
+        assert float(dual.value) == pytest.approx(exact, rel=1e-14)
+    near, far = (log_divided(Dual(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
     assert near == pytest.approx(far, rel=1e-10)

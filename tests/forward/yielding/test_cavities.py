@@ -16,7 +16,7 @@ from support.yielding import Cavity, constant, marched, mohr, rock
 
 from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.dual import Jet
+from geoident.model.dual import Dual
 
 CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
 ABOUT_AXIS, IN_SPACE = (3e6, 0.4), (6e6, 0.3)  # c and phi around spheres: plastic to 1.5, 1.3 radii
@@ -26,8 +26,8 @@ flows = pytest.mark.parametrize("psi", [None, 0.0], ids=["associated", "psi = 0"
 def exact(psi: float | None) -> PlasticState:
     """The opening in the plane."""
 
-    def number(x: float) -> Jet:
-        return Jet(np.array([x]))
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
 
     stress = number(CAVITY.pressure)
     ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
@@ -72,14 +72,14 @@ def test_stresses_around_the_opening(psi):
     mesh = CAVITY.mesh("quad8", n=4, layers=60, reach=40)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
     stress = marched(staged)[-1].stress[..., 0]
-    at = staged.systems.points.position
+    at = staged.discretization.points.position
     r = np.linalg.norm(at, axis=1)
     near = (r > CAVITY.radius) & (r < 6 * CAVITY.radius) & staged.systems[1].present
     x, y = at[near].T / r[near]
     xx, yy, zz, xy = stress[:, near]
     radial = xx * x**2 + yy * y**2 + 2 * xy * x * y
     found = np.stack([radial, xx + yy - radial, zz])
-    truth = -np.stack([jet.value for jet in exact(psi).stresses(r[near])])
+    truth = -np.stack([dual.value for dual in exact(psi).stresses(r[near])])
     # At the edge of the plastic zone the hoop stress has a kink.
     np.testing.assert_allclose(found, truth, atol=0.06 * CAVITY.pressure)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.006 * CAVITY.pressure
@@ -104,7 +104,7 @@ def test_slice_of_the_opening_about_its_axis(psi):
     truth = exact(psi)
     at_wall = np.abs(mesh.points[:, 0] - 1) < 1e-9
     wall = standing.u[0::2, 0][at_wall]
-    r = staged.systems.points.position[:, 0]
+    r = staged.discretization.points.position[:, 0]
     found = 0.5 * (r[standing.yielded].max() + r[(r > 1) & ~standing.yielded].min())
     np.testing.assert_allclose(wall, truth.displacement(np.array([1.0])).value[0], rtol=0.003)
     assert found == pytest.approx(float(truth.plastic_radius.value), rel=0.02)

@@ -56,7 +56,7 @@ def test_outer_face_of_a_partly_plastic_cylinder(edge):
     outer = np.abs(r - B) < 1e-9
     moved = np.linalg.norm(standing.u[:, 0].reshape(-1, 2)[outer], axis=1)
     np.testing.assert_allclose(moved, exact, rtol=0.003)
-    flows = np.linalg.norm(staged.systems.points.position[standing.yielded], axis=1).max()
+    flows = np.linalg.norm(staged.discretization.points.position[standing.yielded], axis=1).max()
     assert flows == pytest.approx(edge, abs=0.04)
 
 

@@ -171,7 +171,7 @@ def test_lift_is_placed_free_of_stress_and_then_yields():
     # Points of one element do not see exactly where yielding ends.
     moved = states[1].u[1::2, 0][middle]
     np.testing.assert_allclose(moved, -weight / E - plastic, rtol=0.05)
-    below = -weight * (2 - staged.systems.points.position[:, 1])
+    below = -weight * (2 - staged.discretization.points.position[:, 1])
     np.testing.assert_allclose(states[1].stress[1, :, 0], below, atol=0.03 * weight)
 
 
@@ -201,10 +201,10 @@ def test_partial_release_is_a_pressure_inside():
 
 def test_parts_of_a_release_follow_the_ground_reaction_curve():
     from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb  # noqa: PLC0415
-    from geoident.model.dual import Jet  # noqa: PLC0415
+    from geoident.model.dual import Dual  # noqa: PLC0415
 
-    def number(x: float) -> Jet:
-        return Jet(np.array([x]))
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
 
     parts = (0.3, 0.6, 0.8, 0.9, 1.0)
     staged = released(*parts, cohesion=2e6)

@@ -19,16 +19,15 @@ import piqp
 import pytest
 import scipy.sparse as sp
 from scipy.optimize import linprog
-from support.cases import model
+from support.cases import NOWHERE, model
 from support.meshes import box
-from support.yielding import constant, given, marched, rock
+from support.yielding import NOTHING, constant, given, marched, rock
 
 from geoident.errors import CollapseError
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.march.state import Standing
+from geoident.forward.ground_at import GroundAt
+from geoident.forward.march.state import StageEnd
 from geoident.forward.model import StagedModel
-from geoident.forward.yielding.laws import yield_law
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.parameter import Scalar
@@ -96,7 +95,7 @@ def system(name: str, seed: int, *, hardening: float = 0.0, load: float = 1.0) -
     )
 
 
-def carried_by_all(name: str, seed: int, hardening: float) -> tuple[StagedModel, list[Standing]]:
+def carried_by_all(name: str, seed: int, hardening: float) -> tuple[StagedModel, list[StageEnd]]:
     """The system under nearly as large loads as it carries."""
     for load in (0.6, 0.45, 0.34, 0.25, 0.19, 0.14):
         staged = system(name, seed, hardening=hardening, load=load)
@@ -108,7 +107,7 @@ def carried_by_all(name: str, seed: int, hardening: float) -> tuple[StagedModel,
 
 
 def problem(staged: StagedModel, state: int, before: np.ndarray, hardened: np.ndarray) -> Problem:
-    points, dofs = staged.systems.points, staged.systems[state].pattern.dofs
+    points, dofs = staged.discretization.points, staged.systems[state].pattern.dofs
     s, m = points.n_strain, points.n_points
     # Forces of unit stresses, component by component, so nothing is assumed of how C is stored.
     columns = []
@@ -119,22 +118,28 @@ def problem(staged: StagedModel, state: int, before: np.ndarray, hardened: np.nd
     matrix = np.stack(columns, axis=-1).reshape(len(dofs), m * s)
     E = moduli_of(staged)
     planes = law_of(staged).planes
-    H = np.zeros((len(planes.normals),) * 2) if planes.hardening is None else planes.hardening
-    forces = staged.actions.forces(state, {}, ())[dofs, 0]
+    H = np.zeros((len(planes),) * 2)
+    if planes.hardening is not None:
+        H = planes.hardening.value
+    forces = staged.actions.forces(state, NOWHERE)[dofs, 0]
     return Problem(
-        sp.csr_array(matrix), forces, points.volume, E, planes.normals, planes.distances, H,
-        before.T, hardened.T,
+        sp.csr_array(matrix), forces, points.volume, E, planes.normals.value,
+        planes.distances.value, H, before.T, hardened.T,
     )  # fmt: skip
 
 
 def law_of(staged: StagedModel) -> PolyhedralLaw:
-    law = yield_law(staged.case.materials["rock"], {}, moduli_of(staged))
+    law = ground_of(staged).yield_law("rock")
     assert isinstance(law, PolyhedralLaw)
     return law
 
 
 def moduli_of(staged: StagedModel) -> np.ndarray:
-    return elasticity(staged.case.materials["rock"], {}, staged.systems.points.n_strain)
+    return ground_of(staged).elasticity("rock").value
+
+
+def ground_of(staged: StagedModel) -> GroundAt:
+    return GroundAt(staged.case, NOWHERE, staged.discretization.points.n_strain)
 
 
 def blocks(problem: Problem) -> tuple[sp.csr_array, sp.csr_array]:
@@ -194,8 +199,8 @@ def carried(problem: Problem) -> float:
 @pytest.mark.parametrize("name", NAMES)
 def test_stages_are_those_of_a_quadratic_program(name, seed, hardening):
     staged, states = carried_by_all(name, seed, hardening)
-    points, law, E = staged.systems.points, law_of(staged), moduli_of(staged)
-    hardened = np.zeros((law.n_planes, points.n_points))
+    points, law, E = staged.discretization.points, law_of(staged), moduli_of(staged)
+    hardened = np.zeros((len(law.planes), points.n_points))
     yielded = 0
     for old, new in pairwise(states):
         task = problem(staged, new.state, old.stress[..., 0], hardened)
@@ -223,7 +228,7 @@ def test_stages_are_those_of_a_quadratic_program(name, seed, hardening):
         assert psi.max() < 1e-10 * scale
         assert np.abs(psi * lam).max() < 1e-10 * scale * max(lam.max(), 1e-30)
         plastic = strain - np.linalg.solve(E, stress - old.stress[..., 0])
-        np.testing.assert_allclose(plastic, law.planes.normals.T @ lam, atol=1e-10)
+        np.testing.assert_allclose(plastic, law.planes.normals.value.T @ lam, atol=1e-10)
         # Neither dissipation nor the work of the change of load is negative.
         assert np.all(np.einsum("sm,sm->m", stress, plastic) >= -1e-12)
         before = points.forces(old.stress[..., 0], points.volume)[dofs]
@@ -240,7 +245,7 @@ def test_part_of_a_load_that_is_carried_is_that_of_a_linear_program(name, seed):
     staged = system(name, seed, load=1.5)
     stresses = []
     with pytest.raises(CollapseError) as caught:
-        stresses.extend(standing.stress[..., 0].copy() for standing in staged.run({}))
+        stresses.extend(standing.stress[..., 0].copy() for standing in staged.at(NOTHING).states())
     number, before = len(stresses) - 1, stresses[-1]
     task = problem(staged, number + 1, before, np.zeros((10, before.shape[1])))
     assert caught.value.stage == staged.case.stages[number].name

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from geoident.identify.assessment.directions import join
+from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.spectrum import sparse_basis
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.least_squares.gauss_newton import gauss_newton
@@ -106,14 +106,49 @@ def test_intervals_hold_the_truth_in_95_of_100_replicates(make_problem):
 # What is not determined
 
 
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize(("half", "determined"), [(4.99, True), (5.01, False)])
+def test_without_bounds_half_an_interval_of_five_references_or_e_5_is_too_wide(
+    scale, half, determined
+):
+    q = (Parameter("x", 2.0, 0.0 if scale == "log" else -np.inf, np.inf, scale),)
+    sd = np.array([half / norm.ppf(0.975)])
+    found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[0.5]]))
+    assert found.determined.tolist() == [determined]
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize(("half", "determined"), [(0.49, True), (0.51, False)])
+def test_within_bounds_half_an_interval_of_half_the_range_is_too_wide(scale, half, determined):
+    q = (Parameter("x", 2.0, 1.0, 4.0, scale),)
+    width = 3.0 if scale == "linear" else np.log(4.0)
+    slope = 1.0 if scale == "linear" else 0.5  # of x or ln x with x, at 2
+    sd = np.array([half * width / slope / norm.ppf(0.975)])
+    found = assess(Problem(None, np.zeros(1), sd, q), np.array([2.0]), np.array([[1.0]]))
+    assert found.determined.tolist() == [determined]
+
+
 def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(assessed):
     _, found = assessed()
     assert found.determined.tolist() == [False, False, True, False]
     assert np.isnan(found.sd).tolist() == [True, True, False, True]
-    gap = next(text for text in found.findings if "E and sigma_v scale together" in text)
-    assert "sigma_v / E is determined: 0.0005333" in gap
-    assert "The readings do not determine nu." in found.findings
-    assert len(found.findings) == 2
+    ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
+    assert set(found.findings) == {
+        "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
+        f"as they are. sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to {high:.4g}, "
+        "SI units).",
+        "The readings do not determine nu.",
+    }
+
+
+def ratio_and_interval(sd):
+    """sigma_v / E and its 95 % interval, from the two parameters that the readings determine."""
+    ratio, K0 = VALUES[1] / VALUES[0], VALUES[2]
+    slopes = np.linspace(-0.3, 0.5, G)
+    by_log, by_K0 = SHAPE * ratio * (1.0 + slopes * K0), SHAPE * ratio * slopes
+    covariance = np.linalg.inv(np.array([by_log, by_K0]) @ np.array([by_log, by_K0]).T / sd**2)
+    half = norm.ppf(0.975) * np.sqrt(covariance[0, 0])
+    return ratio, ratio * np.exp(-half), ratio * np.exp(half)
 
 
 def test_a_determined_parameter_keeps_its_number_whatever_others_lack(assessed, make_problem):
@@ -128,9 +163,15 @@ def test_a_prior_separates_what_the_readings_do_not(assessed):
     _, found = assessed(Prior(8e6, 1e6))
     assert found.determined.tolist() == [True, False, True, False]
     assert found.sd[0] == pytest.approx(15e9 / 8.0, rel=1e-2)
-    text = " ".join(found.findings)
-    assert "E and sigma_v scale together; only the prior of sigma_v separates them" in text
-    assert "sigma_v is known only from its prior" in text
+    ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
+    assert set(found.findings) == {
+        "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
+        "as they are. Only the prior of sigma_v separates them. "
+        f"sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to {high:.4g}, SI units).",
+        "The readings do not determine nu.",
+        "sigma_v is known only from its prior: the readings hardly add to it. "
+        "The results for E rest mainly on that prior.",
+    }
 
 
 def test_a_parameter_of_which_only_the_prior_tells_is_not_determined():
@@ -141,9 +182,7 @@ def test_a_parameter_of_which_only_the_prior_tells_is_not_determined():
     J = np.array([[1.0, 0.0], [2.0, 0.0]])
     found = assess(Problem(None, np.zeros(2), np.full(2, 0.01), q), np.array([1.0, 0.25]), J)
     assert found.determined.tolist() == [True, False]
-    assert found.findings == (
-        "The readings do not determine nu; what is known is the prior of nu.",
-    )
+    assert found.findings == ("The readings do not determine nu: it is known only from its prior.",)
 
 
 def test_parameters_that_trade_off_are_named_with_their_product():
@@ -151,7 +190,9 @@ def test_parameters_that_trade_off_are_named_with_their_product():
     J = np.outer([1.0, 2.0, 3.0], [1.0, 1.0])
     found = assess(Problem(None, np.zeros(3), np.full(3, 0.01), q), np.ones(2), J)
     assert not found.determined.any()
-    assert "E and t trade off (one up, the other down)" in found.findings[0]
+    assert (
+        "The readings cannot separate E and t: one can make up for the other." in found.findings[0]
+    )
     assert "E * t is determined: 1 " in found.findings[0]
 
 
@@ -177,7 +218,7 @@ def test_a_bound_does_not_hide_that_two_parameters_cannot_be_told_apart(assessed
     _, found = assessed(values=values)
     assert found.at_bound.tolist() == [False, True, False, False]
     assert found.determined.tolist() == [False, False, True, False]
-    assert any("sigma_v ends on its upper bound" in text for text in found.findings)
+    assert any("sigma_v lies on its upper bound" in text for text in found.findings)
 
 
 def test_a_parameter_on_its_bound_is_fixed_for_the_others():

@@ -12,11 +12,11 @@ from support.yield_sites import deep_opening, notched_plate, task
 from geoident.errors import CollapseError, InputError, ModelError
 from geoident.identify import identify
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.history import History
-from geoident.identify.problem.problem import Problem
-from geoident.identify.yield_limits.complementarity import YieldSearch, complementarity
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History, Problem
+from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.stationarity import check, open_above
-from geoident.identify.yield_limits.unreached import headroom, strengths, unreached
+from geoident.identify.yield_limits.unreached import headroom, strengths, unreached, yield_evaluator
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -118,7 +118,7 @@ def test_a_strength_without_upper_bound_does_not_end_the_test_of_those_after_it(
     first, second = unknowns(2)
     endless = replace(first, upper=np.inf)
     problem = problem_of(bars, bars.readings(p), (endless, second), sd=0.2)
-    search = YieldSearch(problem, GaussNewtonOptions(), History("test", bars, quiet))
+    search = evaluator_of(problem)
     both = np.array([True, True])
     found = open_above(search, search.evaluate(np.log(p)), both, spent=lambda: False)
     assert found.tolist() == [False, True]
@@ -143,9 +143,9 @@ def kinked():
 
 def test_a_point_beside_a_kink_that_is_lower_is_found():
     problem = problem_of(kinked(), [0.9, 3.05], sd=1.0)
-    search = YieldSearch(problem, GaussNewtonOptions(), History("test", problem.response, quiet))
+    search = evaluator_of(problem)
     high = search.evaluate(np.log([1.1]))
-    found = check(search, high, kinks=0, exact=False, spent=lambda: False)
+    found = check(search, high, exact=False, spent=lambda: False)
     assert found.gradient > 0.1
     assert found.lower.phi < high.phi
     assert found.lower.p[0] < high.p[0]
@@ -153,6 +153,11 @@ def test_a_point_beside_a_kink_that_is_lower_is_found():
 
 def quiet(iteration):
     return None
+
+
+def evaluator_of(problem):
+    history = History("test", problem.response, quiet)
+    return yield_evaluator(Discrepancy(problem), history, problem.response)
 
 
 def test_smooth_minima_are_strongly_stationary():
@@ -258,7 +263,7 @@ def test_only_unreached_strengths_are_moved():
     second = Parameter("k2", -3.0, -9.0, -1.0)
     bars.admissible = lambda p: None
     problem = problem_of(bars, [1.2], (unknowns(1)[0], second))
-    search = YieldSearch(problem, GaussNewtonOptions(), History("test", bars, quiet))
+    search = evaluator_of(problem)
     start = search.scaling.start
     seen = search.evaluate(start)
     assert seen.p[1] == -3.0

@@ -6,8 +6,8 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
+from support.cases import moduli_at
 
-from geoident.forward.ground.elasticity import elasticity
 from geoident.model.ground import (
     Anisotropic,
     Attitude,
@@ -75,11 +75,11 @@ def test_a_normal_says_the_same_as_dip_and_dip_direction(rock):
     n = (sin(dip) * sin(azimuth), sin(dip) * cos(azimuth), cos(dip))
     by_normal = rock(f"{STRATA}, G_np: 3 GPa, normal: [{n[0]}, {n[1]}, {n[2]}]", solid=True)
     by_angles = rock(f"{STRATA}, G_np: 3 GPa, dip: 35 deg, dip_direction: 120 deg", solid=True)
-    E, F = (elasticity(m, {"E_rock": 15e9}, 6) for m in (by_normal, by_angles))
+    E, F = (moduli_at(m, {"E_rock": 15e9}, 6) for m in (by_normal, by_angles))
     np.testing.assert_allclose(E, F, atol=1e-6 * 15e9 * 1e-6)
     section = rock(f"{STRATA}, G_np: 3 GPa, normal: [{2 * sin(dip)}, {2 * cos(dip)}]")
     apparent = rock(f"{STRATA}, G_np: 3 GPa, dip: 35 deg")
-    E, F = (elasticity(m, {"E_rock": 15e9}, 4) for m in (section, apparent))
+    E, F = (moduli_at(m, {"E_rock": 15e9}, 4) for m in (section, apparent))
     np.testing.assert_allclose(E, F, atol=1e-12 * 15e9)
 
 
@@ -109,7 +109,7 @@ def test_entries_of_a_general_matrix(rock):
     elastic = rock(f"{ENTRIES}, c14: -1 GPa").elastic
     assert isinstance(elastic, Anisotropic)
     assert elastic.entries["c14"] == Scalar(-1e9)
-    E = elasticity(rock(ENTRIES), {"E_rock": 15e9}, 4)
+    E = moduli_at(rock(ENTRIES), {"E_rock": 15e9}, 4)
     np.testing.assert_array_equal(
         E, 1e9 * np.array([[15, 5, 0, 0], [5, 20, 0, 0], [0, 0, 20, 0], [0, 0, 0, 8]])
     )

@@ -70,7 +70,7 @@ def test_people_read_planes_stage_by_stage_and_what_is_known_from_below(result):
 def test_a_bound_that_was_proven_is_said_with_its_gap(result):
     found = replace(result.certificate, kind="global", bound=3.5, gap=0.02)
     text = " ".join(result_text(replace(result, certificate=found)).split())
-    assert "Proven: no discrepancy is below 3.5 (gap 2 %)." in text
+    assert "Proven: no misfit is below 3.5 (gap 2 %)." in text
 
 
 def test_programs_get_no_number_for_a_plane_that_is_never_reached(result):

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
-from geoident.fem.kinematics import kinematics_of
+from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
@@ -21,14 +20,11 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
-from geoident.forward.gauges.observation import format_point
-from geoident.forward.stages import State, Timeline
+from geoident.forward.discretization import Discretization, Index, as_index
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-
-Index = Ints | slice
 
 
 @dataclass(frozen=True)
@@ -53,42 +49,38 @@ class StageSystem:
 
 
 class StageSystems:
-    """The equations of all states of a timeline, each prepared when it is first needed.
+    """The equations of all states of a sequence, each prepared when it is first needed.
 
     Equal patterns are analysed once, and only if something is solved on them.
     """
 
     def __init__(
         self,
-        case: Case,
         mesh: Mesh,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
+        discretization: Discretization,
         fixed: Bools,
         solver: Solver,
         structures: Structures,
     ) -> None:
-        self.kinematics = kinematics_of(case.analysis)
-        geometries = tuple(block_geometry(mesh.points, b, self.kinematics) for b in mesh.blocks)
-        self.geometries = geometries
-        self.points: StrainPoints = strain_points(mesh, geometries, self.kinematics)
+        geometries = discretization.geometries
+        self.discretization = discretization
         self._mesh = mesh
         self._solver = solver
         order = nested_dissection(mesh.points, *node_graph(mesh))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
-        ever = sorted({g for state in timeline.states for g in state.materials})
+        ever = sorted({g for state in sequence.states for g in state.materials})
         self._blocks: dict[int, GroupBlocks] = {
-            g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
+            g: group_blocks(mesh, geometries, sequence.elements(g), rank) for g in ever
         } | structures.blocks(rank)
         self.structures = structures
-        group_of_point = timeline.group_of[self.points.element]
-        self.points_of: dict[int, Index] = {g: _as_index(group_of_point == g) for g in ever}
-        self._timeline = timeline
+        self._sequence = sequence
         self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
-        self._point_blocks = PointBlocks(mesh, geometries, self.kinematics)
+        self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
         self._analyses: dict[frozenset[int], Analysis | None] = {}
         self._analysed: dict[bytes, Analysis] = {}
@@ -118,7 +110,7 @@ class StageSystems:
     def values(
         self,
         system: StageSystem,
-        state: State,
+        state: ConstructionState,
         laws: Mapping[str, Floats],
         values: Mapping[str, float],
     ) -> Floats:
@@ -126,7 +118,8 @@ class StageSystems:
 
         Structures take theirs from the parameter values.
         """
-        maps = {name: self.kinematics.stiffness_map(law) for name, law in laws.items()}
+        map_of = self.discretization.kinematics.stiffness_map
+        maps = {name: map_of(law) for name, law in laws.items()}
         ground = {group: maps[material] for group, material in state.materials.items()}
         return system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
 
@@ -142,19 +135,16 @@ class StageSystems:
         node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
         return f" near {format_point(self._mesh.points[node])}"
 
-    def describe_point(self, point: int) -> str:
-        """Where a strain point stands, for a message."""
-        return format_point(self.points.position[point])
-
     def _prepare(self, number: int) -> StageSystem:
-        timeline, state = self._timeline, self._timeline.states[number]
-        here = timeline.present(number)
-        present = here[self.points.element]
+        sequence, state = self._sequence, self._sequence.states[number]
+        here = sequence.present(number)
+        points = self.discretization.points
+        present = here[points.element]
         points_of: dict[str, Index] = {}
-        names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
-        name_of_point = names[timeline.group_of[self.points.element]]
+        names = np.array([state.materials.get(g, "") for g in range(len(sequence.groups))])
+        name_of_point = names[sequence.group_of[points.element]]
         for material in set(state.materials.values()):
-            points_of[material] = _as_index(name_of_point == material)
+            points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
         if groups not in self._patterns:
             self._patterns[groups] = stiffness_pattern(
@@ -164,7 +154,7 @@ class StageSystems:
                 dim=self._mesh.dim,
             )
         pattern = self._patterns[groups]
-        volume = np.where(present, self.points.volume, 0.0)
+        volume = self.discretization.volume(here)
         touched = _touched(self._mesh, here)
         return StageSystem(present, touched, volume, points_of, groups, pattern)
 
@@ -181,14 +171,6 @@ def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
     """An elimination order with some nodes last, otherwise as it was."""
     late = np.isin(order, nodes)
     return np.concatenate([order[~late], order[late]])
-
-
-def _as_index(mask: Bools) -> Index:
-    """A slice where the marked places are one run (no copies), else their indices."""
-    where = np.flatnonzero(mask)
-    if len(where) and where[-1] - where[0] + 1 == len(where):
-        return slice(int(where[0]), int(where[-1]) + 1)
-    return where
 
 
 def _touched(mesh: Mesh, present: Bools) -> Bools:

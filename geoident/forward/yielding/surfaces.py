@@ -1,0 +1,201 @@
+"""Yield surfaces of a material as planes with derivatives: one function a surface, one table.
+
+All surfaces of a material together are one polyhedron, the common inside; the smooth Mohr-Coulomb
+surface is planes in sorted principal stresses. A new surface is one more function in `_PLANES`.
+
+*Drucker-Prager's cone, and Coulomb's on the planes of strata and joints*, with facets.
+
+Drucker and Prager (1952, Soil mechanics and plastic analysis or limit design, Quart. Appl. Math.
+10): alpha I1 + sqrt(J2) <= k, with alpha and k from Mohr-Coulomb's c and phi
+
+    outer         alpha = 2 sin phi / (sqrt3 (3 - sin phi)), k = alpha 3 c / tan phi
+    inner         alpha = 2 sin phi / (sqrt3 (3 + sin phi)), k = alpha 3 c / tan phi
+    plane strain  alpha = tan phi / sqrt(9 + 12 tan^2 phi),  k = 3 c / sqrt(9 + 12 tan^2 phi)
+
+(W. F. Chen and E. Mizuno, 1990, Nonlinear Analysis in Soil Mechanics, chapter 3.) sqrt(J2) is
+1 / sqrt2 of the deviator's length, in a space of three dimensions in a section and of five in a
+solid; facets touch the sphere in directions that are spread evenly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from math import sqrt
+from typing import Literal
+
+import numpy as np
+
+from geoident.fem.yielding.law import YieldPlanes, common_inside
+from geoident.forward.ground.elasticity import material_axes
+from geoident.forward.yielding.even_directions import spread_deviators
+from geoident.forward.yielding.mohr_coulomb import mohr_coulomb, smooth_mohr_coulomb
+from geoident.forward.yielding.smooth_distance import (
+    deviator_basis,
+    polygon_shrinkage,
+    shrinkage,
+)
+from geoident.forward.yielding.tension import cut_off
+from geoident.model.arrays import Floats
+from geoident.model.case import Material
+from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.yielding import (
+    DruckerPrager,
+    Fit,
+    GivenPlanes,
+    MohrCoulomb,
+    WeakPlane,
+    YieldSurface,
+)
+
+_KINDS: Mapping[type, str] = {
+    GivenPlanes: "planes",
+    MohrCoulomb: "mohr-coulomb",
+    DruckerPrager: "drucker-prager",
+    WeakPlane: "weak-plane",
+}
+
+
+def is_smooth(material: Material) -> bool:
+    """Whether the material yields by the smooth Mohr-Coulomb surface."""
+    return any(isinstance(s, MohrCoulomb) and s.planes is None for s in material.yields)
+
+
+def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+    """All planes (y) of a material that yields, with their derivatives.
+
+    Args:
+        material: the material.
+        point: the parameters.
+        n_strain: number s of strain components.
+    """
+    if is_smooth(material):
+        (surface,) = material.yields
+        assert isinstance(surface, MohrCoulomb)
+        return smooth_mohr_coulomb(surface, point)
+    parts = [_PLANES[type(surface)](surface, point, n_strain) for surface in material.yields]
+    return parts[0] if len(parts) == 1 else common_inside(_labelled(material.yields, parts))
+
+
+def _labelled(surfaces: Sequence[YieldSurface], parts: Sequence[YieldPlanes]) -> list[YieldPlanes]:
+    """Planes with names that also say which surface they are of."""
+    kinds = [_KINDS[type(surface)] for surface in surfaces]
+    labels = [
+        f"{kind} {kinds[: n + 1].count(kind)}" if kinds.count(kind) > 1 else kind
+        for n, kind in enumerate(kinds)
+    ]
+    return [
+        replace(part, names=tuple(f"{label}: {name}" for name in part.names))
+        for label, part in zip(labels, parts, strict=True)
+    ]
+
+
+def given_planes(surface: GivenPlanes, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+    """The planes of a case, cut to the components of the analysis."""
+    normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
+    distances = stacked([point.number(plane.distance) for plane in surface.planes])
+    hardening = point.number(surface.hardening)
+    return YieldPlanes(
+        point.constant(normals),
+        distances,
+        hardening=hardening * np.eye(len(normals)) if hardening.columns.any() else None,
+        names=tuple(plane.name for plane in surface.planes),
+    )
+
+
+def drucker_prager(surface: DruckerPrager, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+    """Drucker-Prager's cone with facets, and its cut-off of tension."""
+    alpha, k = cone(surface, point)
+    deviators = _facets_of_sphere(surface.planes, n_strain, surface.fit)
+    trace = np.zeros(n_strain)
+    trace[:3] = 1.0
+    normals = alpha * trace + point.constant(deviators / sqrt(2.0))
+    names = tuple(f"shear {n}" for n in range(1, 1 + len(deviators)))
+    distances = Dual(np.repeat(k.columns[None], len(names), axis=0))
+    parts = [YieldPlanes(normals, distances, names=names)]
+    if surface.tension is not None:
+        count = cut_off_count(surface.planes, n_strain)
+        limit = point.number(surface.tension)
+        parts.append(cut_off(limit, point, n_strain, count, surface.fit))
+    return common_inside(parts).of_unit_length()
+
+
+def cut_off_count(planes: int, n_strain: int) -> int:
+    """Sides or directions of the cut-off of a cone with some facets."""
+    return max(4, 2 * (planes // 4)) if n_strain < 6 else planes // 6
+
+
+def cone(surface: DruckerPrager, point: ParameterPoint) -> tuple[Dual, Dual]:
+    """Its alpha and k."""
+    angle = point.number(surface.friction)
+    S, C, c = angle.sine(), angle.cosine(), point.number(surface.cohesion)
+    width = _width(surface.match, S)
+    return S / width, c * C * 3.0 / width
+
+
+def _width(match: Literal["outer", "inner", "plane-strain"], S: Dual) -> Dual:
+    """S / alpha: sqrt3 / 2 (3 -+ S), or sqrt(9 + 3 S^2), which is cos phi sqrt(9 + 12 tan^2)."""
+    if match == "plane-strain":
+        return (9.0 + S * S * 3.0).root()
+    return (3.0 - S if match == "outer" else 3.0 + S) * (sqrt(3.0) / 2)
+
+
+@lru_cache(maxsize=32)
+def _facets_of_sphere(count: int, n_strain: int, fit: Fit) -> Floats:
+    """Deviators (y, n_strain) whose largest product with a stress stands for its length."""
+    facets = spread_deviators(count, n_strain) @ deviator_basis(n_strain)
+    return facets / shrinkage(fit, facets, lambda x: np.linalg.norm(x, axis=1))
+
+
+def weak_plane(surface: WeakPlane, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+    """Coulomb on planes of one orientation: |tau| cos phi + sigma_n sin phi <= c cos phi.
+
+    In a section the planes stand on it, and two facets are exact. In a solid tau has two
+    components, and a polygon of the same size on average takes the place of the circle.
+    """
+    angle = point.number(surface.friction)
+    S, C = angle.sine(), angle.cosine()
+    normal, slides = _directions(surface, point, n_strain)
+    pressing = _traction(normal, normal, n_strain)
+    normals = [S * pressing + C * _traction(normal, slide, n_strain) for slide in slides]
+    distances = [C * point.number(surface.cohesion)] * len(slides)
+    names = [f"slip {n}" for n in range(1, 1 + len(slides))]
+    if surface.tension is not None:
+        normals.append(pressing)
+        distances.append(point.number(surface.tension))
+        names.append("opening")
+    planes = YieldPlanes(stacked(normals), stacked(distances), names=tuple(names))
+    return planes.of_unit_length()
+
+
+def _directions(
+    surface: WeakPlane, point: ParameterPoint, n_strain: int
+) -> tuple[Dual, list[Dual]]:
+    """The normal (3,), and the directions of sliding (3,), longer where a polygon is shrunk."""
+    section = n_strain < 6
+    axes = material_axes(surface.frame, point, section=section)
+    first, second, normal = (axes[:, k] for k in range(3))
+    if section:
+        x, y = normal[0], normal[1]
+        along = Dual(np.stack([-y.columns, x.columns, np.zeros_like(x.columns)]))
+        return normal, [along, -along]
+    turns = 2 * np.pi * np.arange(surface.planes) / surface.planes
+    longer = 1 / polygon_shrinkage(surface.planes, "best")
+    pairs = longer * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    return normal, [first * a + second * b for a, b in pairs]
+
+
+def _traction(a: Dual, b: Dual, n_strain: int) -> Dual:
+    """What takes a^T sigma b from the components of a stress, (n_strain,)."""
+    straight = [a[i] * b[i] for i in range(3)]
+    shear = [a[i] * b[j] + a[j] * b[i] for i, j in ((0, 1), (1, 2), (0, 2))]
+    return stacked([*straight, *shear])[:n_strain]
+
+
+_PLANES: Mapping[type, Callable[..., YieldPlanes]] = {
+    GivenPlanes: given_planes,
+    MohrCoulomb: mohr_coulomb,
+    DruckerPrager: drucker_prager,
+    WeakPlane: weak_plane,
+}

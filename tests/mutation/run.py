@@ -1,0 +1,294 @@
+"""Changes the code at random places, one at a time, and lists the changes that no test notices.
+
+    .venv/bin/python tests/mutation/run.py --seed 1
+    .venv/bin/python tests/mutation/run.py --sample identify=60 --sample forward=60 --seed 7
+    .venv/bin/python tests/mutation/run.py --again build/mutation/seed-7.jsonl
+
+Slow: the default tests run once to see which test reaches which line (about twice their time), then
+every change is tried on the tests that reach its line (seconds if one fails, minutes if none does).
+It works on a copy in `build/mutation`, so the tree can be edited meanwhile; a run that was stopped
+goes on where it was when the same command is given again.
+
+A change that survives is read: either a test is missing, or the code means the same with it. The
+latter are written down in `equivalent.toml`, with the reason, and counted apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from cosmic_ray.mutating import use_mutation
+from cosmic_ray.testing import run_tests
+from cosmic_ray.work_item import TestOutcome
+from selection import Selection
+from sites import Mutant, draw
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = {"identify": 40, "forward": 40, "fem": 25, "workflow": 15, "report": 30}
+"""How many changes are tried in each package without `--sample`."""
+PICTURES = re.compile(r"/report/(drawing/(?!scene|sheets)|(.*/)?(html|svg|page|figures)\.py)")
+"""Modules of `report` without arithmetic that a test could judge: layout and markup."""
+FIRST = 10.0
+"""Seconds of quick tests that a change meets before the others are begun."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a change.
+
+    Attributes:
+        mutant: the change.
+        caught: the test that failed, "timeout", or empty if the change survived.
+        tests: number of tests that ran in all.
+        was: the lines before, without indentation.
+        became: the lines after.
+        package: where the change is.
+    """
+
+    mutant: Mutant
+    caught: str
+    tests: int
+    was: str
+    became: str
+
+    @property
+    def package(self) -> str:
+        return self.mutant.module.split("/")[1]
+
+
+class Bench:
+    """A copy of the repository in which the code is changed and tests are run.
+
+    Args:
+        folder: for the copy and for what is counted on it.
+        most: seconds of tests that a change meets at most.
+    """
+
+    def __init__(self, folder: Path, most: float) -> None:
+        self.folder = folder
+        self._most = most
+        self.tree = folder / "tree"
+        os.environ["PYTHONPATH"] = os.pathsep.join([str(self.tree), str(Path(__file__).parent)])
+        os.environ["MUTATION_FOLDER"] = str(folder)
+        if self._copy():
+            self._count()
+        (folder / "state").write_text(self.state)
+        os.chdir(self.tree)
+        self._selection = Selection(folder, self.tree)
+        self._alone: dict[str, bool] = {}
+
+    def _copy(self) -> bool:
+        """Copy what git knows or does not ignore; whether the tests are to be counted again."""
+        command = ["git", "ls-files", "-co", "--exclude-standard", "-z"]
+        listed = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout
+        names = sorted({name for name in listed.split("\0") if name and (ROOT / name).is_file()})
+        content = {name: (ROOT / name).read_bytes() for name in names}
+        state = hashlib.sha256(repr(content).encode()).hexdigest()[:8]
+        shutil.rmtree(self.tree, ignore_errors=True)
+        for name, what in content.items():
+            path = self.tree / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(what)
+            path.chmod((ROOT / name).stat().st_mode)
+        kept = self.folder / "state"
+        changed = not kept.exists() or kept.read_text() != state
+        kept.unlink(missing_ok=True)
+        self.state = state
+        return changed
+
+    def _count(self) -> None:
+        """Run the default tests and keep which lines each reaches."""
+        print("Running the tests once to see what each reaches ...", flush=True)
+        options = [
+            "-q",
+            "-p",
+            "reached",
+            "-p",
+            "no:cacheprovider",
+            "--continue-on-collection-errors",
+        ]
+        log = self.folder / "reached.log"
+        with log.open("w") as stream:
+            command = [sys.executable, "-m", "pytest", *options]
+            code = subprocess.run(command, cwd=self.tree, stdout=stream, check=False).returncode
+        if code > 1:
+            raise SystemExit(f"the tests do not run: see {log}")
+
+    def judge(self, mutant: Mutant) -> Verdict:
+        """Run the tests that reach a change until one fails."""
+        tests = self._selection.tests(mutant.module, mutant.line)
+        cost = self._selection.seconds
+        total, first, rest = 0.0, [], []
+        for test in tests:
+            total += cost[test]
+            if total <= min(FIRST, self._most) or not first:
+                first.append(test)
+            elif total <= self._most:
+                rest.append(test)
+        with use_mutation(Path(mutant.module), mutant.make(), mutant.occurrence) as (old, new):
+            was, became = _difference(old, new)
+            caught = self._run(first) or self._run(rest)
+        while caught not in {"", "timeout"} and not self._passes_alone(caught):
+            print(f"  left out, fails by itself: {caught}", flush=True)
+            first, rest = ([one for one in part if one != caught] for part in (first, rest))
+            with use_mutation(Path(mutant.module), mutant.make(), mutant.occurrence):
+                caught = self._run(first) or self._run(rest)
+        return Verdict(mutant, caught, len(first) + len(rest), was, became)
+
+    def _run(self, tests: list[str]) -> str:
+        """The first test that fails, "timeout", or nothing."""
+        if not tests:
+            return ""
+        names = self.folder / "tests.txt"
+        names.write_text("".join(f"{test}\n" for test in tests))
+        seconds = sum(self._selection.seconds[test] for test in tests)
+        command = shlex.join(
+            [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-xq",
+                "--tb=no",
+                "-p",
+                "no:cacheprovider",
+                f"@{names}",
+            ]
+        )
+        outcome, output = run_tests(command, 60.0 + 5.0 * seconds)
+        if outcome is TestOutcome.SURVIVED:
+            return ""
+        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output, re.MULTILINE)
+        return failed[1] if failed else output.strip()[-200:] or "does not start"
+
+    def _passes_alone(self, test: str) -> bool:
+        """Whether a test passes on the code as it is, run without others."""
+        if test not in self._selection.seconds:
+            return True
+        if test not in self._alone:
+            self._alone[test] = self._run([test]) == ""
+        return self._alone[test]
+
+
+def _difference(old: str, new: str) -> tuple[str, str]:
+    """The lines that differ, without what is common at both ends."""
+    before, after = old.splitlines(), new.splitlines()
+    while before and after and before[0] == after[0]:
+        before, after = before[1:], after[1:]
+    while before and after and before[-1] == after[-1]:
+        before, after = before[:-1], after[:-1]
+    return tuple(" ".join(line.strip() for line in lines) for lines in (before, after))
+
+
+def _modules(tree: Path, package: str) -> list[str]:
+    found = (str(path.relative_to(tree)) for path in (tree / "geoident" / package).rglob("*.py"))
+    return sorted(one for one in found if not PICTURES.search(one))
+
+
+def _equivalent() -> dict[tuple[str, str, str], str]:
+    """Reasons of changes that mean the same, by file, line before and line after."""
+    listed = tomllib.loads(Path(__file__).with_name("equivalent.toml").read_text())
+    return {(one["file"], one["was"], one["became"]): one["reason"] for one in listed["change"]}
+
+
+def _kept(path: Path) -> list[Verdict]:
+    """Verdicts of a file of results."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = [json.loads(line) for line in lines]
+    return [Verdict(**{**row, "mutant": Mutant(**row["mutant"])}) for row in rows]
+
+
+def _summary(verdicts: list[Verdict]) -> str:
+    """Shares by package, and the survivors."""
+    reasons = _equivalent()
+
+    def known(verdict: Verdict) -> str:
+        file = verdict.mutant.module.removeprefix("geoident/")
+        return reasons.get((file, verdict.was, verdict.became), "")
+
+    lines = ["", "package    tried  equivalent  caught  survived   caught of those not equivalent"]
+    for package in [*dict.fromkeys(v.package for v in verdicts), "all"]:
+        some = [v for v in verdicts if package in (v.package, "all")]
+        count = Counter("caught" if v.caught else "known" if known(v) else "alive" for v in some)
+        share = 100 * count["caught"] / max(count["caught"] + count["alive"], 1)
+        lines.append(
+            f"{package:10} {len(some):5} {count['known']:11} {count['caught']:7}"
+            f" {count['alive']:9} {share:9.1f} %"
+        )
+    for verdict in sorted((v for v in verdicts if not v.caught), key=lambda v: v.mutant.module):
+        where = f"{verdict.mutant.module}:{verdict.mutant.line}"
+        lines += ["", f"{where}  {verdict.mutant.definition}  ({verdict.tests} tests)"]
+        lines += [f"  - {verdict.was}", f"  + {verdict.became}"]
+        if known(verdict):
+            lines.append(f"  the same: {known(verdict)}")
+    return "\n".join(lines)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--sample", action="append", metavar="PACKAGE=N", help="changes to try")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample")
+    parser.add_argument(
+        "--seconds", type=float, default=300.0, help="of tests for a change that no test notices"
+    )
+    parser.add_argument("--again", type=Path, help="only what survived in this file of results")
+    parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutation")
+    return parser.parse_args()
+
+
+def _sample(tree: Path, options: argparse.Namespace) -> list[Mutant]:
+    """The changes to try, packages mixed so that a run that is stopped has some of each."""
+    counts = dict(text.split("=") for text in options.sample) if options.sample else PACKAGES
+    found: list[tuple[float, Mutant]] = []
+    for package, count in counts.items():
+        mutants, sites = draw(tree, _modules(tree, package), int(count), options.seed)
+        print(f"{package}: {len(mutants)} of {sites} places")
+        found += [((i + 0.5) / len(mutants), mutant) for i, mutant in enumerate(mutants)]
+    return [mutant for _, mutant in sorted(found, key=lambda pair: pair[0])]
+
+
+def main() -> None:
+    """Run the command."""
+    options = _options()
+    folder = options.folder.resolve()
+    again = _kept(options.again.resolve()) if options.again else []
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = Bench(folder, options.seconds)
+    alive = {verdict.mutant: verdict for verdict in again if not verdict.caught}
+    mutants = list(alive) if options.again else _sample(bench.tree, options)
+    stem = f"again-{options.again.stem}" if options.again else f"seed-{options.seed}"
+    results = folder / f"{stem}-{bench.state}.jsonl"
+    done = {verdict.mutant: verdict for verdict in _kept(results)}
+    for number, mutant in enumerate(mutants, 1):
+        if mutant not in done:
+            verdict = bench.judge(mutant)
+            done[mutant] = verdict
+            if mutant in alive and alive[mutant].was != verdict.was:
+                raise SystemExit(f"{mutant.module} is another file now: draw a new sample")
+            with results.open("a") as stream:
+                stream.write(json.dumps(asdict(verdict)) + "\n")
+            what = "caught  " if verdict.caught else "SURVIVED"
+            print(f"{number:4}/{len(mutants)} {what} {mutant.module}:{mutant.line}", flush=True)
+    print(_summary([done[mutant] for mutant in mutants]))
+    print(f"\nResults: {results}")
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with contextlib.suppress(KeyboardInterrupt):
+        main()
