@@ -28,7 +28,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
+from geoident.model.structures import Beam, Structure
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def _inverse(dual: Dual) -> Dual:
 def inadmissible(case: Case, values: Values) -> str | None:
     """Which number of a structure is impossible at parameter values, or None."""
     for name, structure in case.structures.items():
-        found = structure_breach(structure, values)
+        found = structure.breach(values)
         if found:
             return f"of the structure '{name}' {found}"
     return None
@@ -175,7 +175,7 @@ def inadmissible(case: Case, values: Values) -> str | None:
 def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
     """Why the structures' stiffness is not affine in the free parameters, or None if it is."""
     for name, structure in case.structures.items():
-        for key, scalar in structure_numbers(structure).items():
+        for key, scalar in structure.numbers.items():
             if scalar.parameter in free and key not in ("E", "EA", "EI"):
                 return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
     return None
