@@ -131,7 +131,7 @@ def _stages(case: Case, model: CaseModel, selection: Selection) -> tuple[StageSu
             water=stage.water is not None,
         )
         for n, (stage, state, dofs) in enumerate(
-            zip(case.stages, model.timeline.states[1:], model.n_dofs[1:], strict=True)
+            zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
 
@@ -155,7 +155,7 @@ def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
 def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(case, model.mesh, model.timeline)
+        for p in placements(case, model.mesh, model.sequence)
     )
 
 

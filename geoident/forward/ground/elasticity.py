@@ -18,10 +18,8 @@ from geoident.model.ground import (
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
-    angles,
     breach,
     constants,
-    numbers_of,
 )
 
 Values = Mapping[str, float]
@@ -74,24 +72,3 @@ def inadmissible(material: Material, values: Values) -> str | None:
     if found is None:
         return None
     return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
-
-
-def affine_obstacle(material: Material, free: frozenset[str]) -> str | None:
-    """Why the equations are not affine in the free parameters, or None if they are."""
-    if material.yields:
-        return f"{material.name} yields: its stresses are not linear in the displacements"
-    elastic = material.elastic
-    tied = {name: s.parameter for name, s in numbers_of(elastic).items() if s.parameter in free}
-    for name in tied:
-        if name.startswith("nu") or name in angles(elastic):
-            remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""
-            return f"{name} of {material.name} enters the stiffness nonlinearly{remedy}"
-    young = [name for name in constants(elastic) if name.startswith("E")]
-    # At fixed ratios between them the matrix grows in proportion to all Young's moduli.
-    if tied.keys().isdisjoint(young) or len({tied.get(name) for name in young}) == 1:
-        return None
-    remedy = f"unless {', '.join(young)} are all tied to one parameter"
-    if isinstance(elastic, TransverselyIsotropic):
-        remedy += " (Love's A, C, F, L and N enter linearly)"
-    first = next(name for name in young if name in tied)
-    return f"{first} of {material.name} enters the stiffness nonlinearly {remedy}"

@@ -167,7 +167,7 @@ def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floa
     model = setup.model
     times = np.array([np.nan if t is None else t for t in setup.selection.times])
     own, common = (
-        model.instruments.added(model.values(p), model.names, rows, columns + 1, each)
+        model.instrument_errors.added(model.values(p), model.names, rows, columns + 1, each)
         for each in (times, None)
     )
     more = own - common

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import (
     Counts,
@@ -23,6 +24,7 @@ from geoident.model.result import (
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
 STAGES = ("heading", "bench 1")
 NAMES = ("E_rock", "sigma_v")
+SOLIDS = tuple(kind for kind, cell in CELLS.items() if cell.usable and cell.dim == 3)
 
 
 def block(kind: str, *rows: tuple[int, ...], first: int = 1) -> ElementBlock:
@@ -54,36 +56,26 @@ def solid_mesh() -> Mesh:
     """One element of every solid kind on the nodes of a 3 x 3 x 3 lattice."""
     grid = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)], dtype=float)
     number = {tuple(p): n for n, p in enumerate(grid.astype(int).tolist())}
-    corners = [
-        (0, 0, 0),
-        (2, 0, 0),
-        (2, 2, 0),
-        (0, 2, 0),
-        (0, 0, 2),
-        (2, 0, 2),
-        (2, 2, 2),
-        (0, 2, 2),
-    ]
-    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)]
-    edges += [(0, 4), (1, 5), (2, 6), (3, 7)]
-    tet = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
-    tet_edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    base, top = (
+        [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)],
+        [(0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)],
+    )
+    corners = {
+        "tet": [base[0], base[1], base[3], top[0]],
+        "hex": base + top,
+        "wedge": [base[0], base[1], base[3], top[0], top[1], top[3]],
+        "pyramid": [*base, top[0]],
+    }
 
-    def nodes(points: list[tuple[int, ...]], pairs: list[tuple[int, int]]) -> tuple[int, ...]:
-        middle = [
-            tuple((a + b) // 2 for a, b in zip(points[i], points[j], strict=True)) for i, j in pairs
-        ]
-        return tuple(number[p] for p in [*points, *middle])
+    def nodes(kind: str) -> tuple[int, ...]:
+        points = corners[CELLS[kind].shape.name]
+        middles = [np.mean([points[a], points[b]], axis=0) for a, b in CELLS[kind].edges]
+        return tuple(number[int(x), int(y), int(z)] for x, y, z in [*points, *middles])
 
     return Mesh(
         points=grid,
-        blocks=(
-            block("tet4", nodes(tet, [])),
-            block("tet10", nodes(tet, tet_edges)),
-            block("hex8", nodes(corners, [])),
-            block("hex20", nodes(corners, edges)),
-        ),
-        groups={"rock": np.arange(4)},
+        blocks=tuple(block(kind, nodes(kind)) for kind in SOLIDS),
+        groups={"rock": np.arange(len(SOLIDS))},
     )
 
 
