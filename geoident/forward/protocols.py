@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from geoident.forward.gauges.instrument_errors import Instruments
-from geoident.forward.stages import Timeline
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
+from geoident.model.response import Response
 from geoident.model.result import Counts, FieldSeries, MemberForces
 
 
@@ -37,27 +38,6 @@ class Survey:
     notes: tuple[str, ...] = ()
 
 
-class PairResponse(Protocol):
-    """Readings of some (channel, stage) pairs; see the protocols of `geoident.identify`."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the n parameters."""
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain of the model, or None if it is inside."""
-
-    def readings(self, p: Floats) -> Floats:
-        """v(p), (g,), m."""
-
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its exact Jacobian, (g, n)."""
-
-
 class CaseModel(Protocol):
     """A case that is ready to answer: `StagedModel` on a mesh, `OpeningModel` without one."""
 
@@ -68,7 +48,7 @@ class CaseModel(Protocol):
         """Names of the n parameters."""
 
     @property
-    def timeline(self) -> Timeline:
+    def sequence(self) -> ConstructionSequence:
         """The states of construction."""
 
     @property
@@ -76,7 +56,7 @@ class CaseModel(Protocol):
         """Unknowns of every state, the virgin state first."""
 
     @property
-    def instruments(self) -> Instruments:
+    def instrument_errors(self) -> InstrumentErrors:
         """What the gauges add by themselves."""
 
     @property
@@ -98,7 +78,7 @@ class CaseModel(Protocol):
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
-    ) -> PairResponse:
+    ) -> Response:
         """The response in the readings of some (channel, stage) pairs."""
 
     def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:

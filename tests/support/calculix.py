@@ -33,9 +33,9 @@ def write_first_stage(staged: StagedModel, path: Path) -> None:
     degrees, whose integration points are not ours.
     """
     dim = staged.mesh.dim
-    state = staged.timeline.states[1]
+    state = staged.sequence.states[1]
     values = {p.name: p.start for p in staged.case.parameters}
-    present = staged.timeline.present(1)
+    present = staged.sequence.present(1)
     with path.open("w") as out:
         out.write("*NODE, NSET=ALL\n")
         used = np.unique(np.concatenate([b.nodes.ravel() for b in staged.mesh.blocks]))
@@ -101,9 +101,9 @@ def _write_eight(numbers: list[float], out) -> None:
 def _write_elements(staged: StagedModel, present: np.ndarray, out) -> None:
     first = 0
     for block in staged.mesh.blocks:
-        for group in staged.timeline.states[1].materials:
+        for group in staged.sequence.states[1].materials:
             mine = np.flatnonzero(
-                (staged.timeline.group_of[first : first + len(block)] == group)
+                (staged.sequence.group_of[first : first + len(block)] == group)
                 & present[first : first + len(block)]
             )
             if len(mine):

@@ -23,13 +23,13 @@ from geoident.model.case import Case
 from geoident.model.parameter import Scalar
 
 
-class Instruments:
+class InstrumentErrors:
     """Offsets and drifts of the channels of a case.
 
     Args:
         case: channels, dates and readings.
         zero: (n_channels,) state at which each channel reads zero.
-        built_on: (n_states, n_states) see `Timeline.built_on`.
+        built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Attributes:
         times: (n_states, n_channels) seconds since 1970 of the readings, of the ends of stages

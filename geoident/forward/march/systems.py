@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
@@ -20,8 +21,7 @@ from geoident.fem.stiffness import (
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
 from geoident.forward.discretization import Discretization, Index, as_index
-from geoident.forward.gauges.observation import format_point
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
@@ -49,7 +49,7 @@ class StageSystem:
 
 
 class StageSystems:
-    """The equations of all states of a timeline, each prepared when it is first needed.
+    """The equations of all states of a sequence, each prepared when it is first needed.
 
     Equal patterns are analysed once, and only if something is solved on them.
     """
@@ -57,7 +57,7 @@ class StageSystems:
     def __init__(
         self,
         mesh: Mesh,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         discretization: Discretization,
         fixed: Bools,
         solver: Solver,
@@ -71,12 +71,12 @@ class StageSystems:
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
-        ever = sorted({g for state in timeline.states for g in state.materials})
+        ever = sorted({g for state in sequence.states for g in state.materials})
         self._blocks: dict[int, GroupBlocks] = {
-            g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
+            g: group_blocks(mesh, geometries, sequence.elements(g), rank) for g in ever
         } | structures.blocks(rank)
         self.structures = structures
-        self._timeline = timeline
+        self._sequence = sequence
         self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
@@ -110,7 +110,7 @@ class StageSystems:
     def values(
         self,
         system: StageSystem,
-        state: State,
+        state: ConstructionState,
         laws: Mapping[str, Floats],
         values: Mapping[str, float],
     ) -> Floats:
@@ -136,13 +136,13 @@ class StageSystems:
         return f" near {format_point(self._mesh.points[node])}"
 
     def _prepare(self, number: int) -> StageSystem:
-        timeline, state = self._timeline, self._timeline.states[number]
-        here = timeline.present(number)
+        sequence, state = self._sequence, self._sequence.states[number]
+        here = sequence.present(number)
         points = self.discretization.points
         present = here[points.element]
         points_of: dict[str, Index] = {}
-        names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
-        name_of_point = names[timeline.group_of[points.element]]
+        names = np.array([state.materials.get(g, "") for g in range(len(sequence.groups))])
+        name_of_point = names[sequence.group_of[points.element]]
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.identify.assessment.spectrum import Spectrum, sparse_basis, without
+from geoident.identify.assessment.spectrum import SingularDirections, sparse_basis, without
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.result import NORMAL_95
@@ -138,8 +138,8 @@ class Knowledge:
     from_prior: Bools
     prior_rows: Floats
     width: Floats
-    whole: Spectrum
-    readings: Spectrum
+    whole: SingularDirections
+    readings: SingularDirections
 
     @property
     def relative(self) -> list[bool]:

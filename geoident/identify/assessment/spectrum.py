@@ -25,7 +25,7 @@ RANK = 1e-10
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class SingularDirections:
     """Directions and how well each is known.
 
     Args:
@@ -37,7 +37,7 @@ class Spectrum:
     S: Floats
 
     @classmethod
-    def of(cls, A: Floats, taking_part: Bools) -> Spectrum:
+    def of(cls, A: Floats, taking_part: Bools) -> SingularDirections:
         """Decomposes A (rows, n), whitened and in z; parameters (n,) may stay out."""
         q = int(taking_part.sum())
         padded = np.zeros((max(q, A.shape[0]), q))

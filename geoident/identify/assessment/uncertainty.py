@@ -36,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
-from geoident.identify.assessment.spectrum import Spectrum
+from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -102,8 +102,8 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
     at_bound = ~varies | _on_bound(problem.parameters, values, slope * width)
-    whole, readings = Spectrum.of(A, varies), Spectrum.of(B, varies)
-    covariance_x, gaps_x = _scaled(Spectrum.of(A, ~at_bound), width)
+    whole, readings = SingularDirections.of(A, varies), SingularDirections.of(B, varies)
+    covariance_x, gaps_x = _scaled(SingularDirections.of(A, ~at_bound), width)
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
     from_prior = _only_from_prior(P, total)
@@ -153,7 +153,7 @@ def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Floats
     return np.where(undetermined > known, np.inf, np.sqrt(known + undetermined))
 
 
-def _scaled(spectrum: Spectrum, width: Floats) -> tuple[Floats, Floats]:
+def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
     """Covariance (n, n) of the determined directions and the undetermined ones (n, u), in x.
 
     Both from one spectrum: no direction may fall between those of two.

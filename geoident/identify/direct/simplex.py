@@ -44,17 +44,17 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 
 Objective = Callable[[Floats], float]
-Watch = Callable[["Progress"], bool]
+Watch = Callable[["SimplexMove"], bool]
 
 Vertices = tuple[Floats, Floats]
-Ending = Literal["converged", "moved", "evaluations", "stopped"]
+SimplexEnding = Literal["converged", "moved", "evaluations", "stopped"]
 
 HALVINGS = 20
 """How often an edge of a new simplex is halved in search of an admissible vertex."""
 
 
 @dataclass(frozen=True)
-class Progress:
+class SimplexMove:
     """What one iteration did.
 
     Args:
@@ -85,7 +85,7 @@ class Minimum:
     x: Floats
     value: float
     evaluations: int
-    ending: Ending
+    ending: SimplexEnding
 
 
 def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Outcome:
@@ -115,7 +115,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
         inside = np.all((y >= scaling.lower[free]) & (y <= scaling.upper[free]))
         return found.objective(natural(y)) if inside else np.inf
 
-    def watch(at: Progress) -> bool:
+    def watch(at: SimplexMove) -> bool:
         history.record(natural(at.x), at.value, step=at.size, note=at.note)
         return history.stop is not None
 
@@ -274,7 +274,7 @@ class _Simplex:
                 "Give start values at which the model can be computed.",
             )
 
-    def descend(self, edge: float) -> Ending:
+    def descend(self, edge: float) -> SimplexEnding:
         """Builds a simplex around the best point and moves it until it rests, or may not go on."""
         note = "start" if len(self.x) == 1 else "restart"
         if self._stopped(note):
@@ -329,5 +329,5 @@ class _Simplex:
 
     def _stopped(self, note: str) -> bool:
         """Tells the watch; whether it wants the search to stop."""
-        at = Progress(self.x[0].copy(), self.best, self.size, note)
+        at = SimplexMove(self.x[0].copy(), self.best, self.size, note)
         return False if self._watch is None else self._watch(at)

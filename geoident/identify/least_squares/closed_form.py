@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.gauss_newton import from_all_starts
+from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.identify.problem.problem import Observer, Outcome, Problem
 from geoident.identify.problem.protocols import HasOpening, OpeningForm
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 
@@ -42,7 +42,7 @@ def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer)
     smaller = _covered(problem, form)
     search = GaussNewtonOptions(options.tolerance, options.max_iterations, options.starts)
     try:
-        outcome = from_all_starts(smaller, search, History("closed-form", form, observe))
+        outcome = gauss_newton(smaller, search, observe, method="closed-form")
     except ModelError as error:
         return _passed_over(problem, error.message)
     return replace(outcome, remarks=(*form.remarks(outcome.values), *_left_out(form)))

@@ -28,13 +28,23 @@ from geoident.model.arrays import Bools
 from geoident.model.methods import GaussNewtonOptions
 
 
-def gauss_newton(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
+def gauss_newton(
+    problem: Problem,
+    options: GaussNewtonOptions,
+    observe: Observer,
+    *,
+    method: str = "gauss-newton",
+) -> Outcome:
     """Minimises the discrepancy with its exact Jacobian, theory [20] and 4.2.
+
+    Descents begin at the given start, which must have a solution, and at others that are even over
+    the bounds.
 
     Args:
         problem: readings, model and parameters.
         options: tolerance, steps, starts.
         observe: is told of every trial; its reason to stop ends the search.
+        method: its name in the history.
 
     Returns:
         The best point that was evaluated.
@@ -42,24 +52,7 @@ def gauss_newton(problem: Problem, options: GaussNewtonOptions, observe: Observe
     Raises:
         ModelError: the model has no solution at the start.
     """
-    history = History("gauss-newton", problem.response, observe)
-    return from_all_starts(problem, options, history)
-
-
-def from_all_starts(problem: Problem, options: GaussNewtonOptions, history: History) -> Outcome:
-    """Descents from the given start, which must have a solution, and from others spread evenly.
-
-    Args:
-        problem: readings, model and parameters.
-        options: tolerance, steps, starts.
-        history: is told of every trial; its reason to stop ends the search.
-
-    Returns:
-        The best point that was evaluated.
-
-    Raises:
-        ModelError: the model has no solution at the start.
-    """
+    history = History(method, problem.response, observe)
     descent = gauss_newton_descent(Discrepancy(problem), options, history)
     evaluator = descent.evaluator
     point = evaluator.evaluate(evaluator.scaling.start)

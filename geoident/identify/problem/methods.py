@@ -2,7 +2,7 @@
 
 `METHODS` maps the names that users write to the methods. A method is imported when it runs, so the
 table costs nothing at start-up. In a chain each method starts where the one before ended: a scan
-finds the valley, condensation comes near at once, Gauss-Newton gives the exact minimum.
+finds where to begin, condensation comes near at once, Gauss-Newton gives the exact minimum.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from geoident.model.arrays import Bools, Floats
 from geoident.model.certificate import Activity
 from geoident.model.equations import BilinearSystem, Condensed
-from geoident.model.result import Counts
+from geoident.model.response import Response
 
 __all__ = [
     "Activity",
@@ -24,28 +24,6 @@ __all__ = [
     "Response",
     "YieldSystem",
 ]
-
-
-@runtime_checkable
-class Response(Protocol):
-    """A model that answers with readings: gauss-newton, simplex and scan need only this."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the n parameters."""
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain of the model, or None if it is inside."""
-
-    def readings(self, p: Floats) -> Floats:
-        """v(p), (g,). Raises `geoident.errors.ModelError` where the model has no solution."""
-
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its exact Jacobian, (g, n)."""
 
 
 @runtime_checkable

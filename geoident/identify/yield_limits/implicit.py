@@ -40,7 +40,7 @@ from geoident.identify.yield_limits.starts import Restarts, strength_scan
 from geoident.identify.yield_limits.stationarity import (
     GLOBAL,
     NONE,
-    Checked,
+    StationarityCheck,
     certificate,
     check,
     open_above,
@@ -284,7 +284,7 @@ class ImplicitSearch:
         half = 0.5 * (start + np.where(np.isfinite(lower), lower, start))
         return np.where(moves, half, point.x)
 
-    def check(self, best: Ending[YieldIterate]) -> Checked:
+    def check(self, best: Ending[YieldIterate]) -> StationarityCheck:
         """What one-sided derivatives say of the best ending."""
         exact = best.point.phi <= self.exact
         return check(self.evaluator, best.point, exact=exact, spent=self.spent)
@@ -321,7 +321,7 @@ class ImplicitSearch:
         """Strengths (n,) at a point."""
         return strengths(point.activity, self.scaling.slope(point.p))
 
-    def outcome(self, best: Ending[YieldIterate], found: Checked) -> Outcome:
+    def outcome(self, best: Ending[YieldIterate], found: StationarityCheck) -> Outcome:
         """The best point with its certificate and the reason for stopping."""
         point, exact = best.point, best.point.phi <= self.exact
         above = () if exact else self.open_above(point)

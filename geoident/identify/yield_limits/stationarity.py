@@ -51,7 +51,7 @@ GLOBAL = "global"
 
 
 @dataclass(frozen=True)
-class Checked:
+class StationarityCheck:
     """What one-sided derivatives say of a point.
 
     Args:
@@ -73,7 +73,7 @@ def check(
     *,
     exact: bool,
     spent: Callable[[], bool],
-) -> Checked:
+) -> StationarityCheck:
     """Looks to the sides of a point, where there is a kink or the gradient is not zero.
 
     Args:
@@ -85,7 +85,7 @@ def check(
     cosines = gradient_cosines(evaluator.box, point)
     steepness = 0.0 if exact else float(cosines.max(initial=0.0))
     if exact or (steepness <= FLAT and not kinks(point.activity)):
-        return Checked(point, steepness, 0, None)
+        return StationarityCheck(point, steepness, 0, None)
     best, probes = point, 0
     for x in _around(evaluator, point):
         if spent():
@@ -96,7 +96,7 @@ def check(
         if trial is not None and trial.phi < best.phi:
             best = trial
     lower = best.phi < (1.0 - LOWER) * point.phi
-    return Checked(point, steepness, probes, best if lower else None)
+    return StationarityCheck(point, steepness, probes, best if lower else None)
 
 
 def kinks(activity: Activity) -> int:
@@ -149,7 +149,7 @@ def open_above(
 
 
 def certificate(
-    checked: Checked,
+    checked: StationarityCheck,
     activity: Activity,
     names: tuple[str, ...],
     *,
@@ -187,7 +187,7 @@ def certificate(
     )
 
 
-def _kind(checked: Checked, *, at_kink: bool, exact: bool) -> str:
+def _kind(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> str:
     if exact:
         return GLOBAL
     if checked.lower is not None:
@@ -197,7 +197,7 @@ def _kind(checked: Checked, *, at_kink: bool, exact: bool) -> str:
     return NONE if at_kink else STRONG
 
 
-def _remarks(checked: Checked, *, at_kink: bool, exact: bool) -> Iterator[str]:
+def _remarks(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> Iterator[str]:
     if exact:
         yield "The readings are met exactly: no parameters can meet them better."
     place = "The answer lies at a kink of the response"

@@ -43,7 +43,7 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
 
 
 def _states(model: StagedModel) -> range:
-    return range(1, len(model.timeline.states))
+    return range(1, len(model.sequence.states))
 
 
 def _stage_costs(model: StagedModel) -> list[FactorCost]:

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.direct.simplex import Progress, first_simplex, minimise, simplex
+from geoident.identify.direct.simplex import SimplexMove, first_simplex, minimise, simplex
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
@@ -155,9 +155,9 @@ def test_budget_is_never_exceeded_and_best_is_kept() -> None:
 
 
 def test_best_value_never_rises() -> None:
-    seen: list[Progress] = []
+    seen: list[SimplexMove] = []
 
-    def watch(at: Progress) -> bool:
+    def watch(at: SimplexMove) -> bool:
         seen.append(at)
         return False
 
