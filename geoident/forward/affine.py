@@ -36,7 +36,7 @@ from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.structures import Structure, structure_numbers
+from geoident.model.structures import Structure
 
 _SAME = 1e-9
 """Relative difference of derivatives at two parameter vectors that is rounding."""
@@ -268,7 +268,7 @@ def _rigidity_part(name: str, structure: Structure) -> EquationPart:
         return np.stack([number.columns for number in rigidities(structure, point)])
 
     def explain(names: Collection[str]) -> str | None:
-        for key, scalar in structure_numbers(structure).items():
+        for key, scalar in structure.numbers.items():
             if scalar.parameter in names and key not in ("E", "EA", "EI"):
                 return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
         return None

@@ -28,7 +28,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Beam, Structure, structure_breach
+from geoident.model.structures import Beam, Structure
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def _inverse(dual: Dual) -> Dual:
 def inadmissible(case: Case, values: Values) -> str | None:
     """Which number of a structure is impossible at parameter values, or None."""
     for name, structure in case.structures.items():
-        found = structure_breach(structure, values)
+        found = structure.breach(values)
         if found:
             return f"of the structure '{name}' {found}"
     return None

@@ -21,6 +21,7 @@ from geoident.model.ground import Isotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.methods import ClosedFormOptions
 from geoident.model.parameter import Scalar
+from geoident.model.result import Counts
 
 MPa = 1e6
 RADIUS = 2.0
@@ -122,6 +123,16 @@ def test_shear_far_away_is_that_of_the_mesh():
     )
     pairs = [(c.name, s.name) for c in (*GAUGES, SLOPING) for s in STAGES[:2]]
     agrees(found.response(pairs), 3e-3)
+
+
+def test_evaluations_are_counted_from_none_on():
+    found = without_mesh(material("rock", 5e9, 0.25))
+    response = found.response(PAIRS)
+    assert (found.counts, response.counts) == (Counts(), Counts())
+    response.readings(np.empty(0))
+    response.evaluate(np.empty(0))
+    found.survey(np.empty(0), fields=False)
+    assert found.counts == response.counts == Counts(evaluations=3)
 
 
 @pytest.mark.parametrize("psi", [0.0, None])
