@@ -21,7 +21,6 @@ from geoident.model.ground import (
     breach,
     constants,
 )
-from geoident.model.yielding import yield_breach
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
@@ -68,7 +67,7 @@ def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual
 
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why moduli or strengths are none, a sentence, or None if they are."""
-    breaches = (yield_breach(surface, values) for surface in material.yields)
+    breaches = (surface.breach(values) for surface in material.yields)
     found = breach(material.elastic, values) or next(filter(None, breaches), None)
     if found is None:
         return None

@@ -30,7 +30,7 @@ from geoident.model.in_situ import (
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-BALANCED = 1e-9
+NEGLIGIBLE_IMBALANCE = 1e-9
 """Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
 _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points

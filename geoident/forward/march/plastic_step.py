@@ -19,7 +19,7 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.general import GeneralFactor
 from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
-from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.discretization import numbers
 from geoident.forward.march.collapse import limit_of
@@ -291,6 +291,10 @@ class PlasticSteps:
         except EmptyDomain as error:
             msg = f"the yield planes of a material contradict each other: {error}"
             raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
+        except NoProjection as error:
+            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
+            hint = "Leave out planes that are the same but for little, or move them apart."
+            raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
             # Whoever searches needs only to know that there is none; load steps say it themselves.
             if not (equations.associated and self._explain):

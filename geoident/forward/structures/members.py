@@ -28,7 +28,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Beam, Structure, structure_breach
+from geoident.model.structures import Beam, Structure
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def _inverse(dual: Dual) -> Dual:
 def inadmissible(case: Case, values: Values) -> str | None:
     """Which number of a structure is impossible at parameter values, or None."""
     for name, structure in case.structures.items():
-        found = structure_breach(structure, values)
+        found = structure.breach(values)
         if found:
             return f"of the structure '{name}' {found}"
     return None
@@ -198,8 +198,8 @@ def _parts(
 
 def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
-    standing = [n for n, state in enumerate(sequence.states) if name in state.structures]
-    return np.logical_and.reduce([sequence.present(n) for n in standing]) if standing else None
+    there = [n for n, state in enumerate(sequence.states) if name in state.structures]
+    return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
 
 
 def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:

@@ -253,9 +253,13 @@ def test_every_kind_of_face_gives_the_level_all_over_its_plan(kind):
     ("virgin", "free", "words"),
     [
         (MODELS["azimuth"], {"azimuth"}, "azimuth"),
-        (MODELS["azimuth"], {"sv", "K0h"}, "the in-situ stress is the product of K0h and sv"),
+        (MODELS["azimuth"], {"sv", "K0h"}, "the in-situ stress contains the product of K0h and sv"),
         (MODELS["depth"], {"level"}, "level"),
-        (MODELS["profile"], {"level", "gxz"}, "the in-situ stress is the product of gxz and level"),
+        (
+            MODELS["profile"],
+            {"level", "gxz"},
+            "the in-situ stress contains the product of gxz and level",
+        ),
         (MODELS["profile"], {"level", "axx"}, None),
         (MODELS["across"], {"sv", "txx"}, None),
     ],
