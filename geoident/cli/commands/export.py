@@ -55,7 +55,8 @@ def command(
 
     Files go to the folder RESULT.export beside each result, or to the folder -o; their paths are
     printed. CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
-    is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file directly.
+    is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file
+    directly.
     """
     from geoident.workflow.export import refuse_clashes
 
