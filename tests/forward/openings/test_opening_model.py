@@ -214,6 +214,15 @@ def test_points_in_the_opening_are_read_before_it_is_there():
     assert np.isnan(table[0, 1:]).all()
 
 
+def test_a_gauge_of_another_quantity_has_no_closed_form():
+    cell = replace(GAUGES[0], name="cell", kind="load-cell")
+    opened = without_mesh(material("rock", 5e9, 0.25), channels=(GAUGES[1], cell))
+    assert opened.unreadable("cell", "face") == "it reads something else than displacements"
+    table = opened.survey(np.empty(0), fields=False).computed
+    assert np.isfinite(table[0]).any()
+    assert np.isnan(table[1]).all()
+
+
 def test_stages_that_have_no_closed_form_are_left_out():
     filled = Stage("fill", install={"core": "rock"}, remove=("grout",))
     ring = (*STAGES, filled, Stage("later"))
