@@ -36,7 +36,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--template",
     type=click.Choice(list(TEMPLATES)),
-    help="Which case to begin with; cavern if nothing is said.",
+    help="Case to begin with; cavern if missing.",
 )
 @click.option(
     "--from", "mesh", metavar="MESH", type=click.Path(), help="Begin with a mesh of your own."
