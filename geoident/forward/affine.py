@@ -3,13 +3,14 @@
 At given displacements the equations of all stages (theory 4.1) consist of moduli, in-situ stresses,
 nodal forces, thermal stresses, forces held by partial release and rigidities of structures. Each of
 these comes with its exact derivatives. They are evaluated at a few parameter vectors spread over
-the bounds; where a derivative by h is not the same at all of them, the quantity is not affine in h.
+the bounds; where a derivative by h is not the same at all of them, the part is not affine in h.
 Which parameter it changes with is found by moving one at a time: if only another one, k, does it,
-the quantity holds the product of h and k.
+the part contains the product of h and k. A kink
+nearer to a bound than the outermost of these vectors is not seen.
 
 Products over stages, of a modulus and the stress that the stages before left, are no obstacle: the
 displacements are unknowns of their own (theory 4.1). The products that remain within one stage are
-listed as quantities here: modulus, expansion and temperature; released fraction and stress.
+parts of their own here: modulus, expansion and temperature; released fraction and stress.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from geoident.forward.actions.forces import HELD_EDGES
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.in_situ.stress import BALANCED, in_situ_models
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, in_situ_models
 from geoident.forward.march.march import March
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import yield_planes
@@ -54,13 +55,13 @@ _DRAWS = 20
 
 
 @dataclass(frozen=True)
-class Quantity:
+class EquationPart:
     """Something the equations are made of.
 
     Args:
         name: what it is, as the subject of a sentence.
         columns: its value and derivatives (..., 1 + n) at a point.
-        explain: says of some parameters, in each of which alone the quantity is not linear, what
+        explain: says of some parameters, in each of which alone the part is not linear, what
             they do there and what to do instead; None to leave it at that.
     """
 
@@ -81,13 +82,13 @@ def affine_obstacle(march: March) -> str | None:
     """Why the elastic equations are not affine in the parameters, a clause; None if they are."""
     case = march.case
     admissible = partial(_is_admissible, march)
-    return first_obstacle(_quantities(march), case.parameters, admissible)
+    return first_obstacle(_parts(march), case.parameters, admissible)
 
 
 def affine_yield_obstacle(march: March, material: Material) -> str | None:
     """Why distances and hardening of a material's yield planes are not affine, or None."""
-    quantities = _yield_quantities(material, march.systems.discretization.points.n_strain)
-    return first_obstacle(quantities, march.case.parameters, partial(_is_admissible, march))
+    parts = _yield_parts(material, march.systems.discretization.points.n_strain)
+    return first_obstacle(parts, march.case.parameters, partial(_is_admissible, march))
 
 
 def _is_admissible(march: March, values: Mapping[str, float]) -> bool:
@@ -95,21 +96,21 @@ def _is_admissible(march: March, values: Mapping[str, float]) -> bool:
 
 
 def first_obstacle(
-    quantities: Iterable[Quantity],
+    parts: Iterable[EquationPart],
     parameters: Sequence[Parameter],
     admissible: Callable[[Mapping[str, float]], bool] = lambda _: True,
 ) -> str | None:
-    """The first quantity that is not affine in the parameters, and why, a clause; None for none.
+    """The first part that is not affine in the parameters, and why, a clause; None for none.
 
     Args:
-        quantities: what is looked at, in this order.
+        parts: what is looked at, in this order.
         parameters: the n free parameters.
         admissible: whether parameter values by name are inside the domain of the model.
     """
     if not parameters:
         return None
     points = trial_points(parameters, admissible)
-    found = (_obstacle(quantity, points) for quantity in quantities)
+    found = (_obstacle(part, points) for part in parts)
     return next((why for why in found if why is not None), None)
 
 
@@ -145,69 +146,71 @@ def _place(parameter: Parameter, turn: int, k: int) -> float:
     return float(low + part * (high - low))
 
 
-def _obstacle(quantity: Quantity, points: Sequence[ParameterPoint]) -> str | None:
-    """Why a quantity is not affine over some points, or None if it is."""
+def _obstacle(part: EquationPart, points: Sequence[ParameterPoint]) -> str | None:
+    """Why a part is not affine over some points, or None if it is."""
     names, base = points[0].names, points[0].values
-    first = _Slopes(quantity, points[0])
-    changes = np.any([first.differ(quantity, other) for other in points[1:]], axis=0)
+    first = _Slopes(part, points[0])
+    changes = np.any([first.differ(part, other) for other in points[1:]], axis=0)
     if not changes.any():
         return None
     moved = [{**base, name: points[1].values[name]} for name in names]
-    by = [first.differ(quantity, ParameterPoint(values, names)) for values in moved]
+    by = [first.differ(part, ParameterPoint(values, names)) for values in moved]
     with_itself = [name for h, name in enumerate(names) if by[h][h]]
     pairs = [(h, k) for h in range(len(names)) for k in range(h + 1, len(names)) if by[k][h]]
     if with_itself or not pairs:
         bent = with_itself or [names[int(np.argmax(changes))]]
-        return quantity.explain(bent) or f"{quantity.name} is not linear in {bent[0]}"
+        return part.explain(bent) or f"{part.name} is not linear in {bent[0]}"
     one, other = (names[h] for h in pairs[0])
-    return f"{quantity.name} is the product of {one} and {other}, and both are free"
+    return f"{part.name} contains the product of {one} and {other}, and both are free"
 
 
 class _Slopes:
-    """Derivatives of a quantity at a point, to be compared with those at others."""
+    """Derivatives of a part at a point, to be compared with those at others."""
 
-    def __init__(self, quantity: Quantity, point: ParameterPoint) -> None:
-        columns = _table(quantity, point)
+    def __init__(self, part: EquationPart, point: ParameterPoint) -> None:
+        columns = _table(part, point)
         self._slopes = columns[:, 1:]
         numbers = np.array([point.values[name] for name in point.names])
         value = np.abs(columns[:, 0]).max(initial=0.0)
         self._rounding = _ROUNDING * value / np.maximum(np.abs(numbers), np.finfo(float).tiny)
 
-    def differ(self, quantity: Quantity, point: ParameterPoint) -> Bools:
+    def differ(self, part: EquationPart, point: ParameterPoint) -> Bools:
         """(n,) which derivatives are others at another point, by more than rounding."""
-        one, other = self._slopes, _table(quantity, point)[:, 1:]
+        one, other = self._slopes, _table(part, point)[:, 1:]
         size = np.maximum(np.abs(one), np.abs(other)).max(axis=0, initial=0.0)
         limit = np.maximum(_SAME * size, self._rounding)
         return np.asarray(np.abs(one - other).max(axis=0, initial=0.0) > limit)
 
 
-def _table(quantity: Quantity, point: ParameterPoint) -> Floats:
-    """Value and derivatives (m, 1 + n) of a quantity."""
-    return np.asarray(quantity.columns(point).reshape(-1, point.n_columns))
+def _table(part: EquationPart, point: ParameterPoint) -> Floats:
+    """Value and derivatives (m, 1 + n) of a part."""
+    return np.asarray(part.columns(point).reshape(-1, point.n_columns))
 
 
-def _quantities(march: March) -> Iterator[Quantity]:
+def _parts(march: March) -> Iterator[EquationPart]:
     """Everything of which the elastic equations of a model are made."""
     case, states = march.case, march.sequence.states
     section = case.analysis.dim == 2
     for name in dict.fromkeys(m for state in states for m in state.materials.values()):
-        yield stiffness_quantity(case.materials[name], section=section)
-    yield Quantity("the in-situ stress", march.in_situ.columns, lambda n: _explain_in_situ(case, n))
+        yield stiffness_part(case.materials[name], section=section)
+    yield EquationPart(
+        "the in-situ stress", march.in_situ.columns, lambda n: _explain_in_situ(case, n)
+    )
     for name, structure in case.structures.items():
-        yield _rigidity_quantity(name, structure)
-    yield from _force_quantities(march)
-    yield from _thermal_quantities(march)
-    yield from _release_quantities(march)
+        yield _rigidity_part(name, structure)
+    yield from _force_parts(march)
+    yield from _thermal_parts(march)
+    yield from _release_parts(march)
 
 
-def stiffness_quantity(material: Material, *, section: bool) -> Quantity:
+def stiffness_part(material: Material, *, section: bool) -> EquationPart:
     """The elasticity (6, 6) of a material.
 
     Args:
         material: the material.
         section: the model is a plane section.
     """
-    return Quantity(
+    return EquationPart(
         f"the stiffness of {material.name}",
         lambda point: elasticity(material.elastic, point, section=section).columns,
         lambda names: _explain_stiffness(material, names),
@@ -232,10 +235,10 @@ def _explain_stiffness(material: Material, names: Collection[str]) -> str | None
     return f"{first} of {material.name} enters the stiffness nonlinearly {remedy}"
 
 
-def _yield_quantities(material: Material, n_strain: int) -> Iterator[Quantity]:
+def _yield_parts(material: Material, n_strain: int) -> Iterator[EquationPart]:
     """Distances and hardening of the yield planes of a material that yields."""
     name = f"of the yield planes of {material.name}"
-    yield Quantity(
+    yield EquationPart(
         f"the distance {name}",
         lambda point: yield_planes(material, point, n_strain).distances.columns,
     )
@@ -244,7 +247,7 @@ def _yield_quantities(material: Material, n_strain: int) -> Iterator[Quantity]:
         found = yield_planes(material, point, n_strain).hardening
         return np.zeros((0, point.n_columns)) if found is None else found.columns
 
-    yield Quantity(f"the hardening {name}", hardening)
+    yield EquationPart(f"the hardening {name}", hardening)
 
 
 def _explain_in_situ(case: Case, names: Collection[str]) -> str | None:
@@ -258,7 +261,7 @@ def _explain_in_situ(case: Case, names: Collection[str]) -> str | None:
     return None
 
 
-def _rigidity_quantity(name: str, structure: Structure) -> Quantity:
+def _rigidity_part(name: str, structure: Structure) -> EquationPart:
     """EA and EI of a structure, (2,)."""
 
     def columns(point: ParameterPoint) -> Floats:
@@ -270,10 +273,10 @@ def _rigidity_quantity(name: str, structure: Structure) -> Quantity:
                 return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
         return None
 
-    return Quantity(f"the stiffness of the structure '{name}'", columns, explain)
+    return EquationPart(f"the stiffness of the structure '{name}'", columns, explain)
 
 
-def _force_quantities(march: March) -> Iterator[Quantity]:
+def _force_parts(march: March) -> Iterator[EquationPart]:
     """Nodal forces of every kind in every state."""
     levels = {level for level in _water_levels(march.case) if level is not None}
 
@@ -287,7 +290,7 @@ def _force_quantities(march: March) -> Iterator[Quantity]:
         parts = list(march.actions.parts(n))
         # what holds the edges is made of what is looked at before it
         for name, forces in sorted(parts, key=lambda part: part[0] == HELD_EDGES):
-            yield Quantity(f"{name} at stage '{state.name}'", forces, explain)
+            yield EquationPart(f"{name} at stage '{state.name}'", forces, explain)
 
 
 def _water_levels(case: Case) -> Iterator[str | None]:
@@ -302,11 +305,11 @@ def _water_levels(case: Case) -> Iterator[str | None]:
                 yield None if load.falls is None else load.falls.level.parameter
 
 
-def _thermal_quantities(march: March) -> Iterator[Quantity]:
+def _thermal_parts(march: March) -> Iterator[EquationPart]:
     """Thermal stresses: a modulus times the expansion times the temperature."""
     for n, state in enumerate(march.sequence.states):
         for group in march.thermal.warmed(n):
-            yield Quantity(
+            yield EquationPart(
                 f"the thermal stress of {state.materials[group]}",
                 partial(_thermal_stress, march, n, group),
             )
@@ -320,7 +323,7 @@ def _thermal_stress(march: March, state: int, group: int, point: ParameterPoint)
     return (per_strain * march.thermal.strain(state, group, point)).columns
 
 
-def _release_quantities(march: March) -> Iterator[Quantity]:
+def _release_parts(march: March) -> Iterator[EquationPart]:
     """What groups that left still hold: a fraction of forces that depend on parameters."""
     for n, state in enumerate(march.sequence.states):
         for group, fraction in state.release.items():
@@ -328,7 +331,7 @@ def _release_quantities(march: March) -> Iterator[Quantity]:
                 continue
             name = f"what '{march.sequence.groups[group]}' still holds at stage '{state.name}'"
             for columns in _support_of(march, n, group):
-                yield Quantity(name, partial(_held, fraction, columns))
+                yield EquationPart(name, partial(_held, fraction, columns))
 
 
 def _held(
@@ -357,10 +360,10 @@ def _support_of(
     yield lambda point: march.in_situ.columns(point)[:, mine]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
     start = ParameterPoint({p.name: p.start for p in case.parameters}, ())
-    if base or march.virgin(start)[1] > BALANCED:
+    if base or march.virgin(start)[1] > NEGLIGIBLE_IMBALANCE:
         made_of = [sequence.states[n].materials.get(group) for n in (0, *way)]
         for name in dict.fromkeys(name for name in made_of if name is not None):
-            yield stiffness_quantity(case.materials[name], section=case.analysis.dim == 2).columns
+            yield stiffness_part(case.materials[name], section=case.analysis.dim == 2).columns
     for n in way:
         if group in march.thermal.warmed(n):
             yield partial(_thermal_stress, march, n, group)

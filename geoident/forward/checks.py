@@ -29,7 +29,7 @@ from geoident.forward.gauges.observation import Observation, observe, reading_fa
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import Values, inadmissible
 from geoident.forward.in_situ.stress import (
-    BALANCED,
+    NEGLIGIBLE_IMBALANCE,
     edges_held,
     in_situ_models,
     surface_faults,
@@ -140,7 +140,7 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
 
 def imbalance_notes(imbalance: float) -> list[str]:
     """What to know of an in-situ stress that is out of balance by a part of the largest force."""
-    if imbalance <= BALANCED:
+    if imbalance <= NEGLIGIBLE_IMBALANCE:
         return []
     return [
         f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of "

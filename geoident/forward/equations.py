@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
 from geoident.forward.discretization import numbers
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.stress import BALANCED
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.structures.members import rigidities
@@ -118,7 +118,7 @@ class _Exporter:
         virgin, imbalance = self.march.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
-        first = 1 if imbalance <= BALANCED else 0
+        first = 1 if imbalance <= NEGLIGIBLE_IMBALANCE else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
         return StagedSystem(
             self.point.names,

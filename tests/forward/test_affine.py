@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoident.forward.affine import Quantity, first_obstacle, trial_points
+from geoident.forward.affine import EquationPart, first_obstacle, trial_points
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Parameter, Scalar
 
@@ -19,7 +19,7 @@ def obstacle(formula, *parameters: Parameter, explain=lambda names: None) -> str
         found: Dual = formula(*(point.number(Scalar(1.0, p.name)) for p in parameters))
         return found.columns
 
-    return first_obstacle([Quantity("the force", columns, explain)], parameters)
+    return first_obstacle([EquationPart("the force", columns, explain)], parameters)
 
 
 @pytest.mark.parametrize(
@@ -37,14 +37,14 @@ def test_what_is_affine_is_no_obstacle(formula):
 
 
 def test_nothing_free_is_no_obstacle():
-    assert first_obstacle([Quantity("the force", lambda _: np.ones((2, 1)))], ()) is None
+    assert first_obstacle([EquationPart("the force", lambda _: np.ones((2, 1)))], ()) is None
 
 
 @pytest.mark.parametrize(
     ("formula", "said"),
     [
-        (lambda h, k, t: k * t, "the force is the product of k and t, and both are free"),
-        (lambda h, k, t: h + k * h, "the force is the product of h and k, and both are free"),
+        (lambda h, k, t: k * t, "the force contains the product of k and t, and both are free"),
+        (lambda h, k, t: h + k * h, "the force contains the product of h and k, and both are free"),
         (lambda h, k, t: k + h * h, "the force is not linear in h"),
         (lambda h, k, t: h + k * k * 1e-9, "the force is not linear in k"),
         (lambda h, k, t: h / k, "the force is not linear in k"),

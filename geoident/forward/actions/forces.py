@@ -30,8 +30,6 @@ ForcePart: TypeAlias = tuple[str, Callable[[ParameterPoint], Floats]]
 
 HELD_EDGES = "what holds the edges of the model"
 
-WATER = "the pressure of the water in the pores"
-
 
 class Actions:
     """Nodal forces of everything that acts from outside; what is given is computed once."""
@@ -95,7 +93,10 @@ class Actions:
             if isinstance(load, Seismic):
                 yield f"the seismic force '{name}'", partial(self._shaking, some, load)
         if current.water is not None:
-            yield WATER, partial(self._pore_forces, state, groups, current.water)
+            yield (
+                "the pressure of the water in the pores",
+                partial(self._pore_forces, state, groups, current.water),
+            )
 
     def _weight(
         self, state: ConstructionState, gravity: Sequence[float], point: ParameterPoint

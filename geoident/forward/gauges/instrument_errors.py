@@ -48,8 +48,8 @@ class InstrumentErrors:
             self.times[place] = np.mean(times)
 
     @property
-    def silent(self) -> bool:
-        """No channel adds anything."""
+    def none(self) -> bool:
+        """Whether no channel adds anything."""
         return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
 
     def added(
@@ -73,7 +73,7 @@ class InstrumentErrors:
             (g, 1 + n).
         """
         table = np.zeros((len(rows), 1 + len(names)))
-        if self.silent:
+        if self.none:
             return table
         known = self.times[states, rows]
         if times is not None:

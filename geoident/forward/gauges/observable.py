@@ -65,7 +65,7 @@ class Observable(Protocol):
 
 
 @dataclass(frozen=True)
-class CaseOnGround:
+class GaugeSurroundings:
     """Where gauges are to be placed.
 
     Args:
@@ -98,12 +98,14 @@ class Placed:
         readable: (g, n_states) when they can be read.
         snapped: names of those with a point just outside the mesh.
         faults: what is wrong with them; then the observable is of no use.
+        unreadable: why they cannot be read where they are not, a clause.
     """
 
     observable: Observable
     readable: Bools
     snapped: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
+    unreadable: str = "a point of it stands in ground that is no longer there"
 
 
 class RelativeDisplacements:
@@ -152,7 +154,7 @@ class AxialForces:
         return table
 
 
-def relative_displacements(channels: Sequence[Channel], ground: CaseOnGround) -> Placed:
+def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
     They can be read while their points stand in ground that has been there since the zero, on the
@@ -186,7 +188,7 @@ def relative_displacements(channels: Sequence[Channel], ground: CaseOnGround) ->
     )
 
 
-def axial_forces(channels: Sequence[Channel], ground: CaseOnGround) -> Placed:
+def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
     """Channels on the bolt whose ends are their two points; they can be read while it stands."""
     bolts, readable, faults = [], [], []
     ends_of = {
@@ -204,10 +206,11 @@ def axial_forces(channels: Sequence[Channel], ground: CaseOnGround) -> Placed:
         bolts.append(found)
         readable.append(np.array(stands) & ground.from_zero(channel))
     when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
-    return Placed(AxialForces(bolts), when, faults=tuple(faults))
+    why = "its bolt does not stand then"
+    return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
 
 
-Placing = Callable[[Sequence[Channel], CaseOnGround], Placed]
+Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
 
 OBSERVABLES: Mapping[str, Placing] = {
     "extensometer": relative_displacements,
@@ -217,6 +220,11 @@ OBSERVABLES: Mapping[str, Placing] = {
     "load-cell": axial_forces,
 }
 """What the gauges of a kind read."""
+
+
+def reads_displacements(channel: Channel) -> bool:
+    """Whether a channel reads displacements and nothing else."""
+    return OBSERVABLES[channel.kind] is relative_displacements
 
 
 def best_site(
@@ -267,7 +275,7 @@ def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.cs
 
 
 def _point_fault(
-    ground: CaseOnGround, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+    ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
     """Why a point of a gauge stands in no ground."""
     place, sequence = format_point(point), ground.sequence

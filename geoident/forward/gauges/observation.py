@@ -9,7 +9,12 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Locator
-from geoident.forward.gauges.observable import OBSERVABLES, CaseOnGround, MarchState, Observable
+from geoident.forward.gauges.observable import (
+    OBSERVABLES,
+    GaugeSurroundings,
+    MarchState,
+    Observable,
+)
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -26,6 +31,7 @@ class Observation:
         zero: (n_channels,) state at which each channel reads zero.
         readable: (n_states, n_channels) when it can be read.
         snapped: names of channels with a point just outside the mesh.
+        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
     """
 
     channels: tuple[str, ...]
@@ -33,6 +39,7 @@ class Observation:
     zero: Ints
     readable: Bools
     snapped: tuple[str, ...]
+    reasons: tuple[str, ...]
 
     def values(self, state: MarchState) -> Floats:
         """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
@@ -71,7 +78,7 @@ class Observation:
         if state < self.zero[row]:
             return "it is zeroed only at a later stage"
         if not self.readable[state, row]:
-            return "a point of it stands in ground that is no longer there"
+            return self.reasons[row]
         return None
 
 
@@ -86,9 +93,10 @@ def observe(
         locator: of the mesh.
         sequence: the states of construction.
     """
-    ground = CaseOnGround(case, mesh, locator, sequence)
+    ground = GaugeSurroundings(case, mesh, locator, sequence)
     channels, states = case.channels, len(sequence.states)
     readable = np.zeros((len(channels), states), dtype=bool)
+    reasons = [""] * len(channels)
     parts, snapped, faults = [], set[str](), list[Fault]()
     placing = [OBSERVABLES[channel.kind] for channel in channels]
     for place in dict.fromkeys(placing):
@@ -99,10 +107,13 @@ def observe(
         if not placed.faults:
             readable[mine] = placed.readable
             parts.append((mine, placed.observable))
+        for row in mine:
+            reasons[row] = placed.unreadable
     names = tuple(channel.name for channel in channels)
     zero = np.array([ground.zero(channel) for channel in channels], np.int64)
     beside = tuple(name for name in names if name in snapped)
-    return Observation(names, tuple(parts), zero, readable.T, beside), faults
+    found = Observation(names, tuple(parts), zero, readable.T, beside, tuple(reasons))
+    return found, faults
 
 
 def reading_faults(case: Case, observation: Observation) -> list[Fault]:

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.ground.elasticity import Values
 from geoident.forward.in_situ.surfaces import Depths, is_known
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
@@ -31,7 +30,7 @@ from geoident.model.in_situ import (
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-BALANCED = 1e-9
+NEGLIGIBLE_IMBALANCE = 1e-9
 """Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
 _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
@@ -69,19 +68,6 @@ class InSituStress:
             for row, dual in enumerate(zone.components(point)[: len(result)]):
                 result[row, here] = dual.columns
         return result
-
-
-def in_situ_stress(
-    model: InSitu | None, values: Values, names: Sequence[str], positions: Floats
-) -> Floats:
-    """Stress of one model at positions (m, dim), without topography; see `InSituStress`."""
-    dim = positions.shape[1]
-    result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
-    if model is not None:
-        zone = _stress_of(model, Mesh(np.empty((0, dim)), ()), positions)
-        for row, dual in enumerate(zone.components(ParameterPoint(values, names))[: len(result)]):
-            result[row] = dual.columns
-    return result
 
 
 def edges_held(model: InSitu | None) -> bool:

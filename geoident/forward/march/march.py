@@ -44,7 +44,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.stress import BALANCED, InSituStress
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress
 from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
@@ -289,7 +289,7 @@ class Run:
         stress[:, ~system.present] = 0.0
         self._imbalance = self._march.imbalance(stress, forces)
         task = self._task(0, carried, forces)
-        if self._imbalance > BALANCED:
+        if self._imbalance > NEGLIGIBLE_IMBALANCE:
             elastic_step(task, self._systems, self._factor)
         self._plastic.refuse_virgin(task)
 

@@ -18,6 +18,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.gauges.observable import reads_displacements
 from geoident.forward.ground.elasticity import Values, inadmissible
 from geoident.forward.in_situ.stress import InSituStress
 from geoident.forward.openings.closed_forms import GroundState
@@ -94,11 +95,15 @@ class OpeningField:
         closed_form = np.array([reason is None for reason in self.obstacles], dtype=np.bool_)
         # (n_states, n_channels)
         self.covered: Bools = closed_form[:, None] & ~(self.open[:, None] & hidden)
+        self._moves = np.array([reads_displacements(c) for c in case.channels], dtype=np.bool_)
+        self.covered &= self._moves
 
     def why_uncovered(self, state: int, channel: int) -> str | None:
         """Why a channel has no closed form at a state, a clause, or None if it has."""
         if self.obstacles[state] is not None:
             return self.obstacles[state]
+        if not self._moves[channel]:
+            return "it reads something else than displacements"
         if not self.covered[state, channel]:
             return "a point of it stands in ground that is no longer there"
         return None

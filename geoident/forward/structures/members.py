@@ -198,8 +198,8 @@ def _parts(
 
 def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
-    standing = [n for n, state in enumerate(sequence.states) if name in state.structures]
-    return np.logical_and.reduce([sequence.present(n) for n in standing]) if standing else None
+    there = [n for n, state in enumerate(sequence.states) if name in state.structures]
+    return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
 
 
 def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:

@@ -174,7 +174,7 @@ def test_derivatives_by_the_released_part_and_by_what_it_multiplies():
         np.testing.assert_allclose(
             jacobian[:, h], numeric, atol=1e-7 * np.abs(jacobian[:, h]).max(), err_msg=name
         )
-    said = "what 'core' still holds at stage 'open' is the product of part and "
+    said = "what 'core' still holds at stage 'open' contains the product of part and "
     assert said in response.obstacle()
 
 

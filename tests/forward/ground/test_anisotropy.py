@@ -25,7 +25,7 @@ from support.anisotropy import (
 from support.cases import displacement, make_case, model, moduli_at, rollers
 from support.meshes import box, regroup
 
-from geoident.forward.affine import first_obstacle, stiffness_quantity
+from geoident.forward.affine import first_obstacle, stiffness_part
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.model.case import Analysis, Material, Stage, Support
@@ -273,7 +273,7 @@ def obstacle_of(elastic) -> str | None:
     names = dict.fromkeys(s.parameter for s in numbers_of(elastic).values() if s.parameter)
     parameters = tuple(Parameter(n, starts[n], starts[n] * 0.8, starts[n] * 1.2) for n in names)
     material = Material("rock", elastic)
-    return first_obstacle([stiffness_quantity(material, section=False)], parameters)
+    return first_obstacle([stiffness_part(material, section=False)], parameters)
 
 
 @pytest.mark.parametrize("name", AFFINE)

@@ -8,6 +8,7 @@ import pytest
 
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
     Diagnostics,
@@ -20,6 +21,7 @@ from geoident.model.result import (
     Provenance,
     Result,
 )
+from tests.support.results import wide_gauges
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
 STAGES = ("heading", "bench 1")
@@ -104,7 +106,7 @@ def make_parameters() -> ParameterTable:
         start=np.array([1.4e10, 8e6]),
         at_bound=np.array([False, True]),
         determined=np.array([True, False]),
-        priors=("", "normal(8e6, 1e6)"),
+        priors=(None, Prior(8e6, 1e6)),
         units=("GPa", "MPa"),
         dimensions=("pressure", "pressure"),
         covariance=np.array([[4e16, np.nan], [np.nan, np.nan]]),
@@ -119,7 +121,7 @@ def make_gauges(dim: int) -> GaugeTable:
     measured[2, 0] = np.nan
     first = rng.normal(size=(shape[0], dim))
     first[1] = np.nan
-    return GaugeTable(
+    return wide_gauges(
         channels=CHANNELS,
         stages=STAGES,
         measured=measured,
@@ -128,16 +130,15 @@ def make_gauges(dim: int) -> GaugeTable:
         used=np.isfinite(measured),
         first=first,
         second=rng.normal(size=(shape[0], dim)),
-        bad=np.isnan(measured),
     )
 
 
-def make_diagnostics(shape: tuple[int, ...]) -> Diagnostics:
+def make_diagnostics(k: int) -> Diagnostics:
     rng = np.random.default_rng(5)
-    tables = [rng.normal(size=shape) for _ in range(5)]
-    tables[1][0, 0] = np.nan
-    influence = rng.normal(size=(*shape, 2))
-    influence[0, 0, 1] = np.inf
+    tables = [rng.normal(size=k) for _ in range(5)]
+    tables[1][0] = np.nan
+    influence = rng.normal(size=(k, 2))
+    influence[0, 1] = np.inf
     return Diagnostics("huber (delta 1.345)", 12.5, 1.25, *tables, influence)
 
 
@@ -195,7 +196,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
         ),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
-        diagnostics=make_diagnostics(shape),
+        diagnostics=make_diagnostics(len(gauges.readings)),
     )
 
 
