@@ -98,7 +98,7 @@ def _say_plan(job: Job, options: Options) -> int:
     from geoident.workflow.running.estimate import prepare
 
     setup = prepare(job)
-    summary = summarize(job.inputs, setup.model, setup.selection)
+    summary = summarize(job.inputs, setup.model, setup.readings)
     path = str(job.place.path)
     if options.as_json:
         plan = {"output": path, "up_to_date": job.up_to_date}

@@ -24,6 +24,15 @@ def always(*steps: str) -> Next:
     return lambda arguments, options: steps
 
 
+def new_name(stem: str, suffix: str) -> str:
+    """The name of a file that is not there: what is proposed must not be refused, or do harm."""
+    from itertools import count
+    from pathlib import Path
+
+    names = (f"{stem}{'' if n == 1 else f'-{n}'}{suffix}" for n in count(1))
+    return next(name for name in names if not Path(name).exists())
+
+
 def on_result(result: str, *others: str) -> Steps:
     """Commands that take a result: ``show``, ``report``, and others."""
     return tuple(line(command, result) for command in ("show", "report", *others))

@@ -94,3 +94,12 @@ def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Flo
         if np.abs(xi).max() > 10:
             return None
     return np.asarray(xi) if np.abs(error).max() <= 1e-9 * size else None
+
+
+def format_point(point: tuple[float, ...] | Floats) -> str:
+    """A point (dim,) for a message.
+
+    >>> format_point((1.0, -2.5))
+    '(1, -2.5) m'
+    """
+    return f"({', '.join(f'{x:.6g}' for x in point)}) m"

@@ -15,7 +15,7 @@ import numpy as np
 from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.faces import FaceTable, face_table
 from geoident.fem.kinematics import Kinematics, kinematics_of
-from geoident.fem.location import Locator
+from geoident.fem.location import Locator, format_point
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.forward.actions.supports import (
@@ -25,22 +25,24 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observation import Observation, format_point, observe, reading_faults
+from geoident.forward.gauges.observation import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
+from geoident.forward.ground.elasticity import Values, inadmissible
 from geoident.forward.in_situ.stress import (
-    BALANCED,
+    NEGLIGIBLE_IMBALANCE,
     edges_held,
     in_situ_models,
     surface_faults,
     zone_faults,
 )
-from geoident.forward.stages import Timeline, build_timeline, group_faults
+from geoident.forward.stages import ConstructionSequence, construction_sequence, group_faults
 from geoident.forward.structures.checks import (
-    standing_faults,
     structure_faults,
     structure_notes,
+    structure_place_faults,
 )
-from geoident.forward.yielding.checks import yield_faults, yield_notes
+from geoident.forward.structures.members import inadmissible as impossible_structure
+from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.mesh import Mesh
@@ -57,7 +59,7 @@ class CaseOnMesh:
         kinematics: of the analysis.
         table: the faces of the mesh.
         locator: finds elements by points.
-        timeline: the states of construction on the groups of the mesh.
+        sequence: the states of construction on the groups of the mesh.
         observation: the gauges on the mesh.
         fixed: (n_dofs,) degrees of freedom held by supports or by the axis of revolution.
     """
@@ -67,7 +69,7 @@ class CaseOnMesh:
     kinematics: Kinematics
     table: FaceTable
     locator: Locator
-    timeline: Timeline
+    sequence: ConstructionSequence
     observation: Observation
     fixed: Bools
 
@@ -83,19 +85,19 @@ def check_on_mesh(case: Case, mesh: Mesh) -> CaseOnMesh:
     mesh = oriented(mesh, kinematics)
     table = face_table(mesh)
     _raise_any(_group_faults(case, mesh, table))
-    timeline = build_timeline(case, mesh)
+    sequence = construction_sequence(case, mesh)
     locator = Locator(mesh)
     _raise_any(
         [
-            *load_place_faults(case, mesh, table, locator, timeline),
-            *zone_faults(case, timeline),
-            *standing_faults(case, mesh, timeline, locator),
+            *load_place_faults(case, mesh, table, locator, sequence),
+            *zone_faults(case, sequence),
+            *structure_place_faults(case, mesh, sequence, locator),
         ]
     )
-    observation, faults = observe(case, mesh, locator, timeline)
+    observation, faults = observe(case, mesh, locator, sequence)
     _raise_any(faults or reading_faults(case, observation))
     fixed = fixed_dofs(case, mesh)
-    found = CaseOnMesh(case, mesh, kinematics, table, locator, timeline, observation, fixed)
+    found = CaseOnMesh(case, mesh, kinematics, table, locator, sequence, observation, fixed)
     _refuse_mechanisms(found)
     return found
 
@@ -108,7 +110,7 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
         n_outside: strain points beside the faces that give a level of the ground or of the water.
         in_tension: whether most of the virgin ground is in tension at the start values.
     """
-    case, timeline = found.case, found.timeline
+    case, sequence = found.case, found.sequence
     notes = []
     on_axis = np.count_nonzero(found.kinematics.on_axis(found.mesh.points))
     if on_axis:
@@ -128,17 +130,17 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
             f"{n_outside} strain points lie beside the faces that give the level of the ground or "
             "of the water; the level of the nearest node of these faces was taken"
         )
-    if any(state.water is not None for state in timeline.states):
+    if any(state.water is not None for state in sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
-    notes += _odd_notes(case, timeline, in_tension=in_tension)
+    notes += _odd_notes(case, sequence, in_tension=in_tension)
     notes += yield_notes(case)
-    notes += structure_notes(case, found.mesh, timeline, found.fixed)
+    notes += structure_notes(case, found.mesh, sequence, found.fixed)
     return notes
 
 
 def imbalance_notes(imbalance: float) -> list[str]:
     """What to know of an in-situ stress that is out of balance by a part of the largest force."""
-    if imbalance <= BALANCED:
+    if imbalance <= NEGLIGIBLE_IMBALANCE:
         return []
     return [
         f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of "
@@ -146,10 +148,26 @@ def imbalance_notes(imbalance: float) -> list[str]:
     ]
 
 
-def _odd_notes(case: Case, timeline: Timeline, *, in_tension: bool) -> list[str]:
+def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Values) -> str | None:
+    """Why parameter values are outside the domain of a case, a sentence, or None if they are not.
+
+    Args:
+        case: the case.
+        sequence: its states; materials that none of them uses do not count.
+        values: parameter values by name, SI.
+    """
+    used = {m for state in sequence.states for m in state.materials.values()}
+    for material in (case.materials[name] for name in sorted(used)):
+        found = inadmissible(material, values) or no_stress_left(case, material, values)
+        if found is not None:
+            return found
+    return impossible_structure(case, values)
+
+
+def _odd_notes(case: Case, sequence: ConstructionSequence, *, in_tension: bool) -> list[str]:
     """What is allowed, and seldom meant."""
     notes = []
-    used = {m for state in timeline.states for m in state.materials.values()}
+    used = {m for state in sequence.states for m in state.materials.values()}
     if case.gravity is not None and all(case.materials[m].density == Scalar(0.0) for m in used):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     if in_tension:
@@ -181,10 +199,10 @@ def _refuse_mechanisms(found: CaseOnMesh) -> None:
         InputError: no ground is present at a stage.
         ModelError: a piece of the ground can move freely.
     """
-    mesh, timeline, source = found.mesh, found.timeline, found.case.source
+    mesh, sequence, source = found.mesh, found.sequence, found.case.source
     checked = set()
-    for n, state in enumerate(timeline.states):
-        present = timeline.present(n)
+    for n, state in enumerate(sequence.states):
+        present = sequence.present(n)
         if present.tobytes() in checked:
             continue
         checked.add(present.tobytes())
@@ -200,13 +218,13 @@ def _refuse_mechanisms(found: CaseOnMesh) -> None:
             if n
             else "Hold it by 'supports': groups on its edge, with the axes that they hold."
         )
-        msg = f"at stage '{state.name}' {_loose_text(loose, timeline)}"
+        msg = f"at stage '{state.name}' {_loose_text(loose, sequence)}"
         raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
 
 
-def _loose_text(loose: LooseBody, timeline: Timeline) -> str:
+def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:
     """What moves, where, and how."""
-    names = sorted({timeline.groups[g] for g in timeline.group_of[loose.elements]})
+    names = sorted({sequence.groups[g] for g in sequence.group_of[loose.elements]})
     axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
     motion = f"move along {axes}" if axes else "turn"
     count = len(loose.elements)

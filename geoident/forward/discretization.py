@@ -6,7 +6,7 @@ import numpy as np
 
 from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
 from geoident.fem.kinematics import Kinematics
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
@@ -20,7 +20,7 @@ class Discretization:
     Args:
         mesh: the mesh, every element turned so that its volume is positive.
         kinematics: of the analysis.
-        timeline: the groups of the case.
+        sequence: the groups of the case.
 
     Attributes:
         kinematics: of the analysis.
@@ -29,12 +29,12 @@ class Discretization:
         points_of: index of a group to its strain points, for groups that are ever present.
     """
 
-    def __init__(self, mesh: Mesh, kinematics: Kinematics, timeline: Timeline) -> None:
+    def __init__(self, mesh: Mesh, kinematics: Kinematics, sequence: ConstructionSequence) -> None:
         self.kinematics = kinematics
         self.geometries = tuple(block_geometry(mesh.points, b, kinematics) for b in mesh.blocks)
         self.points: StrainPoints = strain_points(mesh, self.geometries, kinematics)
-        group_of_point = timeline.group_of[self.points.element]
-        ever = sorted({g for state in timeline.states for g in state.materials})
+        group_of_point = sequence.group_of[self.points.element]
+        ever = sorted({g for state in sequence.states for g in state.materials})
         self.points_of: dict[int, Index] = {g: as_index(group_of_point == g) for g in ever}
 
     @property

@@ -8,32 +8,22 @@ under forces, is refused with its reason.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.actions import forces as actions
-from geoident.forward.actions import water
+from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
 from geoident.forward.discretization import numbers
-from geoident.forward.ground import elasticity as materials
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ import stress as in_situ
-from geoident.forward.in_situ.stress import BALANCED
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
-from geoident.forward.structures import members as structures
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
-
-_SAME = 1e-9
-"""Relative difference of derivatives at two parameter vectors that is rounding."""
-
-_AWAY = 1.37
-"""The second of them, in parts of the first."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +54,16 @@ def export_obstacle(march: March, names: tuple[str, ...], p: Floats) -> str | No
 
 
 def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
-    case, free = march.case, frozenset(point.names)
+    case = march.case
     for stage in case.stages:
         if stage.release:
             yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
-    for part in (in_situ, actions, water, structures):
-        why = part.affine_obstacle(case, free)
-        if why:
-            yield why
+    why = affine_obstacle(march)
+    if why:
+        yield why
     for material in case.materials.values():
-        why = materials.affine_obstacle(replace(material, yields=()), free)
-        if why:
-            yield why
         yield from _yield_obstacles(march, material, point)
 
 
@@ -87,18 +73,14 @@ def _yield_obstacles(march: March, material: Material, point: ParameterPoint) ->
     if is_smooth(material):
         yield f"{material.name} yields by a smooth surface, which has no planes (give 'planes')"
         return
-    s = march.systems.discretization.points.n_strain
-    away = ParameterPoint({name: _AWAY * x for name, x in point.values.items()}, point.names)
-    here, there = (yield_planes(material, at, s) for at in (point, away))
+    n_strain = march.systems.discretization.points.n_strain
+    normals = yield_planes(material, point, n_strain).normals
     for column, name in enumerate(point.names):
-        if here.normals.slope(column) is not None:
+        if normals.slope(column) is not None:
             yield f"{name} turns the yield planes of {material.name}"
-        for key in ("distances", "hardening"):
-            one, other = getattr(here, key), getattr(there, key)
-            if one is not None and not np.allclose(
-                one.columns[..., 1 + column], other.columns[..., 1 + column], rtol=_SAME, atol=0.0
-            ):
-                yield f"the {key} of the yield planes of {material.name} are not linear in {name}"
+    why = affine_yield_obstacle(march, material)
+    if why:
+        yield why
 
 
 def export(
@@ -136,7 +118,7 @@ class _Exporter:
         virgin, imbalance = self.march.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
-        first = 1 if imbalance <= BALANCED else 0
+        first = 1 if imbalance <= NEGLIGIBLE_IMBALANCE else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
         return StagedSystem(
             self.point.names,
@@ -154,7 +136,7 @@ class _Exporter:
         return Affine(np.asarray(columns[..., 0] - slopes @ self.p), slopes)
 
     def _add_sets(self, virgin: Floats) -> None:
-        discretization, states = self.march.systems.discretization, self.march.timeline.states
+        discretization, states = self.march.systems.discretization, self.march.sequence.states
         points = discretization.points
         for group in sorted({g for state in states for g in state.materials}):
             mine = numbers(discretization.points_of[group], points.n_points)
@@ -165,7 +147,7 @@ class _Exporter:
             self.set_of[group] = len(self.sets)
             self.sets.append(
                 PointSet(
-                    self.march.timeline.groups[group],
+                    self.march.sequence.groups[group],
                     sp.csr_array(points.compatibility[rows]),
                     points.volume[mine],
                     self.affine(stress),
@@ -197,7 +179,7 @@ class _Exporter:
         )
 
     def _stage(self, number: int, first: int) -> LoadStage:
-        state, system = self.march.timeline.states[number], self.march.systems[number]
+        state, system = self.march.sequence.states[number], self.march.systems[number]
         forces = self.march.actions.forces(number, self.point)
         yields = number > 0  # what is out of balance in the virgin state is taken as elastic
         laws = {

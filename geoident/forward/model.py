@@ -6,19 +6,21 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from geoident.fem.solvers.protocol import Solver
-from geoident.forward.actions import forces as actions
-from geoident.forward.actions import release, thermal, water
 from geoident.forward.actions.forces import Actions
-from geoident.forward.checks import CaseOnMesh, check_on_mesh, imbalance_notes, notes_on_mesh
+from geoident.forward.affine import condensation_obstacle
+from geoident.forward.checks import (
+    CaseOnMesh,
+    check_on_mesh,
+    imbalance_notes,
+    inadmissible_numbers,
+    notes_on_mesh,
+)
 from geoident.forward.discretization import Discretization
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.instrument_errors import Instruments
-from geoident.forward.ground import elasticity as materials
-from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ import stress as in_situ
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.state import UnitForces
@@ -27,11 +29,8 @@ from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
-from geoident.forward.structures import members as structures
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
-from geoident.forward.structures.members import inadmissible as impossible_structure
-from geoident.forward.yielding.checks import no_stress_left
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.certificate import Activity
@@ -71,23 +70,23 @@ class StagedModel:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, *, solver: Solver) -> None:
-        case, mesh, timeline = on_mesh.case, on_mesh.mesh, on_mesh.timeline
+        case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         table, locator = on_mesh.table, on_mesh.locator
         self.on_mesh = on_mesh
-        self.case, self.mesh, self.timeline = case, mesh, timeline
+        self.case, self.mesh, self.sequence = case, mesh, sequence
         self.names = tuple(parameter.name for parameter in case.parameters)
         self.observation = on_mesh.observation
-        self.instruments = Instruments(case, self.observation.zero, timeline.built_on)
+        self.instrument_errors = InstrumentErrors(case, self.observation.zero, sequence.built_on)
         self._solver = solver
         self._evaluations = 0
         self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.structures = Structures(case, mesh, timeline, locator)
-        self.discretization = Discretization(mesh, on_mesh.kinematics, timeline)
+        self.structures = Structures(case, mesh, sequence, locator)
+        self.discretization = Discretization(mesh, on_mesh.kinematics, sequence)
         self.systems = StageSystems(
-            mesh, timeline, self.discretization, on_mesh.fixed, solver, self.structures
+            mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
         )
-        self.actions = Actions(case, mesh, table, locator, timeline, self.discretization)
-        self.march = March(case, mesh, timeline, self.systems, self.actions)
+        self.actions = Actions(case, mesh, table, locator, sequence, self.discretization)
+        self.march = March(case, mesh, sequence, self.systems, self.actions)
 
     @property
     def counts(self) -> Counts:
@@ -108,7 +107,7 @@ class StagedModel:
     @property
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
-        states = range(len(self.timeline.states))
+        states = range(len(self.sequence.states))
         return tuple(self.systems[n].pattern.lower.n for n in states)
 
     @property
@@ -133,13 +132,7 @@ class StagedModel:
         """Why p (n,) is outside the domain, or None."""
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
-        values = self.values(p)
-        used = {m for state in self.timeline.states for m in state.materials.values()}
-        for material in (self.case.materials[name] for name in sorted(used)):
-            found = inadmissible(material, values) or no_stress_left(self.case, material, values)
-            if found is not None:
-                return found
-        return impossible_structure(self.case, values)
+        return inadmissible_numbers(self.case, self.sequence, self.values(p))
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values by name."""
@@ -193,17 +186,18 @@ class StagedModel:
         """
         self.count_evaluation()
         run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
-        recorder = FieldRecorder(self.mesh, self.timeline, self.discretization) if fields else None
-        members = MemberRecorder(self.structures, self.timeline, values)
+        recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
+        members = MemberRecorder(self.structures, self.sequence, values)
         for end in run.states():
-            observed.append(self.observation.operator @ end.u)
+            state = MarchState(end, run.point, self.structures)
+            observed.append(self.observation.values(state))
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts:
                 members.add(end.state, end.members)
         table = self.relative(np.stack(observed))
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instruments.added(values, self.names, rows, states)
+        added = self.instrument_errors.added(values, self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
         found = run.findings
         if found.collapses and not np.isfinite(table).any():
@@ -219,7 +213,7 @@ class StagedModel:
         )
 
     def relative(self, observed: Floats) -> Floats:
-        """Readings from relative displacements since placing: less what was there at zero.
+        """Readings from what the channels see since placing: less what was there at zero.
 
         Args:
             observed: (n_states, n_channels, k).
@@ -307,7 +301,9 @@ class StagedResponse:
 
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
-        return export_obstacle(self._model.march, self.names, self._start)
+        model = self._model
+        not_linear = model.observation.not_linear(self._row)
+        return not_linear or export_obstacle(model.march, self.names, self._start)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -317,8 +313,10 @@ class StagedResponse:
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start
         values = model.values(start)
-        added = model.instruments.added(values, self.names, self._row, self._state, self._times)
-        operator = sp.csr_array(model.observation.operator)[self._row]
+        added = model.instrument_errors.added(
+            values, self.names, self._row, self._state, self._times
+        )
+        operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
         return export(model.march, self.names, start, rows, self._last)
 
@@ -327,19 +325,13 @@ class StagedResponse:
     ) -> OpeningResponse | str:
         """The closed form of these readings, or why there is none."""
         model = self._model
-        found = opening_in_mesh(model.case, model.mesh, model.timeline, Circle(centre, radius))
+        found = opening_in_mesh(model.case, model.mesh, model.sequence, Circle(centre, radius))
         return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
 
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
-        case = self._model.case
-        free = frozenset(self.names)
-        reasons = [materials.affine_obstacle(m, free) for m in case.materials.values()]
-        reasons += [
-            part.affine_obstacle(case, free)
-            for part in (in_situ, actions, water, thermal, release, structures)
-        ]
-        return next((reason for reason in reasons if reason), None)
+        model = self._model
+        return model.observation.not_linear(self._row) or condensation_obstacle(model.march)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
@@ -378,12 +370,13 @@ class StagedResponse:
         run = model.at(
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
-        observed = np.stack([model.observation.operator @ end.u for end in run.states()])
+        states = (MarchState(end, run.point, model.structures) for end in run.states())
+        observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
         table = self._pick(observed)
         names = self.names if derivatives else ()
         values = model.values(p)
-        added = model.instruments.added(values, names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
         table[:, : added.shape[1]] += added
         return table
 
@@ -398,12 +391,12 @@ class StagedResponse:
         its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
         the stage after the zero on.
         """
-        rows = self._model.observation.operator[self._row]
+        rows = self._model.observation.operator(self._row)
         return UnitForces(rows.toarray().T, self._active())
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
-        built_on = self._model.timeline.built_on.astype(np.float64)
+        built_on = self._model.sequence.built_on.astype(np.float64)
         zero = self._model.observation.zero[self._row]
         return np.asarray(built_on[:, self._state] - built_on[:, zero])
 

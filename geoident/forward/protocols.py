@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from geoident.forward.gauges.instrument_errors import Instruments
-from geoident.forward.stages import Timeline
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.certificate import Activity
 from geoident.model.response import Response
@@ -48,7 +48,7 @@ class CaseModel(Protocol):
         """Names of the n parameters."""
 
     @property
-    def timeline(self) -> Timeline:
+    def sequence(self) -> ConstructionSequence:
         """The states of construction."""
 
     @property
@@ -56,7 +56,7 @@ class CaseModel(Protocol):
         """Unknowns of every state, the virgin state first."""
 
     @property
-    def instruments(self) -> Instruments:
+    def instrument_errors(self) -> InstrumentErrors:
         """What the gauges add by themselves."""
 
     @property

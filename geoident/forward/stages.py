@@ -19,7 +19,7 @@ _SHOWN = 5
 
 
 @dataclass(frozen=True)
-class State:
+class ConstructionState:
     """A state of construction, at the end of a stage.
 
     Args:
@@ -30,8 +30,8 @@ class State:
         base: index of the state on which this one builds; of the virgin state, 0.
         water: in the pores, or None for none.
         temperature: group index to change of temperature.
-        left: group indices that leave at this stage.
-        release: group index to the part of its stress that is released so far, where it is told.
+        leaving: group indices that leave at this stage.
+        release: group index to the part of its stress that is released so far, if one was given.
         structures: names of the structures that stand.
         built: names of those that are built at this stage, free of stress.
         loads_since: index of the state from which on each of the loads acts.
@@ -44,7 +44,7 @@ class State:
     base: int = 0
     water: Water | None = None
     temperature: Mapping[int, Temperature] = field(default_factory=dict)
-    left: frozenset[int] = frozenset()
+    leaving: frozenset[int] = frozenset()
     release: Mapping[int, Scalar] = field(default_factory=dict)
     structures: frozenset[str] = frozenset()
     built: frozenset[str] = frozenset()
@@ -52,7 +52,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Timeline:
+class ConstructionSequence:
     """All states of a case, the virgin state first.
 
     Args:
@@ -63,7 +63,7 @@ class Timeline:
 
     groups: tuple[str, ...]
     group_of: Ints
-    states: tuple[State, ...]
+    states: tuple[ConstructionState, ...]
 
     def present(self, state: int) -> Bools:
         """(n_elements,) which elements are present at a state."""
@@ -101,21 +101,21 @@ def used_groups(case: Case) -> dict[str, KeyPath]:
     return used
 
 
-def build_timeline(case: Case, mesh: Mesh) -> Timeline:
-    """The timeline of a case whose groups are all in the mesh (see `group_faults`)."""
+def construction_sequence(case: Case, mesh: Mesh) -> ConstructionSequence:
+    """The sequence of a case whose groups are all in the mesh (see `group_faults`)."""
     groups = tuple(used_groups(case))
     group_of = np.full(mesh.n_elements, -1, dtype=np.int64)
     for n, name in enumerate(groups):
         group_of[mesh.groups[name]] = n
-    return Timeline(groups, group_of, states_of(case, groups))
+    return ConstructionSequence(groups, group_of, states_of(case, groups))
 
 
-def states_of(case: Case, groups: Sequence[str]) -> tuple[State, ...]:
+def states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ...]:
     """The states of a case, the virgin state first; groups are counted as they are given."""
     index = {name: n for n, name in enumerate(groups)}
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
     since = dict.fromkeys(case.loads, 0)
-    virgin = State(
+    virgin = ConstructionState(
         VIRGIN, materials, frozenset(), dict(case.loads), water=case.water, loads_since=since
     )
     states = [virgin]
@@ -128,8 +128,8 @@ def states_of(case: Case, groups: Sequence[str]) -> tuple[State, ...]:
 
 
 def _state_after(
-    before: State, base: int, stage: Stage, number: int, index: Mapping[str, int]
-) -> State:
+    before: ConstructionState, base: int, stage: Stage, number: int, index: Mapping[str, int]
+) -> ConstructionState:
     """The state of a number, at the end of a stage that builds on another."""
     gone = {index[g] for g in stage.excavate}
     placed = frozenset(index[g] for g in stage.install)
@@ -140,14 +140,14 @@ def _state_after(
     since |= dict.fromkeys(stage.loads, number)
     stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
     warmed = {index[g]: t for g, t in stage.temperature.items()}
-    left = frozenset(gone & before.materials.keys())
+    leaving = frozenset(gone & before.materials.keys())
     # A group that leaves again with nothing said of its release is released whole.
-    release = {g: part for g, part in before.release.items() if g not in left}
+    release = {g: part for g, part in before.release.items() if g not in leaving}
     release |= {index[g]: part for g, part in stage.release.items()}
     structures = (before.structures - set(stage.dismantle)) | set(stage.build)
-    return State(
+    return ConstructionState(
         stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
-        left, release, structures, frozenset(stage.build), since,
+        leaving, release, structures, frozenset(stage.build), since,
     )  # fmt: skip
 
 

@@ -1,13 +1,13 @@
 """Gauges and their readings.
 
-Every gauge, whatever its kind, reduces to *channels*: one channel measures one relative
-displacement. An extensometer has one channel per anchor, named ``gauge.anchor``; the other kinds
-have one channel, named as the gauge.
+Every gauge, whatever its kind, reduces to *channels*: one channel measures one quantity, such as a
+relative displacement. An extensometer has one channel per anchor, named ``gauge.anchor``; the other
+kinds have one channel, named as the gauge.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from geoident.errors import Location
 from geoident.model.parameter import Scalar
@@ -25,13 +25,15 @@ class Channel:
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads
             a change of distance (positive: the points move apart), down for a settlement.
-        accuracy: standard deviation of one reading, m.
+        accuracy: standard deviation of one reading, SI.
         zero: name of the stage at whose end the channel reads zero.
         key: path of keys in the case where the channel is written.
-        offset: added to every reading after the zero, m (a zero that was itself misread, a head
+        offset: added to every reading after the zero, SI (a zero that was itself misread, a head
             that slipped); None for none.
-        drift: what a reading gains by itself in time since the zero, m/s; None for none.
-        drift_per_stage: the same for every stage since the zero, m.
+        drift: what a reading gains by itself in time since the zero, SI per second; None for none.
+        drift_per_stage: the same for every stage since the zero, SI.
+        dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
+        unit: in which people want to see them; lengths in mm.
     """
 
     name: str
@@ -46,20 +48,26 @@ class Channel:
     offset: Scalar | None = None
     drift: Scalar | None = None
     drift_per_stage: Scalar | None = None
+    dimension: str = "length"
+    unit: str = "mm"
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One reading of a channel at the end of a stage.
+    """One reading of a channel, from the cell of a file to the identification.
 
     Args:
         channel: name of the channel.
-        stage: name of the stage.
-        value: in m; None where the field sheet is blank (counted, not used).
-        accuracy: standard deviation in m where the reading has its own, else None.
-        location: where it is written.
+        stage: name of the stage at whose end it was taken; empty while only its date is known.
+        value: in the SI unit of the channel's dimension; None where the field sheet is blank
+            (counted, not used).
+        accuracy: standard deviation, SI, where the reading has its own, else None.
+        location: where it is written: the name of the channel, or the value in the wide layout.
         time: when it was taken, seconds since 1970; None where only the stage is known.
         bad: why it is not to be used; empty for a good one.
+        when: where the stage or date is written.
+        key: path of keys in the case; empty for a row of a file.
+        count: how many readings it is the mean of.
     """
 
     channel: str
@@ -69,3 +77,6 @@ class Reading:
     location: Location = Location("")
     time: float | None = None
     bad: str = ""
+    when: Location = field(default=Location(""), compare=False)
+    key: tuple[str | int, ...] = field(default=(), compare=False)
+    count: int = field(default=1, compare=False)

@@ -48,6 +48,14 @@ class Prior:
     sd: float
     kind: Literal["normal", "lognormal"] = "normal"
 
+    def __str__(self) -> str:
+        """As programs read it.
+
+        >>> str(Prior(8e6, 1e6))
+        'normal(8e+06, 1e+06)'
+        """
+        return f"{self.kind}({self.mean:.6g}, {self.sd:.6g})"
+
 
 @dataclass(frozen=True)
 class Parameter:

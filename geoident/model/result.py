@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Certificate
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Prior
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -48,7 +54,7 @@ class ParameterTable:
         start: (n,) start value.
         at_bound: (n,) the value lies on a bound.
         determined: (n,) readings (and prior) determine it.
-        priors: n texts such as ``normal(8e6, 1e6)``, empty for none.
+        priors: what is known of each beside the readings, None for nothing.
         units: n units for display, as the user wrote them.
         dimensions: n keys of `geoident.units.DIMENSIONS`.
         covariance: (n, n) SI; NaN rows where not determined.
@@ -65,7 +71,7 @@ class ParameterTable:
     start: Floats
     at_bound: Bools
     determined: Bools
-    priors: tuple[str, ...]
+    priors: tuple[Prior | None, ...]
     units: tuple[str, ...]
     dimensions: tuple[str, ...]
     covariance: Floats
@@ -73,30 +79,143 @@ class ParameterTable:
 
 
 @dataclass(frozen=True)
+class ReadingTable:
+    """All readings of a case, one entry of every column each, in the order of the files.
+
+    Values are in the SI unit of the dimension of their channel. n is the number of parameters.
+
+    Args:
+        channel: k names of channels.
+        gauge: k names of the gauges to which they belong.
+        stage: k names of stages.
+        time: (k,) when each was taken, seconds since 1970; NaN where only the stage is known.
+        value: (k,) what was read; NaN where the field sheet is blank.
+        sd: (k,) standard deviation: its own, or that of its channel.
+        used: (k,) it took part in the identification.
+        bad: (k,) it is known to be wrong.
+        reason: k texts, why it is not used; empty for one that is.
+        computed: (k,) the model at the time of the reading; NaN where it says nothing.
+        sensitivity: (k, n) derivatives of ``computed``, SI, or None.
+    """
+
+    channel: tuple[str, ...]
+    gauge: tuple[str, ...]
+    stage: tuple[str, ...]
+    time: Floats
+    value: Floats
+    sd: Floats
+    used: Bools
+    bad: Bools
+    reason: tuple[str, ...]
+    computed: Floats
+    sensitivity: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.channel)
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Channel and stage of each reading."""
+        return tuple(zip(self.channel, self.stage, strict=True))
+
+    @property
+    def unused(self) -> Ints:
+        """(m,) rows of the readings that are not used."""
+        return np.flatnonzero(~self.used)
+
+
+@dataclass(frozen=True)
 class GaugeTable:
-    """Readings and their counterparts, all (n_channels, n_stages), m; NaN where there is none.
+    """The channels of the gauges: what was read of them, and what the model says at all stages.
+
+    The wide tables (n_channels, n_stages) are views of the readings: of several good readings of a
+    channel in a stage they hold the weighted mean; a bad one only where there is no good one. NaN
+    where there is none.
 
     Args:
         channels: names of the channels.
         stages: names of the stages, the virgin state not among them.
-        measured: readings.
-        computed: the model at the estimate.
-        sd: accuracy of each reading.
-        used: the reading took part in the identification.
-        first: (n_channels, dim) reference points, NaN for fixed ground.
-        second: (n_channels, dim) points whose motion is read.
-        bad: the reading is known to be wrong; the reason is among the notes.
+        computed: (n_channels, n_stages) the model at the estimate, SI; NaN where it says nothing.
+        first: (n_channels, dim) reference points, m; NaN for fixed ground.
+        second: (n_channels, dim) points whose motion is read, m.
+        readings: all of them.
+        gauges: names of the gauges to which the channels belong.
+        dimensions: of each channel, keys of `geoident.units.DIMENSIONS`.
+        units: of each channel, in which people want to see it.
+        accuracy: (n_channels,) standard deviation of one reading, SI.
     """
 
     channels: tuple[str, ...]
     stages: tuple[str, ...]
-    measured: Floats
     computed: Floats
-    sd: Floats
-    used: Bools
     first: Floats
     second: Floats
-    bad: Bools
+    readings: ReadingTable
+    gauges: tuple[str, ...]
+    dimensions: tuple[str, ...]
+    units: tuple[str, ...]
+    accuracy: Floats
+
+    @property
+    def measured(self) -> Floats:
+        """(n_channels, n_stages) readings, SI."""
+        return self._wide[0]
+
+    @property
+    def sd(self) -> Floats:
+        """(n_channels, n_stages) standard deviation of each reading, SI."""
+        return self._wide[1]
+
+    @property
+    def used(self) -> Bools:
+        """(n_channels, n_stages) the reading took part in the identification."""
+        return self._wide[2]
+
+    @property
+    def bad(self) -> Bools:
+        """(n_channels, n_stages) the reading is known to be wrong."""
+        return self._wide[3]
+
+    def place(self, row: int) -> tuple[int, int] | None:
+        """Row and column of a reading in the wide tables; None if its channel is not there."""
+        return self._places.get((self.readings.channel[row], self.readings.stage[row]))
+
+    @cached_property
+    def rows(self) -> Mapping[tuple[int, int], Ints]:
+        """Row and column of the wide tables to the (m,) readings that count there."""
+        found: dict[tuple[int, int], list[int]] = {}
+        taken = np.flatnonzero(np.isfinite(self.readings.value))
+        bad = self.readings.bad
+        for k in taken[np.argsort(bad[taken], kind="stable")].tolist():
+            place = self.place(k)
+            if place is not None:
+                group = found.setdefault(place, [])
+                if not group or not bad[k] or bad[group[0]]:
+                    group.append(k)
+        return {place: np.array(group, dtype=np.int64) for place, group in found.items()}
+
+    @cached_property
+    def _places(self) -> dict[tuple[str, str], tuple[int, int]]:
+        names = product(enumerate(self.channels), enumerate(self.stages))
+        return {(channel, stage): (i, j) for (i, channel), (j, stage) in names}
+
+    @cached_property
+    def _wide(self) -> tuple[Floats, Floats, Bools, Bools]:
+        measured, sd = (np.full(self.computed.shape, np.nan) for _ in range(2))
+        used, bad = (np.zeros(self.computed.shape, dtype=np.bool_) for _ in range(2))
+        table = self.readings
+        for place, rows in self.rows.items():
+            measured[place], sd[place] = _combined(table.value[rows], table.sd[rows])
+            used[place], bad[place] = bool(table.used[rows].any()), bool(table.bad[rows[0]])
+        return measured, sd, used, bad
+
+
+def _combined(values: Floats, sd: Floats) -> tuple[float, float]:
+    """The weighted mean of the (m,) readings of a channel in a stage, and its deviation."""
+    if len(values) == 1:
+        return float(values[0]), float(sd[0])
+    weight = sd**-2.0
+    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5)
 
 
 @dataclass(frozen=True)
@@ -114,22 +233,23 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How each used reading bears on the answer; NaN where none was used.
+    """How each reading bears on the answer; NaN where it was not used.
 
-    Several readings of a gauge in one stage are removed together; of them the one farthest off
-    has its residual and weight here.
+    The arrays have an entry for each of the k readings, or in the wide view (see `wide`) one for
+    each channel and stage. Readings of a channel in one stage are removed together: ``distance``
+    and ``influence`` are those of all of them.
 
     Args:
         loss: the loss that was minimised, such as ``huber (delta 1.345)``.
         squares: plain weighted squares (and the prior's part) at the estimate, whatever the loss.
         scale: robust scatter of the standardized residuals: near 1 if the accuracies are right.
-        standardized: (n_channels, n_stages) measured minus computed, in accuracies.
-        studentized: the same in its own standard deviation, by root of 1 - leverage.
-        weight: what the loss leaves of the reading, 0 to 1.
-        leverage: diagonal of the hat matrix: 1 decides alone.
-        distance: Cook's distance.
-        influence: (n_channels, n_stages, n) change of each parameter by the reading, in standard
-            deviations of the parameter (DFBETAS); infinite where nothing else determines it.
+        standardized: (k,) measured minus computed, in accuracies.
+        studentized: (k,) the same in its own standard deviation, by root of 1 - leverage.
+        weight: (k,) what the loss leaves of the reading, 0 to 1.
+        leverage: (k,) diagonal of the hat matrix: 1 decides alone.
+        distance: (k,) Cook's distance.
+        influence: (k, n) change of each parameter by the readings, in standard deviations of the
+            parameter (DFBETAS); infinite where nothing else determines it.
     """
 
     loss: str
@@ -141,6 +261,37 @@ class Diagnostics:
     leverage: Floats
     distance: Floats
     influence: Floats
+
+    def wide(self, gauges: GaugeTable) -> Diagnostics:
+        """The same with arrays (n_channels, n_stages).
+
+        Several readings in one place have the residual of the one farthest off, the sum of their
+        leverages, and what is left of their weights by the information that each gives.
+
+        Args:
+            gauges: with the readings that these diagnostics are of.
+        """
+        shape = gauges.computed.shape
+        wide: dict[str, Any] = {name: np.full(shape, np.nan) for name in DIAGNOSTIC_COLUMNS}
+        influence = np.full((*shape, *self.influence.shape[1:]), np.nan)
+        for place, rows in gauges.rows.items():
+            t = self.studentized[rows]
+            worst = rows[np.argmax(np.where(np.isnan(t), np.inf, np.abs(t)))]
+            wide["standardized"][place] = self.standardized[worst]
+            wide["studentized"][place] = self.studentized[worst]
+            wide["weight"][place] = _left(self.weight[rows], gauges.readings.sd[rows])
+            wide["leverage"][place] = self.leverage[rows].sum()
+            wide["distance"][place] = self.distance[worst]
+            influence[place] = self.influence[worst]
+        return replace(self, influence=influence, **wide)
+
+
+DIAGNOSTIC_COLUMNS = ("standardized", "studentized", "weight", "leverage", "distance")
+
+
+def _left(weight: Floats, sd: Floats) -> float:
+    """What is left of the weights (m,) of readings with standard deviations (m,)."""
+    return float(weight[0] if len(weight) == 1 else np.average(weight, weights=1.0 / sd**2))
 
 
 @dataclass(frozen=True)
@@ -229,7 +380,18 @@ class MemberForces:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a result comes from. ``identity`` is the hash of everything that it depends on."""
+    """Where a result comes from.
+
+    Args:
+        command: that made it.
+        versions: of the program and the libraries.
+        seed: of random numbers.
+        case_file: path of the case as seen from the folder of the result.
+        case_sha256, mesh_sha256, readings_sha256: hashes of what it was made from.
+        identity: hash of everything that it depends on.
+        created: date and time.
+        format: of the file that it was read from, if that is not the present one.
+    """
 
     command: str
     versions: Mapping[str, str]
@@ -240,6 +402,7 @@ class Provenance:
     readings_sha256: str
     identity: str
     created: str
+    format: str = ""
 
 
 @dataclass(frozen=True)
@@ -259,7 +422,7 @@ class Result:
         case_resolved: the same with overrides applied, as YAML.
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
-        diagnostics: how each reading bears on the answer of a fit, or None.
+        diagnostics: how each reading of ``gauges.readings`` bears on the answer of a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
     """

@@ -9,7 +9,29 @@ from geoident.model.parameter import Scalar
 
 
 @dataclass(frozen=True)
-class Beam:
+class _Structure:
+    """What every structure knows of itself."""
+
+    @property
+    def numbers(self) -> dict[str, Scalar]:
+        """The numbers on which its stiffness depends, by name."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in given.items() if isinstance(value, Scalar)}
+
+    def breach(self, values: Mapping[str, float]) -> str | None:
+        """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
+        for name, scalar in self.numbers.items():
+            number = scalar.value(values)
+            if name == "nu":
+                if not -1.0 < number < 0.5:
+                    return f"nu is {number:.6g}, it must be between -1 and 0.5"
+            elif not number > 0.0:
+                return f"{name} is {number:.6g}, it must be positive"
+        return None
+
+
+@dataclass(frozen=True)
+class Beam(_Structure):
     """A lining in plane strain, per metre out of plane. Either E and thickness, or EA and EI.
 
     Args:
@@ -32,7 +54,7 @@ class Beam:
 
 
 @dataclass(frozen=True)
-class Bolts:
+class Bolts(_Structure):
     """Bars that hold the ground at their two ends only. Either E and diameter, or EA.
 
     Args:
@@ -51,21 +73,3 @@ class Bolts:
 
 
 Structure = Beam | Bolts
-
-
-def structure_numbers(structure: Structure) -> dict[str, Scalar]:
-    """The numbers on which its stiffness depends, by name."""
-    given = {field.name: getattr(structure, field.name) for field in fields(structure)}
-    return {name: value for name, value in given.items() if isinstance(value, Scalar)}
-
-
-def structure_breach(structure: Structure, values: Mapping[str, float]) -> str | None:
-    """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
-    for name, scalar in structure_numbers(structure).items():
-        number = scalar.value(values)
-        if name == "nu":
-            if not -1.0 < number < 0.5:
-                return f"nu is {number:.6g}, it must be between -1 and 0.5"
-        elif not number > 0.0:
-            return f"{name} is {number:.6g}, it must be positive"
-    return None

@@ -63,7 +63,18 @@ class StageSummary:
 
 @dataclass(frozen=True)
 class GaugeSummary:
-    """A channel of a gauge: its kind, where it is zeroed, and how many readings are used."""
+    """A channel of a gauge.
+
+    Args:
+        name: of the channel.
+        kind: of the gauge.
+        zero: stage at whose end it reads zero.
+        accuracy: standard deviation of one reading, SI.
+        used: how many readings take part in the fit.
+        unused: how many do not.
+        dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
+        unit: in which people want to see them.
+    """
 
     name: str
     kind: str
@@ -71,6 +82,8 @@ class GaugeSummary:
     accuracy: float
     used: int
     unused: int
+    dimension: str = "length"
+    unit: str = "mm"
 
 
 @dataclass(frozen=True)

@@ -217,18 +217,8 @@ class WeakPlane(_Coulomb):
 YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane
 
 
-def yield_breach(surface: YieldSurface, values: Mapping[str, float]) -> Breach | None:
-    """See the method of the surface."""
-    return surface.breach(values)
-
-
-def apex(surface: YieldSurface, values: Mapping[str, float]) -> float | None:
-    """See the method of the surface."""
-    return surface.apex(values)
-
-
 def _with_tension(name: str, tension: Scalar | None) -> str:
-    return name if tension is None else f"{name} with a cut-off of tension"
+    return name if tension is None else f"{name} with a tension cut-off"
 
 
 def _friction(given: Numbers) -> Breach | None:

@@ -14,6 +14,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
+from geoident.model.result import ReadingTable
 from geoident.model.summary import (
     CaseSummary,
     GaugeSummary,
@@ -25,8 +26,7 @@ from geoident.model.summary import (
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.estimate import require_possible
 from geoident.workflow.running.inputs import Inputs, build_model, load_inputs
-from geoident.workflow.running.outcome import bad_notes
-from geoident.workflow.running.selection import Selection, require_enough, select_readings
+from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.simulate import start_values
 
 
@@ -61,28 +61,28 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
     """
     inputs = load_inputs(path, overrides=overrides)
     model = build_model(inputs, solver=solver)
-    selection = select_readings(inputs.case, model)
+    readings = select_readings(inputs.case, model)
     if inputs.case.readings:
-        require_enough(selection)
+        require_enough(inputs.case, readings)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
         next(model.at(start_values(inputs.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
-    return Checked(inputs.case, mesh, summarize(inputs, model, selection), inputs.files)
+    return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files)
 
 
-def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSummary:
+def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseSummary:
     """What a case amounts to.
 
     Args:
         inputs: the case and its mesh.
         model: of the case.
-        selection: which readings take part.
+        readings: which readings take part.
     """
     case = inputs.case
     staged = model if isinstance(model, StagedModel) else None
     virgin = staged.virgin_notes() if staged else ()
-    notes = (*case.notes, *model.notes, *virgin, *bad_notes(selection))
+    notes = (*case.notes, *model.notes, *virgin, *bad_notes(readings))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -91,14 +91,14 @@ def summarize(inputs: Inputs, model: CaseModel, selection: Selection) -> CaseSum
         nodes=staged.mesh.n_nodes if staged else 0,
         elements=staged.mesh.n_elements if staged else 0,
         groups=_groups(case, staged) if staged else (),
-        stages=_stages(case, model, selection),
-        gauges=_gauges(case, selection),
+        stages=_stages(case, model, readings),
+        gauges=_gauges(case, readings),
         places=_places(case, staged) if staged else (),
-        readings=_readings(case, selection),
+        readings=_readings(case, readings),
         parameters=tuple(parameter.name for parameter in case.parameters),
         methods=tuple(method_name(options) for options in case.fit.methods),
-        used=len(selection.used),
-        unused=tuple(Counter(unused.reason for unused in selection.unused).items()),
+        used=int(np.count_nonzero(readings.used)),
+        unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
         cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -114,8 +114,8 @@ def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
     )
 
 
-def _stages(case: Case, model: CaseModel, selection: Selection) -> tuple[StageSummary, ...]:
-    used = Counter(stage for _, stage in selection.pairs)
+def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[StageSummary, ...]:
+    used = Counter(readings.stage[k] for k in np.flatnonzero(readings.used))
     return tuple(
         StageSummary(
             name=stage.name,
@@ -131,14 +131,14 @@ def _stages(case: Case, model: CaseModel, selection: Selection) -> tuple[StageSu
             water=stage.water is not None,
         )
         for n, (stage, state, dofs) in enumerate(
-            zip(case.stages, model.timeline.states[1:], model.n_dofs[1:], strict=True)
+            zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
 
 
-def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
-    used = Counter(channel for channel, _ in selection.pairs)
-    unused = Counter(unused.reading.channel for unused in selection.unused)
+def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
+    used = Counter(readings.channel[k] for k in np.flatnonzero(readings.used))
+    unused = Counter(readings.channel[k] for k in readings.unused)
     return tuple(
         GaugeSummary(
             name=channel.name,
@@ -147,6 +147,8 @@ def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
             accuracy=channel.accuracy,
             used=used[channel.name],
             unused=unused[channel.name],
+            dimension=channel.dimension,
+            unit=channel.unit,
         )
         for channel in case.channels
     )
@@ -155,19 +157,19 @@ def _gauges(case: Case, selection: Selection) -> tuple[GaugeSummary, ...]:
 def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(case, model.mesh, model.timeline)
+        for p in placements(case, model.mesh, model.sequence)
     )
 
 
-def _readings(case: Case, selection: Selection) -> tuple[ReadingSummary, ...]:
+def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
     """Stage by stage; stages without readings are left out."""
     used: dict[str, list[str]] = {}
-    for channel, stage in selection.pairs:
-        used.setdefault(stage, []).append(channel)
+    for k in np.flatnonzero(readings.used):
+        used.setdefault(readings.stage[k], []).append(readings.channel[k])
     unused: dict[str, dict[str, list[str]]] = {}
-    for one in selection.unused:
-        reasons = unused.setdefault(one.reading.stage, {})
-        reasons.setdefault(one.reason, []).append(one.reading.channel)
+    for k in readings.unused:
+        reasons = unused.setdefault(readings.stage[k], {})
+        reasons.setdefault(readings.reason[k], []).append(readings.channel[k])
     return tuple(
         ReadingSummary(
             stage,

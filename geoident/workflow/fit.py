@@ -12,10 +12,15 @@ from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Diagnostics, Result
+from geoident.model.result import Counts, Diagnostics, ReadingTable, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import assess_robustly, diagnostics_table, remarks
+from geoident.workflow.running.diagnosis import (
+    assess_robustly,
+    at_used,
+    diagnostics_table,
+    remarks,
+)
 from geoident.workflow.running.estimate import (
     Setup,
     evaluation_log,
@@ -23,10 +28,9 @@ from geoident.workflow.running.estimate import (
     problem_of,
     search,
     total,
-    used_readings,
 )
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.running.outcome import Finished, keep, tell_readings, write
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
@@ -34,7 +38,13 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.provenance import job_provenance
-from geoident.workflow.running.tables import accuracies, gauge_table, parameter_table
+from geoident.workflow.running.readings import (
+    accuracies,
+    gauge_table,
+    unused_notes,
+    with_computed,
+)
+from geoident.workflow.running.tables import parameter_table
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
@@ -47,13 +57,15 @@ class Found:
     Args:
         outcome: of the identifiers.
         assessment: how well the parameters are known.
-        diagnostics: how each reading bears on them.
+        readings: with what the model says of each.
+        diagnostics: how each of them bears on the parameters.
         survey: the model at the parameters.
         counts: of all.
     """
 
     outcome: Outcome
     assessment: Assessment
+    readings: ReadingTable
     diagnostics: Diagnostics
     survey: Survey
     counts: Counts
@@ -80,18 +92,16 @@ def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
     """One survey of the model at the end of the search says everything else."""
     before = setup.model.counts
     survey = setup.model.survey(outcome.values, fields=True, partial=True)
-    readings, jacobian = used_readings(setup, survey, outcome.values)
-    assessment = assess_robustly(problem, outcome.values, readings, jacobian)
-    diagnostics = diagnostics_table(
-        problem, setup.selection, outcome.values, assessment, readings, jacobian
-    )
+    readings = with_computed(setup.readings, setup.case, setup.model, survey, outcome.values)
+    assessment = assess_robustly(problem, outcome.values, *at_used(readings))
+    diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     counts = total(problem.response.counts, before, setup.model.counts)
-    return Found(outcome, assessment, diagnostics, survey, counts)
+    return Found(outcome, assessment, readings, diagnostics, survey, counts)
 
 
 def _result(job: Job, setup: Setup, found: Found) -> Result:
     case, survey = job.inputs.case, found.survey
-    gauges = gauge_table(setup.selection, survey.computed)
+    gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
@@ -134,7 +144,7 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
-            *unused_notes(setup.selection),
+            *unused_notes(found.readings),
             *score(gauges, prediction),
         ),
     )

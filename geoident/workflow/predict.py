@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,8 @@ from geoident.identify import Assessment, Problem, assess
 from geoident.io.result.file import read_result, write_result
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
-from geoident.model.result import Counts, ParameterTable, Provenance, Result
+from geoident.model.gauges import Reading
+from geoident.model.result import ParameterTable, Provenance, ReadingTable, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.inputs import (
     Inputs,
@@ -40,8 +41,13 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.provenance import provenance
-from geoident.workflow.running.selection import Selection
-from geoident.workflow.running.tables import accuracies, gauge_table
+from geoident.workflow.running.readings import (
+    FLAGGED,
+    accuracies,
+    gauge_table,
+    reading_table,
+    with_computed,
+)
 
 
 @dataclass(frozen=True)
@@ -76,12 +82,12 @@ class Known:
     Args:
         parameters: their table, in the order of that case.
         assessment: likewise.
-        used: channel and stage of each reading that the fit used.
+        readings: of the fit.
     """
 
     parameters: ParameterTable
     assessment: Assessment
-    used: tuple[tuple[str, str], ...]
+    readings: ReadingTable
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     """
     fit = _read_fit(request.result)
     origin = inputs_of_result(fit, case_path(request.result, fit.provenance.case_file))
+    _require_times(fit, origin.case, request.result)
     inputs = _inputs(request, origin, fit)
     _require_stages(request.stages, inputs.case)
     require_identified(fit, inputs)
@@ -157,7 +164,7 @@ def predict(task: Task, control: Control) -> Finished:
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
-    result = _result(task, known, survey, model.counts)
+    result = _result(task, known, survey, model)
     overwrite = found is not Standing.NOTHING
     paths = write_result(result, place.path, overwrite=overwrite, inputs=task.files_read)
     return Finished(result, paths)
@@ -165,10 +172,20 @@ def predict(task: Task, control: Control) -> Finished:
 
 def _read_fit(path: str) -> Result:
     result = read_result(path)
-    if result.kind == "fit" and result.sensitivity is not None:
+    if result.kind == "fit" and result.gauges.readings.sensitivity is not None:
         return result
     message = f"A {result.kind} cannot be predicted from; the result of a fit is expected."
     raise InputError([Fault("not-a-fit", message, location=Location(path))])
+
+
+def _require_times(fit: Result, case: Case, path: str) -> None:
+    """Refuse a result of an older format whose gauges drift: it has lost when they were read."""
+    drifting = [channel.gauge for channel in case.channels if channel.drift is not None]
+    if fit.provenance.format and drifting:
+        message = f"the gauge {drifting[0]!r} drifts in time, but this file, of the format "
+        message += f"{fit.provenance.format!r}, does not say when readings were taken"
+        hint = "Run the fit again, which writes them."
+        raise InputError([Fault("no-times", message, hint, Location(path))])
 
 
 def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
@@ -223,19 +240,20 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
         origin: the case of the fit.
         model: of the case to predict.
     """
-    gauges = fit.gauges
-    weight = np.ones(()) if fit.diagnostics is None else fit.diagnostics.weight[gauges.used]
+    readings = fit.gauges.readings
+    used = readings.used
+    weight = np.ones(()) if fit.diagnostics is None else fit.diagnostics.weight[used]
     problem = Problem(
         response=model.response(()),
-        measured=gauges.measured[gauges.used],
-        sd=gauges.sd[gauges.used] / np.sqrt(weight),
+        measured=readings.value[used],
+        sd=readings.sd[used] / np.sqrt(weight),
         parameters=origin.parameters,
     )
-    jacobian = np.empty((0, 0)) if fit.sensitivity is None else fit.sensitivity[gauges.used]
-    assessment = assess(problem, fit.parameters.values, jacobian)
+    assert readings.sensitivity is not None  # see `_read_fit`
+    assessment = assess(problem, fit.parameters.values, readings.sensitivity[used])
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    used = tuple((gauges.channels[i], gauges.stages[j]) for i, j in np.argwhere(gauges.used))
-    return Known(pick_parameters(fit.parameters, order), pick_assessment(assessment, order), used)
+    parameters = pick_parameters(fit.parameters, order)
+    return Known(parameters, pick_assessment(assessment, order), readings)
 
 
 def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
@@ -269,23 +287,29 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     )
 
 
-def _readings_used(case: Case, known: Known) -> Selection:
-    """The readings of a case, those that the fit used marked as used."""
-    used = set(known.used)
-    return Selection(
-        case,
-        tuple(
-            reading
-            for reading in case.readings
-            if reading.value is not None and (reading.channel, reading.stage) in used
-        ),
-        (),
-    )
+def _readings(task: Task, known: Known) -> ReadingTable:
+    """The readings of the case to predict, those of which the fit knows used as it did."""
+    if task.request.case is None:
+        return known.readings
+    case, table = task.inputs.case, known.readings
+    used = {pair for pair, taken in zip(table.pairs, table.used, strict=True) if taken}
+    return reading_table(case, [_why_unused(reading, used) for reading in case.readings])
 
 
-def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
+def _why_unused(reading: Reading, used: Collection[tuple[str, str]]) -> str:
+    """Why the fit did not use a reading of another case; empty if it did."""
+    if reading.value is None:
+        return "no value was read"
+    if reading.bad:
+        return f"{FLAGGED}{reading.bad}"
+    return "" if (reading.channel, reading.stage) in used else "the fit has not used it"
+
+
+def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Result:
     case, fit = task.inputs.case, task.fit
-    gauges = gauge_table(_readings_used(case, known), survey.computed)
+    p = known.parameters.values
+    readings = with_computed(_readings(task, known), case, model, survey, p)
+    gauges = gauge_table(case, readings, survey.computed)
     prediction = predict_stages(
         survey.computed,
         known.assessment,
@@ -306,7 +330,7 @@ def _result(task: Task, known: Known, survey: Survey, counts: Counts) -> Result:
         provenance=task.provenance,
         parameters=known.parameters,
         gauges=gauges,
-        counts=counts,
+        counts=model.counts,
         sensitivity=survey.sensitivity,
         prediction=prediction,
         fields=survey.fields,

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import Outcome
-from geoident.model.arrays import Floats
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Result
+from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import (
     Setup,
@@ -17,9 +16,10 @@ from geoident.workflow.running.estimate import (
     total,
 )
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, keep, tell_readings, unused_notes, write
+from geoident.workflow.running.outcome import Finished, keep, tell_readings, write
 from geoident.workflow.running.provenance import job_provenance
-from geoident.workflow.running.tables import bare_parameter_table, gauge_table
+from geoident.workflow.running.readings import gauge_table, unused_notes, with_computed
+from geoident.workflow.running.tables import bare_parameter_table
 
 
 def scan(job: Job, control: Control) -> Finished:
@@ -38,11 +38,13 @@ def scan(job: Job, control: Control) -> Finished:
         before = setup.model.counts
         survey = setup.model.survey(outcome.values, fields=False, partial=True)
         counts = total(problem.response.counts, before, setup.model.counts)
-        return write(job, _result(job, setup, outcome, counts, computed=survey.computed))
+        readings = with_computed(setup.readings, setup.case, setup.model, survey, outcome.values)
+        gauges = gauge_table(setup.case, readings, survey.computed)
+        return write(job, _result(job, setup, outcome, counts, gauges=gauges))
 
 
 def _result(
-    job: Job, setup: Setup, outcome: Outcome, counts: Counts, *, computed: Floats
+    job: Job, setup: Setup, outcome: Outcome, counts: Counts, *, gauges: GaugeTable
 ) -> Result:
     cut_short = outcome.status == "out-of-budget"
     return Result(
@@ -57,9 +59,9 @@ def _result(
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
         parameters=bare_parameter_table(job.inputs.case.parameters, outcome.values),
-        gauges=gauge_table(setup.selection, computed),
+        gauges=gauges,
         counts=counts,
         history=outcome.iterations,
         grid=outcome.grid,
-        notes=(*job.inputs.case.notes, *setup.model.notes, *unused_notes(setup.selection)),
+        notes=(*job.inputs.case.notes, *setup.model.notes, *unused_notes(gauges.readings)),
     )

@@ -55,7 +55,7 @@ def staged(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, float
 def measure(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, float]):
     """Seconds of K(p), of all components, and of the assembly from nothing."""
     case = staged(cells, elastic, starts)
-    state, system = case.timeline.states[1], case.systems[1]
+    state, system = case.sequence.states[1], case.systems[1]
     rock = case.case.materials["rock"].elastic
 
     def moduli() -> Dual:

@@ -177,3 +177,118 @@ def test_an_offset_is_found_beside_the_modulus(trench, run_json):
     assert off["value"] == pytest.approx(0.3e-3, abs=4e-5)
     assert off["unit"] == "m"
     assert all(inside(found).values())
+
+
+def described(readings):
+    return f"dates: {{first: 2024-03-01, second: 2024-04-01}}\nreadings: {readings}\n"
+
+
+def assert_alike(these, those):
+    for one, other in zip(these, those, strict=True):
+        assert one.keys() == other.keys()
+        for key, value in other.items():
+            number = isinstance(value, float)
+            same = pytest.approx(value, rel=1e-9, abs=1e-15) if number else value
+            assert one[key] == same, (key, one, other)
+
+
+@pytest.fixture
+def drifting(trench):
+    """A convergence that drifts by 2 mm a month, read twice after the second stage."""
+    rows = [
+        "gauge,date,value,unit",
+        "S,2024-03-05,-0.1226,mm",
+        "X.a,2024-03-05,0.0627,mm",
+        "CV,2024-04-06,-0.2,mm",
+        "CV,2024-04-21,0.8,mm",
+        "S,2024-04-03,0.0376,mm",
+    ]
+    (trench / "r.csv").write_text("\n".join(rows) + "\n")
+    text = (trench / "case.yaml").read_text()
+    text = text.replace("readings: readings.csv\n", described("{file: r.csv, several: all}"))
+    text = text.replace(
+        "4 m, 3.5 m]], accuracy: 0.01 mm",
+        "4 m, 3.5 m]], accuracy: 0.01 mm, zero: first, drift: 2 mm/month",
+    )
+    (trench / "case.yaml").write_text(text)
+    return trench
+
+
+def table_of(path, group):
+    with xarray.open_dataset(path, group=group, engine="h5netcdf") as table:
+        return table.load()
+
+
+def test_predict_knows_when_readings_were_taken(drifting, run, run_json):
+    """A reading of a gauge that drifts is computed by predict as it was by fit."""
+    (fitted,) = run_json("fit", "case.yaml", *ALL)
+    (again,) = run_json("predict", "case.fit.h5", "--stages", "second")
+    assert_alike(again["gauges"], fitted["gauges"])
+    (later,) = run_json("fit", "case.yaml", "--force")  # predicts the second stage by itself
+    (same,) = run_json("predict", "case.fit.h5", "--force")
+    assert_alike(same["predictions"], later["predictions"])
+    files = [table_of(f"case.{kind}.h5", "readings") for kind in ("fit", "predict")]
+    np.testing.assert_allclose(files[1].computed, files[0].computed, rtol=1e-9)
+    np.testing.assert_array_equal(files[1].time, files[0].time)
+
+
+def test_the_long_table_has_every_reading_with_its_time_and_what_became_of_it(drifting, run_json):
+    flag(drifting, "[{gauge: S, stage: first, reason: prism hit}]")
+    run_json("fit", "case.yaml", *ALL)
+    table = table_of("case.fit.h5", "readings")
+    assert table.channel.values.tolist() == ["S", "X.a", "CV", "CV", "S"]
+    assert table.gauge.values.tolist() == ["S", "X", "CV", "CV", "S"]
+    assert table.stage.values.tolist() == ["first"] * 2 + ["second"] * 3
+    assert table.reason.values.tolist() == ["flagged as bad: prism hit", "", "", "", ""]
+    assert table.used.values.tolist() == [0, 1, 1, 1, 1]
+    days = (table.time.values - table.time.values[0]) / 86400
+    np.testing.assert_allclose(days, [0, 0, 32, 47, 29])
+    # the model drifts between the two readings of one stage, 15 days of 2 mm a month
+    month = 365.25 / 12
+    assert float(table.computed[3] - table.computed[2]) == pytest.approx(2e-3 * 15 / month)
+    np.testing.assert_allclose(table.residual, table.value - table.computed)
+    used = table.used.values == 1
+    residual = (table.residual / table.sd).values
+    np.testing.assert_allclose(table.standardized.values[used], residual[used])
+    assert np.isnan(table.leverage.values[~used]).all()
+    assert float(table.leverage.values[used].sum()) == pytest.approx(2.0)
+    assert set(table.unit.values) == {"m"}
+    assert table.influence.dims == table.sensitivity.dims == ("reading", "parameter")
+    wide = table_of("case.fit.h5", "gauges").sel(gauge="CV", stage="second")
+    assert float(wide.measured) == pytest.approx(0.3e-3)
+    assert float(wide.sd) == pytest.approx(1e-5 / 2**0.5)
+    both = table_of("case.fit.h5", "diagnostics").sel(gauge="CV", stage="second")
+    assert float(both.leverage) == pytest.approx(float(table.leverage[2] + table.leverage[3]))
+
+
+def test_readings_less_a_measured_zero_have_the_error_of_both(trench, run, run_json):
+    rows = [
+        "gauge,date,value,unit,accuracy",
+        "CV,2024-02-20,10,mm,",
+        "CV,2024-03-05,9.402,mm,",
+        "S,2024-02-20,3,mm,0.03",
+        "S,2024-03-05,2.8774,mm,0.04",
+        "X.a,2024-02-20,5,mm,",
+        "X.a,2024-03-05,5.0627,mm,",
+    ]
+    (trench / "r.csv").write_text("\n".join(rows) + "\n")
+    text = (trench / "case.yaml").read_text()
+    (trench / "case.yaml").write_text(
+        text.replace("readings: readings.csv\n", described("{file: r.csv, rezero: true}"))
+    )
+    (found,) = run_json("fit", "case.yaml")
+    sd = {g["gauge"]: g["sd"] for g in found["gauges"] if g["stage"] == "first"}
+    assert sd["CV"] == pytest.approx(2**0.5 * 1e-5)
+    assert sd["S"] == pytest.approx(5e-5)  # 0.03 and 0.04
+    (note,) = [note for note in found["notes"] if "measured zero" in note]
+    assert "CV, S, X.a are differences" in note
+    assert "root of the sum of the squares" in note
+    assert "share the error of its zero" in note
+    assert "measured zero" in run("check", "case.yaml").stdout
+    # a later reading is a difference too, also in a prediction from the result
+    (again,) = run_json("predict", "case.fit.h5")
+    for prediction in (found["predictions"], again["predictions"]):
+        (cv,) = [p for p in prediction if p["gauge"] == "CV"]
+        assert cv["sd"] > 2**0.5 * 1e-5
+    bands = [[p["sd"] for p in each["predictions"]] for each in (found, again)]
+    np.testing.assert_allclose(bands[0], bands[1], rtol=1e-9)

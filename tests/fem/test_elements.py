@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
-from support.meshes import KINDS, KINDS_2D, box
+from support.meshes import KINDS, KINDS_2D, box, mixed_box
 
 from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.elasticity import isotropic
@@ -18,7 +18,9 @@ from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, w
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.model.cells import CELLS
+from geoident.model.mesh import ElementBlock, Mesh
 
+MIXED = {"mixed, order 1": 1, "mixed, order 2": 2}
 ELASTICITY = moduli(isotropic, {"E": 3.0, "nu": 0.3})
 
 
@@ -31,6 +33,8 @@ def kinematics_of(mesh):
 
 
 def distorted(kind, n=3):
+    if kind in MIXED:
+        return mixed_box(MIXED[kind], distortion=0.2)
     return box(kind, (n,) * dim_of(kind), distortion=0.2)
 
 
@@ -71,7 +75,7 @@ def test_gradients_are_derivatives_of_the_shape_functions(kind):
         np.testing.assert_allclose(element.gradients(xi)[..., axis], numeric, atol=1e-8)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_constant_strain_is_reproduced_on_distorted_elements(kind):
     mesh = distorted(kind)
     points, _ = points_of(mesh)
@@ -93,7 +97,7 @@ def test_constant_strain_is_reproduced_on_distorted_elements(kind):
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
     mesh = distorted(kind)
     K = direct_stiffness(mesh)
@@ -104,7 +108,7 @@ def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
     np.testing.assert_allclose(forces[inner], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(kind):
     mesh = distorted(kind)
     E, (points, _) = elasticity_of(mesh), points_of(mesh)
@@ -136,7 +140,7 @@ def _three_more(mesh):
     return [(at(1, 0, 0), 1), (at(1, 0, 0), 2), (at(0, 1, 0), 2)]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_rigid_motion_makes_no_strain(kind):
     mesh = distorted(kind)
     points, _ = points_of(mesh)
@@ -145,7 +149,7 @@ def test_rigid_motion_makes_no_strain(kind):
     np.testing.assert_allclose(points.strain(motion.ravel()), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_assembled_stiffness_equals_its_definition(kind):
     mesh = distorted(kind)
     _, geometries = points_of(mesh)
@@ -186,7 +190,7 @@ def test_stiffness_map_serves_a_general_anisotropic_material():
     np.testing.assert_allclose(lower.toarray(), np.tril(expected), atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_weight_and_pressure_resultants(kind):
     mesh = distorted(kind)
     _, geometries = points_of(mesh)
@@ -268,3 +272,62 @@ def test_displacement_converges_with_order_p_plus_one(kind):
     coarse, fine = (4, 8) if dim_of(kind) == 2 or order == 1 else (2, 4)
     slope = np.log2(_l2_error(kind, coarse) / _l2_error(kind, fine))
     assert slope > order + 1 - 0.25
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_polynomials_of_the_order_are_reproduced_exactly(kind):
+    """Also with their gradients, and also by the rational functions of pyramids."""
+    element = reference_element(kind)
+    random = np.random.default_rng(9)
+    xi = random.dirichlet(np.ones(CELLS[kind].n_corners), 20) @ np.array(CELLS[kind].shape.corners)
+    exponents = [e for e in np.ndindex(*(3,) * element.dim) if sum(e) <= CELLS[kind].order]
+    for e in exponents:
+        values = np.prod(element.nodes**e, axis=1)
+        np.testing.assert_allclose(element.shapes(xi) @ values, np.prod(xi**e, axis=1), atol=1e-13)
+        for axis in range(element.dim):
+            lower = np.array(e) - np.eye(element.dim, dtype=int)[axis]
+            slope = e[axis] * np.prod(xi ** np.maximum(lower, 0), axis=1)
+            found = element.gradients(xi)[..., axis] @ values
+            np.testing.assert_allclose(found, slope, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_quadrature_is_exact_for_the_stiffness_of_affine_elements(kind):
+    element = reference_element(kind)
+    slant = np.random.default_rng(10).normal(size=(element.dim, element.dim))
+    nodes = element.nodes @ (slant + 3 * np.eye(element.dim))
+
+    def products(xi, weights):
+        local = element.gradients(xi)
+        jacobian = np.einsum("ai,qaj->qij", nodes, local)
+        gradients = np.einsum("qaj,qji->qai", local, np.linalg.inv(jacobian))
+        volumes = weights * np.linalg.det(jacobian)
+        return np.einsum("q,qai,qbj->aibj", volumes, gradients, gradients)
+
+    exact = products(*_fine_rule(kind))
+    np.testing.assert_allclose(
+        products(element.points, element.weights), exact, atol=1e-12 * np.abs(exact).max()
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_stiffness_of_one_element_has_only_rigid_motions_without_energy(kind):
+    element = reference_element(kind)
+    mesh = Mesh(element.nodes, (ElementBlock(kind, np.arange(element.n_nodes)[None], np.ones(1)),))
+    eigenvalues = np.linalg.eigvalsh(direct_stiffness(mesh).toarray())
+    rigid = 3 if mesh.dim == 2 else 6
+    assert np.all(np.abs(eigenvalues[:rigid]) < 1e-12 * eigenvalues[-1])
+    assert eigenvalues[rigid] > 1e-3 * eigenvalues[-1]
+
+
+@pytest.mark.parametrize("kind", ["pyramid5", "pyramid13", "wedge6", "wedge15"])
+def test_shape_functions_on_a_face_are_those_of_the_face(kind):
+    """So neighbours of other kinds meet without gaps."""
+    cell, element = CELLS[kind], reference_element(kind)
+    for face, face_kind in zip(cell.faces, cell.face_kinds, strict=True):
+        flat = reference_element(face_kind)
+        st = np.random.default_rng(11).uniform(0.05, 0.45, (5, 2))
+        xi = flat.shapes(st) @ element.nodes[list(face)]
+        others = np.setdiff1d(np.arange(cell.n_nodes), face)
+        np.testing.assert_allclose(element.shapes(xi)[:, face], flat.shapes(st), atol=1e-13)
+        np.testing.assert_allclose(element.shapes(xi)[:, others], 0.0, atol=1e-13)

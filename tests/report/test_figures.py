@@ -18,7 +18,7 @@ from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.style import drawing_style, image
 from geoident.report.page.svg import inline_svg
 from geoident.report.text.case import gauge_quantity
-from tests.support.results import STAGES, example_result, small_result
+from tests.support.results import STAGES, changed_gauges, example_result, small_result
 
 SLACK = 1.0  # pixels of 1/100 inch
 NAMES = [
@@ -222,9 +222,9 @@ def test_long_names_and_many_stages_stay_readable():
     def wide(array):
         return np.repeat(array, 10, axis=1)
 
-    many = replace(
+    many = changed_gauges(
         table, stages=long, measured=wide(table.measured), computed=wide(table.computed),
-        sd=wide(table.sd), used=wide(table.used),
+        sd=wide(table.sd), used=wide(table.used), bad=wide(table.bad),
         channels=tuple(name.replace("EX-1", "a-gauge-with-a-long-name") for name in table.channels),
     )  # fmt: skip
     result = replace(base, gauges=many, fields=None, prediction=None, history=())

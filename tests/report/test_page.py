@@ -12,7 +12,14 @@ from geoident.report.page.html import Html, page, tag
 from geoident.report.page.page import report_page
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import outliers, reading_table, rms, scored
-from tests.support.results import STAGES, example_result, fields_of, grid_mesh, small_result
+from tests.support.results import (
+    STAGES,
+    changed_gauges,
+    example_result,
+    fields_of,
+    grid_mesh,
+    small_result,
+)
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 EVIL = "<script>alert(1)</script> & \"quoted\" 'too' $x_1$ <img src=http://evil.example/x>"
@@ -157,7 +164,8 @@ def test_outliers_spread_and_score_are_those_of_the_table(plane):
 def test_readings_known_to_be_wrong_are_neither_outliers_nor_scored(plane):
     bad = np.zeros((5, 3), dtype=bool)
     bad[2, 1] = bad[0, 2] = True
-    marked = replace(plane, gauges=replace(plane.gauges, bad=bad, used=plane.gauges.used & ~bad))
+    used = plane.gauges.used & ~bad
+    marked = replace(plane, gauges=changed_gauges(plane.gauges, bad=bad, used=used))
     assert outliers(marked) == ()
     assert scored(marked) == (3, 3)
     rows = [" ".join(row) for row in reading_table(marked).rows]
@@ -168,8 +176,8 @@ def test_text_of_the_user_never_becomes_markup():
     base = example_result(2)
     evil = replace(
         base,
-        gauges=replace(base.gauges, channels=(EVIL, *base.gauges.channels[1:]),
-                       stages=(EVIL, *STAGES[1:])),
+        gauges=changed_gauges(base.gauges, channels=(EVIL, *base.gauges.channels[1:]),
+                              stages=(EVIL, *STAGES[1:])),
         parameters=replace(base.parameters, names=(EVIL, "sigma_v", "K0")),
         provenance=replace(base.provenance, command=EVIL, case_file=EVIL),
         findings=(EVIL,), notes=(EVIL,), reason=EVIL, fields=None,

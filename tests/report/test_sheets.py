@@ -1,12 +1,18 @@
 """Cuts, outlines and averages against what is known of squares and cubes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from geoident.fem.faces import face_table
 from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.result import FieldSeries
 from geoident.report.drawing.scene import Scene, gauge_planes, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
-from tests.support.meshes import KINDS_2D, KINDS_3D, box
+from geoident.report.drawing.solid import surface_figure
+from tests.support.meshes import KINDS_2D, KINDS_3D, box, mixed_box
 from tests.support.results import example_result, grid_mesh
 
 
@@ -144,3 +150,36 @@ def test_magnifications_are_round():
     assert [round_down(v) for v in (1.0, 1.99, 2.0, 4.9, 5.0, 99.0, 0.5)] == [
         1.0, 1.0, 2.0, 2.0, 5.0, 50.0, 0.5,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_solids_of_all_kinds_are_cut_and_drawn_together(order):
+    mesh = mixed_box(order, distortion=0.1)
+    everything = np.ones(mesh.n_elements, dtype=bool)
+    for plane in (Plane(0, 0.1), Plane(0, 0.6), Plane(1, 0.47), Plane(2, 0.81)):
+        sheet = SheetMaker(mesh).cut(plane)
+        assert length(sheet.outline(everything), mesh.points) == pytest.approx(4.0)
+        assert area(sheet) == pytest.approx(1.0, rel=0.02)  # distorted hexahedra have no flat faces
+        found = sheet.of_nodes(mesh.points @ [1.0, 2.0, 3.0])
+        at = np.full((len(found), 3), plane.value)
+        at[:, list(plane.axes)] = sheet.xy
+        np.testing.assert_allclose(found, at @ [1.0, 2.0, 3.0], rtol=1e-9)
+
+
+def test_the_surface_of_solids_of_all_kinds_is_drawn_face_by_face():
+    mesh = mixed_box(1)
+    mesh = replace(mesh, points=20.0 * mesh.points)
+    zeros = np.zeros((4, mesh.n_elements, 6))
+    displacement = np.linspace(0, 1e-2, 4)[:, None, None] * mesh.points
+    present = np.ones((4, mesh.n_elements), dtype=bool)
+    present[1:, -4:] = False
+    fields = FieldSeries(mesh, displacement, zeros, present, np.zeros_like(present))
+    result = example_result(3)
+    scene = Scene(replace(result, fields=fields), fields)
+    table = face_table(mesh)
+    for opened in (None, scene.sheets[0]):
+        figure = surface_figure(scene, opened, 0.0)
+        figure.draw_without_rendering()
+        (drawn,) = [c for c in figure.axes[-2].collections if isinstance(c, Poly3DCollection)]
+        if opened is None:
+            assert len(drawn.get_array()) == len(table.free(present[-1]))

@@ -61,11 +61,8 @@ def build(kind: str, points: np.ndarray, cells: np.ndarray) -> Mesh:
 
 def elevate(points: np.ndarray, cells: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Add the mid-nodes of a second-order kind to linear cells."""
-    pairs = np.sort(np.stack([cells[:, edge] for edge in CELLS[kind].edges], 1), axis=2)
-    unique, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    middles = points[unique].mean(axis=1)
-    added = len(points) + inverse.reshape(len(cells), -1)
-    return np.vstack([points, middles]), np.hstack([cells, added])
+    points, raised = _elevate_all(points, {kind: cells})
+    return points, raised[kind]
 
 
 def with_outer_faces(mesh: Mesh) -> Mesh:
@@ -219,3 +216,60 @@ def _cut_by_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, 
         for k in range(4)
     ]
     return points, np.vstack(tets)
+
+
+def mixed_box(order: int, *, distortion: float = 0.0) -> Mesh:
+    """A unit cube of wedges, hexahedra, pyramids and tetrahedra that share their faces.
+
+    Layers across x: wedges, hexahedra, and twice cells with a node in their middle, from which to
+    each face goes a pyramid, but two tetrahedra between the last two layers and at x = 1.
+    """
+    grid = box("hex8", (4, 3, 2), distortion=distortion)
+    cells, layer = grid.blocks[0].nodes, np.repeat(np.arange(4), 6)
+    points, centred = _with_centres(grid.points, cells[layer >= 2])
+    last = layer[layer >= 2] == 3
+    pyramids, tets = [], []
+    for side, face in enumerate(CELLS["hex8"].faces):
+        inwards = centred[:, [*face[::-1], 8]]
+        cut = {3: np.ones_like(last), 5: last}.get(side, np.zeros_like(last))  # x = 1, x = -1
+        pyramids.append(inwards[~cut])
+        first = np.argmin(inwards[cut, :4], axis=1)  # both sides cut through their lowest node
+        ring = [inwards[cut, (first + k) % 4] for k in range(4)]
+        top = inwards[cut, 4]
+        tets += [np.stack([ring[0], ring[k], ring[k + 1], top], axis=1) for k in (1, 2)]
+    linear = {
+        "wedge6": _split(cells[layer == 0], "wedge6"),
+        "hex8": cells[layer == 1],
+        "pyramid5": np.vstack(pyramids),
+        "tet4": np.vstack(tets),
+    }
+    blocks = linear if order == 1 else {}
+    if order == 2:
+        raised = {second: linear[first] for second, first in _LINEAR.items() if first in linear}
+        points, blocks = _elevate_all(points, raised)
+    numbers = np.cumsum([0, *map(len, blocks.values())])
+    mesh = Mesh(
+        points,
+        tuple(
+            ElementBlock(kind, nodes, first + 1 + np.arange(len(nodes)))
+            for (kind, nodes), first in zip(blocks.items(), numbers[:-1], strict=True)
+        ),
+        groups={"all": np.arange(numbers[-1])},
+    )
+    return with_outer_faces(mesh)
+
+
+def _elevate_all(
+    points: np.ndarray, cells: dict[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Mid-nodes of second-order kinds, one for each edge of all of them."""
+    pairs = [np.sort(rows[:, CELLS[kind].edges], axis=2) for kind, rows in cells.items()]
+    flat = np.concatenate([part.reshape(-1, 2) for part in pairs])
+    unique, inverse = np.unique(flat, axis=0, return_inverse=True)
+    ends = np.cumsum([part.shape[0] * part.shape[1] for part in pairs])[:-1]
+    added = np.split(len(points) + inverse.ravel(), ends)
+    raised = {
+        kind: np.hstack([rows, new.reshape(len(rows), -1)])
+        for (kind, rows), new in zip(cells.items(), added, strict=True)
+    }
+    return np.vstack([points, points[unique].mean(axis=1)]), raised

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.io.result.reading_tables import long_table
 from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
     Diagnostics,
@@ -86,12 +88,34 @@ def parameters() -> ParameterTable:
         start=np.array([2e10, 8e6, 1.0]),
         at_bound=np.array([False, False, True]),
         determined=np.array([True, False, True]),
-        priors=("lognormal(1.4e+10, 2.5e+09)", "normal(8e+06, 800000)", ""),
+        priors=(Prior(1.4e10, 2.5e9, "lognormal"), Prior(8e6, 8e5), None),
         units=("GPa", "MPa", ""),
         dimensions=("pressure", "pressure", "dimensionless"),
         covariance=np.diag([1.6e17, nan, 1e-2]),
         correlation=np.array([[1.0, nan, -0.8], [nan, nan, nan], [-0.8, nan, 1.0]]),
     )
+
+
+def wide_gauges(
+    channels, stages, measured, computed, *, sd, used, first, second, bad=None, more=None
+) -> GaugeTable:
+    """Gauges with one reading for every number in a wide table."""
+    bad = np.zeros(measured.shape, dtype=bool) if bad is None else bad
+    flags = {"used": used, "bad": bad}
+    about = {
+        "gauges": tuple(name.partition(".")[0] for name in channels),
+        "dimensions": ("length",) * len(channels),
+        "units": ("mm",) * len(channels),
+        "accuracy": np.full(len(channels), 1e-4),
+    }
+    table = long_table(channels, stages, measured, sd=sd, computed=computed, **flags)
+    return GaugeTable(channels, stages, computed, first, second, table, **{**about, **(more or {})})
+
+
+def changed_gauges(table: GaugeTable, **changes) -> GaugeTable:
+    """The same with other wide arrays or names, one reading for every number."""
+    names = ("channels", "stages", "measured", "computed", "sd", "used", "first", "second", "bad")
+    return wide_gauges(**{name: changes.get(name, getattr(table, name)) for name in names})
 
 
 def gauges(dim: int) -> GaugeTable:
@@ -113,7 +137,7 @@ def gauges(dim: int) -> GaugeTable:
     used = np.isfinite(measured)
     used[:, 2] = False
     nowhere = (np.nan,) * dim
-    return GaugeTable(
+    return wide_gauges(
         channels=CHANNELS,
         stages=STAGES,
         measured=measured,
@@ -121,17 +145,17 @@ def gauges(dim: int) -> GaugeTable:
         sd=sd,
         used=used,
         first=np.array([at(14, 16), at(14, 16), at(14, 16), at(6, 18), nowhere]),
-        bad=np.zeros((5, 3), dtype=bool),
         second=np.array([at(16, 16), at(17, 16), at(19, 16), at(14, 18), at(4, 20)]),
     )
 
 
 def diagnostics(table: GaugeTable) -> Diagnostics:
     """The reading that is off is the most influential."""
-    used = table.used
-    residual = np.where(used, (table.measured - table.computed) / 1e-4, np.nan)
+    readings = table.readings
+    used = readings.used
+    residual = np.where(used, (readings.value - readings.computed) / 1e-4, np.nan)
     share = np.where(used, 0.5, np.nan)
-    change = np.where(used[..., None], 0.1 * residual[..., None] * [1.0, 0.0, 0.5], np.nan)
+    change = np.where(used[:, None], 0.1 * residual[:, None] * [1.0, 0.0, 0.5], np.nan)
     return Diagnostics("huber (delta 1.345)", 75.0, 1.4826, residual, residual, share, share,
                        residual**2, change)  # fmt: skip
 
@@ -183,7 +207,7 @@ def small_result(**changes: object) -> Result:
     grid = Grid(("E_rock", "K0"), (np.array([1e10, 2e10]), np.array([0.5, 1.0, 2.0])), values)
     table = gauges(2)
     arrays = ("measured", "computed", "sd", "used", "first", "second", "bad")
-    one = replace(table, channels=("CV-1",), **{k: getattr(table, k)[3:4] for k in arrays})
+    one = changed_gauges(table, channels=("CV-1",), **{k: getattr(table, k)[3:4] for k in arrays})
     few = replace(
         example_result(), kind="scan", status="done", fields=None, prediction=None, history=(),
         grid=grid, gauges=one, diagnostics=None,

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
-    GaugeTable,
     ParameterTable,
     Prediction,
     Provenance,
@@ -15,6 +15,7 @@ from geoident.model.result import (
 )
 from geoident.report.text.json import dumps, result_object
 from geoident.report.text.result import result_text
+from tests.support.results import wide_gauges
 
 
 @pytest.fixture
@@ -31,13 +32,13 @@ def result():
         start=np.array([2e9]),
         at_bound=np.array([True]),
         determined=np.array([False]),
-        priors=("normal(2e+09, 1e+09)",),
+        priors=(Prior(2e9, 1e9),),
         units=("GPa",),
         dimensions=("pressure",),
         covariance=nan[:, None],
         correlation=nan[:, None],
     )
-    gauges = GaugeTable(
+    gauges = wide_gauges(
         channels=("CV",),
         stages=("bench",),
         measured=np.array([[np.nan]]),

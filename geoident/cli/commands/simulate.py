@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.next_steps import line, overrides
+from geoident.cli.next_steps import line, new_name, overrides
 from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.cli.several import failures_as_json
 
@@ -28,7 +28,7 @@ Examples:
 def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
     if file in (None, "-"):
-        return (line("simulate", case, *overrides(options), "-o", "readings.csv"),)
+        return (line("simulate", case, *overrides(options), "-o", new_name("simulated", ".csv")),)
     return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
 
 

@@ -24,6 +24,18 @@ class EmptyDomain(ValueError):
         self.planes = planes
 
 
+class NoProjection(ArithmeticError):
+    """The projection of some points on the yield planes did not end, to any accuracy worth having.
+
+    Args:
+        points: how many.
+    """
+
+    def __init__(self, points: int) -> None:
+        super().__init__(f"the projection of {points} points on the yield planes did not end")
+        self.points = points
+
+
 def empty_domain(normals: Floats, distances: Floats) -> tuple[int, ...] | None:
     """Planes that contradict each other, none to spare, or None where a stress satisfies all.
 

@@ -19,11 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.yielding.active_sets import Faces, rows_of_floats, rows_of_numbers, unique_pairs
-from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.model.arrays import Bools, Floats, Ints
 
 _DEPENDENT = 1e-11
 """Squared sine of the angle to the active normals under which a normal depends on them."""
+_LOOSEST = 1e5
+"""Times the tolerance: less accuracy than that (1e-8 of the stress) is never asked for."""
 _NEGLIGIBLE = 1e4
 """Times the tolerance: a contradiction of planes that is rounding of a slab without thickness."""
 
@@ -108,6 +110,7 @@ def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
 
     Raises:
         EmptyDomain: the planes contradict each other.
+        NoProjection: points take planes in and out without end.
     """
     count, planes = excess.shape
     found = np.zeros(count, dtype=np.int64)
@@ -119,17 +122,19 @@ def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
         face=found.copy(),
         plane=np.full(count, -1),
     )
+    loosened = 1.0
     for step in range(step_limit(planes)):
         _choose(work)
-        if step and step % (20 + planes) == 0:
+        if step and step % (20 + planes) == 0 and loosened < _LOOSEST:
             work.tolerance *= 10.0
+            loosened *= 10.0
         if (done := work.plane < 0).any():
             found[work.point[done]] = work.face[done]
             work.keep(~done)
         if not work.point.size:
             return found
         _advance(work, rays)
-    raise ArithmeticError("the projection on the yield planes did not end")
+    raise NoProjection(work.point.size)
 
 
 def step_limit(planes: int) -> int:

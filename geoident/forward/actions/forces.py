@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,18 +13,22 @@ from geoident.fem.faces import FaceTable, FacetPatch, patches
 from geoident.fem.loads import facet_geometry, stress_forces, weight_shares
 from geoident.fem.location import Locator
 from geoident.forward.actions.loads import ReadyLoad, face_load, point_force
-from geoident.forward.actions.products import product_obstacle
 from geoident.forward.actions.supports import load_patches, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.actions.water import PorePressure
 from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.stress import InSituStress, edges_held
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Seismic, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
+
+ForcePart: TypeAlias = tuple[str, Callable[[ParameterPoint], Floats]]
+"""What acts, for a sentence, and its nodal forces (n_dofs, 1 + n) at a point."""
+
+HELD_EDGES = "what holds the edges of the model"
 
 
 class Actions:
@@ -34,16 +40,16 @@ class Actions:
         mesh: Mesh,
         table: FaceTable,
         locator: Locator,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         discretization: Discretization,
     ) -> None:
         self._case = case
         self._mesh = mesh
-        self._timeline = timeline
+        self._sequence = sequence
         self._discretization = discretization
-        self._shares = _volume_shares(case, mesh, timeline, discretization)
-        self._edges = _held_edges(case, mesh, table, timeline, discretization)
-        self._loads = _ready_loads(mesh, table, locator, timeline, discretization)
+        self._shares = _volume_shares(case, mesh, sequence, discretization)
+        self._edges = _held_edges(case, mesh, table, sequence, discretization)
+        self._loads = _ready_loads(mesh, table, locator, sequence, discretization)
         self._pores: dict[Water, PorePressure] = {}
 
     @property
@@ -53,42 +59,59 @@ class Actions:
 
     def forces(self, state: int, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
-        current = self._timeline.states[state]
-        total = self.carried(state, current.materials.keys(), point)
-        for name, load in current.loads.items():
-            if not isinstance(load, Seismic):
-                total += self._loads[state, name].forces(point)
-        return total
+        return self._sum(self.parts(state), point)
 
     def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
         """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
-        current = self._timeline.states[state]
-        some = replace(current, materials={g: current.materials[g] for g in groups})
+        return self._sum(self._parts_of_groups(state, groups), point)
+
+    def parts(self, state: int) -> Iterator[ForcePart]:
+        """Everything that acts in a state, one by one."""
+        current = self._sequence.states[state]
+        yield from self._parts_of_groups(state, current.materials.keys())
+        for name, load in current.loads.items():
+            if not isinstance(load, Seismic):
+                yield f"the load '{name}'", self._loads[state, name].forces
+
+    def _sum(self, parts: Iterable[ForcePart], point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, 1 + n) of several parts."""
         total = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
-        if self._case.gravity is not None:
-            total += self._weight(some, self._case.gravity, point)
-        for group in groups:
-            for edge in self._edges.get(group, ()):
-                total += edge.forces(point)
-        for load in current.loads.values():
-            if isinstance(load, Seismic):
-                total += self._shaking(some, load, point)
-        if current.water is not None:
-            total += self._pore_forces(state, groups, current.water, point)
+        for _, forces in parts:
+            total += forces(point)
         return total
 
-    def _weight(self, state: State, gravity: Sequence[float], point: ParameterPoint) -> Floats:
+    def _parts_of_groups(self, state: int, groups: Collection[int]) -> Iterator[ForcePart]:
+        """What acts in a state on some present groups themselves."""
+        current = self._sequence.states[state]
+        some = replace(current, materials={g: current.materials[g] for g in groups})
+        if self._case.gravity is not None:
+            yield "the weight", partial(self._weight, some, self._case.gravity)
+        for group in groups:
+            for edge in self._edges.get(group, ()):
+                yield HELD_EDGES, edge.forces
+        for name, load in current.loads.items():
+            if isinstance(load, Seismic):
+                yield f"the seismic force '{name}'", partial(self._shaking, some, load)
+        if current.water is not None:
+            yield (
+                "the pressure of the water in the pores",
+                partial(self._pore_forces, state, groups, current.water),
+            )
+
+    def _weight(
+        self, state: ConstructionState, gravity: Sequence[float], point: ParameterPoint
+    ) -> Floats:
         mass = self._mass(state, point).columns
         return np.asarray(np.einsum("nc,i->nic", mass, gravity).reshape(-1, point.n_columns))
 
-    def _shaking(self, state: State, load: Seismic, point: ParameterPoint) -> Floats:
+    def _shaking(self, state: ConstructionState, load: Seismic, point: ParameterPoint) -> Floats:
         """Parts of the weight of all ground that is there, along the axes."""
         mass = self._mass(state, point)
         size = 0.0 if self._case.gravity is None else float(np.linalg.norm(self._case.gravity))
         along = [(mass * point.number(factor)).times(size).columns for factor in load.factors]
         return np.stack(along, axis=1).reshape(-1, point.n_columns)
 
-    def _mass(self, state: State, point: ParameterPoint) -> Dual:
+    def _mass(self, state: ConstructionState, point: ParameterPoint) -> Dual:
         """Mass (n_nodes,) that belongs to each node, kg."""
         mass = np.zeros((self._mesh.n_nodes, point.n_columns))
         for group, material in state.materials.items():
@@ -106,9 +129,9 @@ class Actions:
         pressure = self._pores[water].at(point).columns
         stress = np.zeros((points.n_strain, *pressure.shape))
         stress[:NORMAL_COMPONENTS] = pressure
-        volume = self._discretization.volume(self._timeline.present(state))
-        group_of_point = self._timeline.group_of[points.element]
-        wet = _wet(water, group_of_point, self._timeline)
+        volume = self._discretization.volume(self._sequence.present(state))
+        group_of_point = self._sequence.group_of[points.element]
+        wet = _wet(water, group_of_point, self._sequence)
         wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
@@ -121,7 +144,7 @@ class _HeldEdge:
         case: Case,
         mesh: Mesh,
         patch: FacetPatch,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         discretization: Discretization,
     ) -> None:
         self._mesh = mesh
@@ -129,10 +152,10 @@ class _HeldEdge:
         self._kinematics = discretization.kinematics
         geometry = facet_geometry(mesh.points, patch, discretization.kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
-        groups = timeline.group_of[patch.element].repeat(geometry.positions.shape[1])
-        self._skeleton = InSituStress(case, mesh, positions, groups, timeline.groups)
+        groups = sequence.group_of[patch.element].repeat(geometry.positions.shape[1])
+        self._skeleton = InSituStress(case, mesh, positions, groups, sequence.groups)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = _wet(case.water, groups, timeline)
+        self._wet = _wet(case.water, groups, sequence)
 
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N."""
@@ -143,50 +166,40 @@ class _HeldEdge:
         return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
 
 
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the loads are not affine in the free parameters, or None if they are."""
-    loads = [*case.loads.values()]
-    loads += [load for stage in case.stages for load in stage.loads.values()]
-    densities = [material.density for material in case.materials.values()]
-    factors = [f for load in loads if isinstance(load, Seismic) for f in load.factors]
-    reasons = (
-        product_obstacle("the seismic force", (factor, density), free)
-        for factor in factors
-        for density in densities
-    )
-    return next((reason for reason in reasons if reason), None)
-
-
-def _wet(water: Water | None, groups: Ints, timeline: Timeline) -> Bools:
+def _wet(water: Water | None, groups: Ints, sequence: ConstructionSequence) -> Bools:
     """Which of some groups (m,) have water in their pores."""
     if water is None or water.groups is None:
         return np.full(len(groups), water is not None)
-    return np.isin(groups, [timeline.groups.index(name) for name in water.groups])
+    return np.isin(groups, [sequence.groups.index(name) for name in water.groups])
 
 
 def _volume_shares(
-    case: Case, mesh: Mesh, timeline: Timeline, discretization: Discretization
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization
 ) -> list[Floats]:
     """Per group the volume (n_nodes,) that belongs to each node, m3; without gravity nothing."""
     if case.gravity is None:
-        return [np.zeros(mesh.n_nodes)] * len(timeline.groups)
-    groups = range(len(timeline.groups))
-    return [weight_shares(mesh, discretization.geometries, timeline.elements(g)) for g in groups]
+        return [np.zeros(mesh.n_nodes)] * len(sequence.groups)
+    groups = range(len(sequence.groups))
+    return [weight_shares(mesh, discretization.geometries, sequence.elements(g)) for g in groups]
 
 
 def _held_edges(
-    case: Case, mesh: Mesh, table: FaceTable, timeline: Timeline, discretization: Discretization
+    case: Case,
+    mesh: Mesh,
+    table: FaceTable,
+    sequence: ConstructionSequence,
+    discretization: Discretization,
 ) -> dict[int, list[_HeldEdge]]:
     """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
-    rows = table.free(timeline.present(0))
-    group_of_row = timeline.group_of[table.element[rows]]
+    rows = table.free(sequence.present(0))
+    group_of_row = sequence.group_of[table.element[rows]]
     held = {
         int(g): patches(mesh, table, rows[group_of_row == g])
         for g in np.unique(group_of_row)
-        if edges_held(case.in_situ_of.get(timeline.groups[g], case.in_situ))
+        if edges_held(case.in_situ_of.get(sequence.groups[g], case.in_situ))
     }
     return {
-        g: [_HeldEdge(case, mesh, patch, timeline, discretization) for patch in found]
+        g: [_HeldEdge(case, mesh, patch, sequence, discretization) for patch in found]
         for g, found in held.items()
     }
 
@@ -195,14 +208,14 @@ def _ready_loads(
     mesh: Mesh,
     table: FaceTable,
     locator: Locator,
-    timeline: Timeline,
+    sequence: ConstructionSequence,
     discretization: Discretization,
 ) -> dict[tuple[int, str], ReadyLoad]:
     """The loads of every state; what acts on the same ground is prepared once."""
     made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
     result = {}
-    for n, state in enumerate(timeline.states):
-        present = timeline.present(n)
+    for n, state in enumerate(sequence.states):
+        present = sequence.present(n)
         for name, load in state.loads.items():
             if isinstance(load, Seismic):
                 continue

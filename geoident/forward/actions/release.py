@@ -20,9 +20,8 @@ import numpy as np
 
 from geoident.forward.actions.forces import Actions
 from geoident.forward.discretization import Discretization
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 
 Held = Mapping[int, Floats]
@@ -33,15 +32,15 @@ class PartialRelease:
     """The forces H_g of every group that left with part of its stress held.
 
     Args:
-        timeline: the states of construction.
+        sequence: the states of construction.
         discretization: the strain points.
         actions: what acts on a group itself.
     """
 
     def __init__(
-        self, timeline: Timeline, discretization: Discretization, actions: Actions
+        self, sequence: ConstructionSequence, discretization: Discretization, actions: Actions
     ) -> None:
-        self._timeline = timeline
+        self._sequence = sequence
         self._discretization = discretization
         self._actions = actions
 
@@ -54,9 +53,9 @@ class PartialRelease:
             stress: (n_strain, n_points, 1 + n + k) before anything leaves.
             point: the parameters.
         """
-        current = self._timeline.states[state]
+        current = self._sequence.states[state]
         held = {g: h for g, h in before.items() if g in current.release}
-        for group in current.release.keys() & current.left:
+        for group in current.release.keys() & current.leaving:
             support = -self._stress_forces(group, stress)
             carried = self._actions.carried(current.base, {group}, point)
             support[:, : carried.shape[1]] += carried
@@ -66,7 +65,7 @@ class PartialRelease:
     def forces(self, state: int, held: Held, point: ParameterPoint) -> Floats | float:
         """What is still held at a state, (n_dofs, 1 + n + k); 0 if there is nothing."""
         total: Floats | float = 0.0
-        release = self._timeline.states[state].release
+        release = self._sequence.states[state].release
         for group, support in held.items():
             fraction = point.number(release[group]).columns
             part = (1.0 - fraction[0]) * support
@@ -81,12 +80,3 @@ class PartialRelease:
         mine = self._discretization.points_of[group]
         volume[mine] = points.volume[mine]
         return points.forces(stress, volume)
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the held forces are not affine in the free parameters, or None if they are."""
-    for stage in case.stages:
-        for group, fraction in stage.release.items():
-            if fraction.parameter in free:
-                return f"{fraction.parameter}, the released part of '{group}', multiplies stresses"
-    return None

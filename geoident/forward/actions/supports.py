@@ -8,7 +8,7 @@ from geoident.errors import Fault
 from geoident.fem.faces import FaceTable, FacetPatch, patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
-from geoident.forward.stages import Timeline, listed
+from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
@@ -125,12 +125,12 @@ def load_patches(
 
 
 def load_place_faults(
-    case: Case, mesh: Mesh, table: FaceTable, locator: Locator, timeline: Timeline
+    case: Case, mesh: Mesh, table: FaceTable, locator: Locator, sequence: ConstructionSequence
 ) -> list[Fault]:
     """Loads that at some stage have no free face or no ground to act on."""
     faults: dict[KeyPath, Fault] = {}
-    for n, state in enumerate(timeline.states):
-        present = timeline.present(n)
+    for n, state in enumerate(sequence.states):
+        present = sequence.present(n)
         for name, load in state.loads.items():
             path = load_key(name, state.loads_since[name])
             if path in faults or isinstance(load, Seismic):

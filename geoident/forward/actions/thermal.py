@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.actions.products import product_obstacle
 from geoident.forward.discretization import Discretization
-from geoident.forward.stages import State, Timeline
-from geoident.model.actions import Temperature, TemperatureField
+from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.model.actions import TemperatureField
 from geoident.model.arrays import Floats
-from geoident.model.case import Case, Material
+from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import constants
 from geoident.model.parameter import Scalar
 
 NORMAL_COMPONENTS = 3
@@ -27,31 +25,44 @@ NORMAL_COMPONENTS = 3
 class ThermalStrains:
     """Thermal strains of all states; given temperature fields are interpolated once."""
 
-    def __init__(self, case: Case, timeline: Timeline, discretization: Discretization) -> None:
+    def __init__(
+        self, case: Case, sequence: ConstructionSequence, discretization: Discretization
+    ) -> None:
         self._case = case
-        self._timeline = timeline
+        self._sequence = sequence
         self._discretization = discretization
         self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
 
     def change(self, state: int, point: ParameterPoint) -> Floats | None:
         """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
-        current = self._timeline.states[state]
-        before = self._timeline.states[current.base]
-        warmed = _changed(current, before)
-        if not warmed or state == 0:
+        warmed = self.warmed(state)
+        if not warmed:
             return None
         strain = np.zeros((self._discretization.points.n_points, point.n_columns))
         for group in warmed:
-            expansion = point.number(self._case.materials[current.materials[group]].expansion)
-            change = self._temperature(state, group, point)
-            if group not in current.placed:
-                change = change - self._temperature(current.base, group, point)
-            strain[self._discretization.points_of[group]] = (change * expansion).columns
+            mine = self._discretization.points_of[group]
+            strain[mine] = self.strain(state, group, point).columns
         return strain
+
+    def warmed(self, state: int) -> list[int]:
+        """Groups that are there and whose temperature is not that of the state before."""
+        if state == 0:
+            return []
+        current = self._sequence.states[state]
+        return _changed(current, self._sequence.states[current.base])
+
+    def strain(self, state: int, group: int, point: ParameterPoint) -> Dual:
+        """Normal strain (k or 1,) that a state imposes on a group that it warms."""
+        current = self._sequence.states[state]
+        expansion = point.number(self._case.materials[current.materials[group]].expansion)
+        change = self._temperature(state, group, point)
+        if group not in current.placed:
+            change = change - self._temperature(current.base, group, point)
+        return change * expansion
 
     def _temperature(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """Change of temperature of a state at the points of a group, (k or 1,)."""
-        given = self._timeline.states[state].temperature.get(group)
+        given = self._sequence.states[state].temperature.get(group)
         if given is None:
             return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
@@ -64,7 +75,7 @@ class ThermalStrains:
 
     def _given_since(self, state: int, group: int) -> int:
         """The first state of its history at which a group has the temperature that it has now."""
-        states = self._timeline.states
+        states = self._sequence.states
         base = states[state].base
         while state and states[base].temperature.get(group) == states[state].temperature[group]:
             state, base = base, states[base].base
@@ -85,36 +96,7 @@ def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     return np.where(np.isnan(found), nearest, found)
 
 
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why thermal stresses are not affine in the free parameters, or None if they are."""
-    warmed = [item for stage in case.stages for item in stage.temperature.items()]
-    reasons = (
-        _obstacle(case.materials[name], given, free)
-        for group, given in warmed
-        for name in _materials_of(case, group)
-    )
-    return next((reason for reason in reasons if reason), None)
-
-
-def _obstacle(material: Material, given: Temperature, free: frozenset[str]) -> str | None:
-    """The thermal stress is a modulus times the expansion times the temperature."""
-    temperature = given if isinstance(given, Scalar) else given.factor
-    what = f"the thermal stress of {material.name}"
-    moduli = constants(material.elastic).values()
-    products = ((modulus, material.expansion, temperature) for modulus in moduli)
-    reasons = (product_obstacle(what, factors, free) for factors in products)
-    return next((reason for reason in reasons if reason), None)
-
-
-def _materials_of(case: Case, group: str) -> list[str]:
-    """Every material that a group is made of at some time."""
-    names = [case.groups.get(group)]
-    for stage in case.stages:
-        names += [stage.install.get(group), stage.change.get(group)]
-    return [name for name in dict.fromkeys(names) if name is not None]
-
-
-def _changed(current: State, before: State) -> list[int]:
+def _changed(current: ConstructionState, before: ConstructionState) -> list[int]:
     """Groups that are there and whose temperature is not that of the state before."""
     named = current.temperature.keys() | before.temperature.keys()
     return sorted(

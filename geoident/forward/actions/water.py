@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.actions.products import product_obstacle
 from geoident.forward.in_situ.surfaces import Depths
-from geoident.model.actions import HeadLine, Load, Water, WaterPressure
+from geoident.model.actions import HeadLine, Water, WaterPressure
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
-from geoident.model.parameter import Scalar
 
 
 class PorePressure:
@@ -57,27 +54,3 @@ def _parts_of(line: HeadLine, positions: Floats) -> Floats:
     start = np.array(line.start)
     span = np.array(line.end) - start
     return np.asarray(np.clip((positions - start) @ span / (span @ span), 0.0, 1.0))
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the pressures of water are not affine in the free parameters, or None if they are."""
-    waters = [case.water, *(stage.water for stage in case.stages)]
-    loads: list[Load] = [*case.loads.values()]
-    loads += [load for stage in case.stages for load in stage.loads.values()]
-    numbers = [(w.table, w.unit_weight) for w in waters if w is not None]
-    for load in loads:
-        if isinstance(load, WaterPressure):
-            numbers.append((load.level, load.unit_weight))
-            if load.falls is not None:
-                numbers.append((load.falls.level, load.unit_weight))
-    reasons = (_obstacle(level, weight, free) for level, weight in numbers)
-    return next((reason for reason in reasons if reason), None)
-
-
-def _obstacle(level: Scalar | str, weight: Scalar, free: frozenset[str]) -> str | None:
-    if isinstance(level, str):
-        return None
-    product = product_obstacle("the pressure of the water", (level, weight), free)
-    if product is None and level.parameter in free:
-        return f"the water ends at the level {level.parameter}, so its pressure is not linear in it"
-    return product

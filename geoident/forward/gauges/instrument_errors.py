@@ -23,13 +23,13 @@ from geoident.model.case import Case
 from geoident.model.parameter import Scalar
 
 
-class Instruments:
+class InstrumentErrors:
     """Offsets and drifts of the channels of a case.
 
     Args:
         case: channels, dates and readings.
         zero: (n_channels,) state at which each channel reads zero.
-        built_on: (n_states, n_states) see `Timeline.built_on`.
+        built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Attributes:
         times: (n_states, n_channels) seconds since 1970 of the readings, of the ends of stages
@@ -48,8 +48,8 @@ class Instruments:
             self.times[place] = np.mean(times)
 
     @property
-    def silent(self) -> bool:
-        """No channel adds anything."""
+    def none(self) -> bool:
+        """Whether no channel adds anything."""
         return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
 
     def added(
@@ -73,7 +73,7 @@ class Instruments:
             (g, 1 + n).
         """
         table = np.zeros((len(rows), 1 + len(names)))
-        if self.silent:
+        if self.none:
             return table
         known = self.times[states, rows]
         if times is not None:

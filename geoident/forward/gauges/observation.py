@@ -1,4 +1,4 @@
-"""What the gauges see: the rows of G', and from when to when each channel can be read."""
+"""All channels of a case on its mesh: what they read, from when to when, and against which zero."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site
-from geoident.forward.stages import Timeline
+from geoident.fem.location import Locator
+from geoident.forward.gauges.observable import (
+    OBSERVABLES,
+    GaugeSurroundings,
+    MarchState,
+    Observable,
+)
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
 
 
@@ -23,18 +27,50 @@ class Observation:
 
     Args:
         channels: names, in the order of the rows.
-        operator: G', (n_channels, n_dofs) sparse: relative displacements from displacements.
+        parts: what is read, and by which of the channels, (g,) indices.
         zero: (n_channels,) state at which each channel reads zero.
-        readable: (n_states, n_channels) when its points stand in ground that has been there since
-            its zero, on the way of construction from one to the other.
+        readable: (n_states, n_channels) when it can be read.
         snapped: names of channels with a point just outside the mesh.
+        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
     """
 
     channels: tuple[str, ...]
-    operator: sp.csr_array
+    parts: tuple[tuple[Ints, Observable], ...]
     zero: Ints
     readable: Bools
     snapped: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+    def values(self, state: MarchState) -> Floats:
+        """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
+        table = np.empty((len(self.channels), state.end.u.shape[1]))
+        for rows, observable in self.parts:
+            table[rows] = observable.values(state)
+        return table
+
+    def operator(self, rows: Ints) -> sp.csr_array:
+        """G' (g, n_dofs) of some channels (g,) that read displacements.
+
+        Raises:
+            ValueError: one of them reads something else (see `not_linear`).
+        """
+        found = [(mine, observable.rows) for mine, observable in self.parts]
+        given = [(mine, matrix) for mine, matrix in found if matrix is not None]
+        here = np.concatenate([np.empty(0, np.int64), *(mine for mine, _ in given)])
+        place = np.full(len(self.channels), -1)
+        place[here] = np.arange(len(here))
+        if (place[rows] < 0).any():
+            raise ValueError("a channel reads more than displacements")
+        return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
+
+    def not_linear(self, rows: Ints) -> str | None:
+        """Why some channels (g,) are not linear in the displacements, or None if they are."""
+        for mine, observable in self.parts:
+            others = np.intersect1d(mine, rows)
+            if observable.rows is None and len(others):
+                name = self.channels[others[0]]
+                return f"gauge '{name}' reads something else than displacements"
+        return None
 
     def unreadable(self, channel: str, state: int) -> str | None:
         """Why a channel can't be read at a state, or None if it can."""
@@ -42,86 +78,42 @@ class Observation:
         if state < self.zero[row]:
             return "it is zeroed only at a later stage"
         if not self.readable[state, row]:
-            return "a point of it stands in ground that is no longer there"
+            return self.reasons[row]
         return None
 
 
 def observe(
-    case: Case, mesh: Mesh, locator: Locator, timeline: Timeline
+    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
 ) -> tuple[Observation, list[Fault]]:
-    """The observation operator of a case, and what is wrong with its gauges."""
-    names = case.stage_names
-    kinematics = kinematics_of(case.analysis)
-    rows, zeros, readable, snapped = [], [], [], []
-    faults: list[Fault] = []
-    for channel in case.channels:
-        zero = names.index(channel.zero)
-        ends = []
-        for point, sign in ((channel.first, -1.0), (channel.second, 1.0)):
-            if point is None:
-                continue
-            place, turned = kinematics.in_section(point)
-            sites = locator.sites(place)
-            site, stays = best_site(sites, timeline, zero)
-            if site is None:
-                faults.append(_point_fault(case, mesh, timeline, channel, point, sites))
-                continue
-            ends.append((site, sign * turned, stays))
-            if site.outside > 1e-6:
-                snapped.append(channel.name)
-        rows.append(_row(mesh, channel, [(site, signs) for site, signs, _ in ends]))
-        zeros.append(zero)
-        readable.append(~_before(timeline, zero) & np.all([stays for *_, stays in ends], axis=0))
-    operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
-    found = Observation(
-        tuple(channel.name for channel in case.channels), operator, np.array(zeros, np.int64),
-        np.array(readable, bool).reshape(-1, len(timeline.states)).T, tuple(dict.fromkeys(snapped)),
-    )  # fmt: skip
-    return found, faults
+    """The gauges of a case on its mesh, and what is wrong with them.
 
-
-def best_site(sites: tuple[Site, ...], timeline: Timeline, zero: int) -> tuple[Site | None, Bools]:
-    """The site that stays for most states from the zero on, the best-lying one among equals.
-
-    Returns:
-        The site, None if none is there at the zero; (n_states,) the states at which it is there and
-        has been there on the way of construction from the zero.
+    Args:
+        case: the case.
+        mesh: its mesh.
+        locator: of the mesh.
+        sequence: the states of construction.
     """
-    best, longest = None, np.zeros(len(timeline.states), dtype=bool)
-    for site in sites:
-        stays = _stays(timeline, zero, site.element)
-        if stays.sum() > longest.sum():
-            best, longest = site, stays
-    return best, longest
-
-
-def _stays(timeline: Timeline, zero: int, element: int) -> Bools:
-    """(n_states,) states from the zero on to which no stage without the element leads."""
-    group = timeline.group_of[element]
-    gone = np.array([group not in state.materials for state in timeline.states])
-    built_on = timeline.built_on
-    way = built_on ^ built_on[:, [zero]]
-    way[zero] = True
-    return np.asarray(~(gone[:, None] & way).any(axis=0) & ~_before(timeline, zero))
-
-
-def _before(timeline: Timeline, zero: int) -> Bools:
-    """(n_states,) states before the zero."""
-    return np.arange(len(timeline.states)) < zero
-
-
-def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
-    """One row of G': direction . (u(second) - u(first)); each end with its signs (dim,)."""
-    direction = np.array(channel.direction)
-    columns, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for site, signs in ends:
-        columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-        values.append(np.outer(site.shapes, signs * direction).ravel())
-    column = np.concatenate(columns)
-    return sp.csr_array(
-        (np.concatenate(values), (np.zeros_like(column), column)),
-        shape=(1, mesh.n_nodes * mesh.dim),
-    )
+    ground = GaugeSurroundings(case, mesh, locator, sequence)
+    channels, states = case.channels, len(sequence.states)
+    readable = np.zeros((len(channels), states), dtype=bool)
+    reasons = [""] * len(channels)
+    parts, snapped, faults = [], set[str](), list[Fault]()
+    placing = [OBSERVABLES[channel.kind] for channel in channels]
+    for place in dict.fromkeys(placing):
+        mine = np.flatnonzero([other is place for other in placing])
+        placed = place([channels[row] for row in mine], ground)
+        faults += placed.faults
+        snapped |= set(placed.snapped)
+        if not placed.faults:
+            readable[mine] = placed.readable
+            parts.append((mine, placed.observable))
+        for row in mine:
+            reasons[row] = placed.unreadable
+    names = tuple(channel.name for channel in channels)
+    zero = np.array([ground.zero(channel) for channel in channels], np.int64)
+    beside = tuple(name for name in names if name in snapped)
+    found = Observation(names, tuple(parts), zero, readable.T, beside, tuple(reasons))
+    return found, faults
 
 
 def reading_faults(case: Case, observation: Observation) -> list[Fault]:
@@ -141,39 +133,3 @@ def reading_faults(case: Case, observation: Observation) -> list[Fault]:
                 )
             )
     return faults
-
-
-def _point_fault(
-    case: Case,
-    mesh: Mesh,
-    timeline: Timeline,
-    channel: Channel,
-    point: tuple[float, ...],
-    sites: tuple[Site, ...],
-) -> Fault:
-    place = format_point(point)
-    if not sites:
-        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-        return case.source.fault(
-            channel.key,
-            code="gauge-outside",
-            message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
-            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
-        )
-    groups = sorted({timeline.groups[timeline.group_of[site.element]] for site in sites})
-    return case.source.fault(
-        channel.key,
-        code="gauge-in-absent-ground",
-        message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
-        f"is not there at stage '{channel.zero}', where the gauge is zeroed",
-        hint="set 'zero' to a stage at which that ground is present, or correct the point",
-    )
-
-
-def format_point(point: tuple[float, ...] | Floats) -> str:
-    """A point for a message.
-
-    >>> format_point((1.0, -2.5))
-    '(1, -2.5) m'
-    """
-    return f"({', '.join(f'{x:.6g}' for x in point)}) m"

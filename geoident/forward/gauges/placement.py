@@ -9,8 +9,8 @@ import numpy as np
 from geoident.fem.faces import FacetPatch, distance_to_faces, face_table, patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator
-from geoident.forward.gauges.observation import best_site
-from geoident.forward.stages import Timeline, element_number
+from geoident.forward.gauges.observable import best_site
+from geoident.forward.stages import ConstructionSequence, element_number
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 
@@ -34,7 +34,7 @@ class Placement:
     distance: float | None
 
 
-def placements(case: Case, mesh: Mesh, timeline: Timeline) -> tuple[Placement, ...]:
+def placements(case: Case, mesh: Mesh, sequence: ConstructionSequence) -> tuple[Placement, ...]:
     """Where the points of all gauges stand, each once, in the order of the case."""
     locator, outline = Locator(mesh), excavation_outline(case, mesh)
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
@@ -45,9 +45,9 @@ def placements(case: Case, mesh: Mesh, timeline: Timeline) -> tuple[Placement, .
     found = []
     for (point, zero), channels in ends.items():
         place, _ = kinematics_of(case.analysis).in_section(point)
-        site, _ = best_site(locator.sites(place), timeline, case.stage_names.index(zero))
+        site, _ = best_site(locator.sites(place), sequence, case.stage_names.index(zero))
         if site is not None:
-            group = timeline.groups[timeline.group_of[site.element]]
+            group = sequence.groups[sequence.group_of[site.element]]
             away = distance_to_faces(mesh, outline, np.asarray(place)) if outline else None
             number = element_number(mesh, site.element)
             found.append(Placement(tuple(channels), point, number, group, away))

@@ -18,12 +18,9 @@ from geoident.model.ground import (
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
-    angles,
     breach,
     constants,
-    numbers_of,
 )
-from geoident.model.yielding import yield_breach
 
 Values = Mapping[str, float]
 """Parameter name to value, SI."""
@@ -70,29 +67,8 @@ def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual
 
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why moduli or strengths are none, a sentence, or None if they are."""
-    breaches = (yield_breach(surface, values) for surface in material.yields)
+    breaches = (surface.breach(values) for surface in material.yields)
     found = breach(material.elastic, values) or next(filter(None, breaches), None)
     if found is None:
         return None
     return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
-
-
-def affine_obstacle(material: Material, free: frozenset[str]) -> str | None:
-    """Why the equations are not affine in the free parameters, or None if they are."""
-    if material.yields:
-        return f"{material.name} yields: its stresses are not linear in the displacements"
-    elastic = material.elastic
-    tied = {name: s.parameter for name, s in numbers_of(elastic).items() if s.parameter in free}
-    for name in tied:
-        if name.startswith("nu") or name in angles(elastic):
-            remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""
-            return f"{name} of {material.name} enters the stiffness nonlinearly{remedy}"
-    young = [name for name in constants(elastic) if name.startswith("E")]
-    # At fixed ratios between them the matrix grows in proportion to all Young's moduli.
-    if tied.keys().isdisjoint(young) or len({tied.get(name) for name in young}) == 1:
-        return None
-    remedy = f"unless {', '.join(young)} are all tied to one parameter"
-    if isinstance(elastic, TransverselyIsotropic):
-        remedy += " (Love's A, C, F, L and N enter linearly)"
-    first = next(name for name in young if name in tied)
-    return f"{first} of {material.name} enters the stiffness nonlinearly {remedy}"

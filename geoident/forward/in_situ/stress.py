@@ -13,10 +13,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.actions.products import product_obstacle
-from geoident.forward.ground.elasticity import Values
 from geoident.forward.in_situ.surfaces import Depths, is_known
-from geoident.forward.stages import Timeline, listed
+from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
@@ -32,7 +30,7 @@ from geoident.model.in_situ import (
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-BALANCED = 1e-9
+NEGLIGIBLE_IMBALANCE = 1e-9
 """Largest out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
 _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
@@ -70,19 +68,6 @@ class InSituStress:
             for row, dual in enumerate(zone.components(point)[: len(result)]):
                 result[row, here] = dual.columns
         return result
-
-
-def in_situ_stress(
-    model: InSitu | None, values: Values, names: Sequence[str], positions: Floats
-) -> Floats:
-    """Stress of one model at positions (m, dim), without topography; see `InSituStress`."""
-    dim = positions.shape[1]
-    result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
-    if model is not None:
-        zone = _stress_of(model, Mesh(np.empty((0, dim)), ()), positions)
-        for row, dual in enumerate(zone.components(ParameterPoint(values, names))[: len(result)]):
-            result[row] = dual.columns
-    return result
 
 
 def edges_held(model: InSitu | None) -> bool:
@@ -130,9 +115,9 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     ]
 
 
-def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
+def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
     """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
-    virgin = {timeline.groups[g] for g in timeline.states[0].materials}
+    virgin = {sequence.groups[g] for g in sequence.states[0].materials}
     return [
         case.source.fault(
             ("in_situ", "groups", group),
@@ -143,32 +128,6 @@ def zone_faults(case: Case, timeline: Timeline) -> list[Fault]:
         for group in case.in_situ_of
         if group not in virgin
     ]
-
-
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why sigma_0 is not affine in the free parameters, or None if it is."""
-    reasons = (_obstacle(model, free) for _, model in in_situ_models(case))
-    return next((reason for reason in reasons if reason), None)
-
-
-def _obstacle(model: InSitu, free: frozenset[str]) -> str | None:
-    if isinstance(model, ConstantStress):
-        return None
-    level = model.surface if isinstance(model.surface, Scalar) else None
-    if isinstance(model, ProfileStress):
-        products = ((level, slope) for slope in model.gradient)
-        reasons = (product_obstacle("the stress", factors, free) for factors in products)
-        return next((reason for reason in reasons if reason), None)
-    if level is not None and level.parameter in free:
-        return f"the in-situ stress ends at the level {level.parameter} of the surface"
-    if model.azimuth is not None and model.azimuth.parameter in free:
-        return f"the horizontal stress turns with the azimuth {model.azimuth.parameter}"
-    size = model.vertical or model.unit_weight
-    for ratio in (model.K0, model.K0_across):
-        reason = product_obstacle("the horizontal stress", (size, ratio), free)
-        if reason is not None:
-            return reason
-    return None
 
 
 class _Uniform:

@@ -11,7 +11,7 @@ from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.state import Carried, StageTask
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.stages import State
+from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Floats
 
 
@@ -26,7 +26,7 @@ class LastFactor:
         self._ground: object = None
         self._factor: Factor | None = None
 
-    def find(self, state: State) -> Factor | None:
+    def find(self, state: ConstructionState) -> Factor | None:
         """The factorization of K at a state, if it is the one that is held and still there."""
         if self._factor is None or self._ground != _what_stands(state) or not self._factor.valid:
             return None
@@ -36,7 +36,7 @@ class LastFactor:
         """Make room for the next one."""
         self._ground, self._factor = None, None
 
-    def keep(self, state: State, factor: Factor) -> None:
+    def keep(self, state: ConstructionState, factor: Factor) -> None:
         """A factorization that was made for a state."""
         self._ground, self._factor = _what_stands(state), factor
 
@@ -135,6 +135,6 @@ def _factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Fact
     return factor
 
 
-def _what_stands(state: State) -> tuple[Mapping[int, str], frozenset[str]]:
+def _what_stands(state: ConstructionState) -> tuple[Mapping[int, str], frozenset[str]]:
     """On what K depends: the material of every group, and the structures."""
     return state.materials, state.structures

@@ -6,7 +6,7 @@ import numpy as np
 
 from geoident.forward.discretization import Discretization
 from geoident.forward.march.state import StageEnd
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats
 from geoident.model.mesh import Mesh
 from geoident.model.result import FieldSeries
@@ -15,9 +15,11 @@ from geoident.model.result import FieldSeries
 class FieldRecorder:
     """Copies displacements and mean element stresses, state by state."""
 
-    def __init__(self, mesh: Mesh, timeline: Timeline, discretization: Discretization) -> None:
+    def __init__(
+        self, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization
+    ) -> None:
         self._mesh = mesh
-        self._timeline = timeline
+        self._sequence = sequence
         self._points = discretization.points
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
@@ -28,14 +30,14 @@ class FieldRecorder:
         u = end.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
         self._displacement.append(u.copy())
         mean = self._element_means(end.stress[..., 0])
-        mean[~self._timeline.present(end.state)] = np.nan
+        mean[~self._sequence.present(end.state)] = np.nan
         self._stress.append(mean)
         self._yielded.append(self._yielded_so_far(end))
 
     def series(self) -> FieldSeries:
         """All that was recorded."""
         n = len(self._displacement)
-        present = np.stack([self._timeline.present(state) for state in range(n)])
+        present = np.stack([self._sequence.present(state) for state in range(n)])
         return FieldSeries(
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
             np.stack(self._yielded),
@@ -46,13 +48,13 @@ class FieldRecorder:
 
         What is placed anew has not yielded yet.
         """
-        state = self._timeline.states[end.state]
+        state = self._sequence.states[end.state]
         here = np.zeros(self._mesh.n_elements, dtype=bool)
         here[self._points.element[end.yielded]] = True
         if end.state:
-            placed = np.isin(self._timeline.group_of, list(state.placed))
+            placed = np.isin(self._sequence.group_of, list(state.placed))
             here |= self._yielded[state.base] & ~placed
-        return here & self._timeline.present(end.state)
+        return here & self._sequence.present(end.state)
 
     def _element_means(self, stress: Floats) -> Floats:
         """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""

@@ -44,12 +44,12 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.stress import BALANCED, InSituStress
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress
 from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
 from geoident.forward.march.systems import StageSystem, StageSystems
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -101,7 +101,7 @@ class March:
     Args:
         case: the case.
         mesh: its mesh.
-        timeline: the states of construction.
+        sequence: the states of construction.
         systems: the equations of the stages.
         actions: what acts from outside.
     """
@@ -110,20 +110,20 @@ class March:
         self,
         case: Case,
         mesh: Mesh,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         systems: StageSystems,
         actions: Actions,
     ) -> None:
         self.case = case
-        self.timeline = timeline
+        self.sequence = sequence
         self.systems = systems
         self.actions = actions
         discretization = systems.discretization
-        self.thermal = ThermalStrains(case, timeline, discretization)
+        self.thermal = ThermalStrains(case, sequence, discretization)
         points = discretization.points
-        groups = timeline.group_of[points.element]
-        self.in_situ = InSituStress(case, mesh, points.position, groups, timeline.groups)
-        self.release = PartialRelease(timeline, discretization, actions)
+        groups = sequence.group_of[points.element]
+        self.in_situ = InSituStress(case, mesh, points.position, groups, sequence.groups)
+        self.release = PartialRelease(sequence, discretization, actions)
         self.warm = WarmStart()
 
     @property
@@ -192,6 +192,11 @@ class Run:
         self._collapses: list[CollapseError] = []
 
     @property
+    def point(self) -> ParameterPoint:
+        """The parameters, and those by which the march differentiates."""
+        return self._point
+
+    @property
     def findings(self) -> RunFindings:
         """What was found so far; all of it once the states are through."""
         plastic = self._plastic_findings
@@ -213,7 +218,7 @@ class Run:
         march, unit = self._march, self._options.unit_forces
         u, carried = self._at_rest()
         last = self._options.last
-        states = march.timeline.states[: None if last is None else last + 1]
+        states = march.sequence.states[: None if last is None else last + 1]
         bases = BaseStates(states)
         lost: set[int] = set()
         for n, state in enumerate(states):
@@ -260,7 +265,7 @@ class Run:
         if number == 0:
             self._begin(carried, forces)
             return still
-        march, state = self._march, self._march.timeline.states[number]
+        march, state = self._march, self._march.sequence.states[number]
         held = march.release.held(number, self._held[state.base], carried.stress, self._point)
         self._held[number] = held
         forces += march.release.forces(number, held, self._point)
@@ -284,11 +289,13 @@ class Run:
         stress[:, ~system.present] = 0.0
         self._imbalance = self._march.imbalance(stress, forces)
         task = self._task(0, carried, forces)
-        if self._imbalance > BALANCED:
+        if self._imbalance > NEGLIGIBLE_IMBALANCE:
             elastic_step(task, self._systems, self._factor)
         self._plastic.refuse_virgin(task)
 
-    def _clear(self, system: StageSystem, state: State, carried: Carried, u: Floats) -> None:
+    def _clear(
+        self, system: StageSystem, state: ConstructionState, carried: Carried, u: Floats
+    ) -> None:
         """What is gone or placed anew carries nothing; nodes that are gone forget their motion."""
         carried.clear(~system.present)
         for group in state.placed:
@@ -303,7 +310,7 @@ class Run:
 
         ``thermal`` is the normal strain (n_points, 1 + n) of a change of temperature.
         """
-        system, state = self._systems[number], self._march.timeline.states[number]
+        system, state = self._systems[number], self._march.sequence.states[number]
         moduli = self._structures.moduli(state, self._point)
         task = StageTask(
             number, system, state, self._point, self._ground, carried, forces, moduli, thermal

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
+from geoident.fem.location import format_point
 from geoident.fem.solvers.general import GeneralFactor
 from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
-from geoident.fem.yielding.domain import EmptyDomain
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.discretization import numbers
-from geoident.forward.gauges.observation import format_point
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.elastic_step import not_positive_definite
 from geoident.forward.march.equilibrium import Balance, solve
@@ -35,7 +35,7 @@ from geoident.forward.march.stage_equations import (
 )
 from geoident.forward.march.state import StageTask
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.stages import State
+from geoident.forward.stages import ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
@@ -68,10 +68,6 @@ class PlasticOptions:
 
     explain: bool = True
     partial: bool = False
-
-
-PERFECT = PlasticOptions()
-"""The model as the case states it."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +148,7 @@ class PlasticSteps:
         self._record = findings.record
         self._explain = explain
 
-    def yields(self, state: State) -> bool:
+    def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
         return any(self._case.materials[m].yields for m in state.materials.values())
 
@@ -295,6 +291,10 @@ class PlasticSteps:
         except EmptyDomain as error:
             msg = f"the yield planes of a material contradict each other: {error}"
             raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
+        except NoProjection as error:
+            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
+            hint = "Leave out planes that are the same but for little, or move them apart."
+            raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
             # Whoever searches needs only to know that there is none; load steps say it themselves.
             if not (equations.associated and self._explain):

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
 from geoident.forward.discretization import Index, numbers
 from geoident.model.arrays import Floats, Ints
@@ -184,6 +185,8 @@ class StageEquations:
             return None
         try:
             projection = ground.law.project(trial, ground.hardened)
+        except NoProjection:
+            raise
         except ArithmeticError as error:  # flow that is not associated may lead nowhere
             raise NoEquilibrium(None) from error
         stress[:, mine] = projection.stress

@@ -10,7 +10,7 @@ import numpy as np
 from geoident.forward.discretization import Index
 from geoident.forward.ground_at import GroundAt
 from geoident.forward.march.systems import StageSystem
-from geoident.forward.stages import State
+from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -118,7 +118,7 @@ class BaseStates:
         states: of the march.
     """
 
-    def __init__(self, states: Sequence[State]) -> None:
+    def __init__(self, states: Sequence[ConstructionState]) -> None:
         self._bases = [state.base for state in states]
         self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
         self._kept: dict[int, tuple[Floats, Carried]] = {}
@@ -169,7 +169,7 @@ class StageTask:
 
     number: int
     system: StageSystem
-    state: State
+    state: ConstructionState
     point: ParameterPoint
     ground: GroundAt
     carried: Carried

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
+from geoident.fem.solvers.protocol import LowerPattern, Solver, SymbolicFactorization
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -20,11 +21,10 @@ from geoident.fem.stiffness import (
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
 from geoident.forward.discretization import Discretization, Index, as_index
-from geoident.forward.gauges.observation import format_point
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, nodes_in
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class StageSystem:
 
 
 class StageSystems:
-    """The equations of all states of a timeline, each prepared when it is first needed.
+    """The equations of all states of a sequence, each prepared when it is first needed.
 
     Equal patterns are analysed once, and only if something is solved on them.
     """
@@ -57,7 +57,7 @@ class StageSystems:
     def __init__(
         self,
         mesh: Mesh,
-        timeline: Timeline,
+        sequence: ConstructionSequence,
         discretization: Discretization,
         fixed: Bools,
         solver: Solver,
@@ -71,26 +71,26 @@ class StageSystems:
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
-        ever = sorted({g for state in timeline.states for g in state.materials})
+        ever = sorted({g for state in sequence.states for g in state.materials})
         self._blocks: dict[int, GroupBlocks] = {
-            g: group_blocks(mesh, geometries, timeline.elements(g), rank) for g in ever
+            g: group_blocks(mesh, geometries, sequence.elements(g), rank) for g in ever
         } | structures.blocks(rank)
         self.structures = structures
-        self._timeline = timeline
+        self._sequence = sequence
         self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
-        self._analyses: dict[frozenset[int], Analysis | None] = {}
-        self._analysed: dict[bytes, Analysis] = {}
+        self._analyses: dict[frozenset[int], SymbolicFactorization | None] = {}
+        self._analysed: dict[bytes, SymbolicFactorization] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
             self._systems[state] = self._prepare(state)
         return self._systems[state]
 
-    def analysis(self, system: StageSystem) -> Analysis | None:
+    def analysis(self, system: StageSystem) -> SymbolicFactorization | None:
         """The analysed pattern of a state; None if nothing is free to move."""
         if system.groups not in self._analyses:
             self._analyses[system.groups] = self._analyse(system.pattern.lower)
@@ -110,7 +110,7 @@ class StageSystems:
     def values(
         self,
         system: StageSystem,
-        state: State,
+        state: ConstructionState,
         laws: Mapping[str, Floats],
         values: Mapping[str, float],
     ) -> Floats:
@@ -136,13 +136,13 @@ class StageSystems:
         return f" near {format_point(self._mesh.points[node])}"
 
     def _prepare(self, number: int) -> StageSystem:
-        timeline, state = self._timeline, self._timeline.states[number]
-        here = timeline.present(number)
+        sequence, state = self._sequence, self._sequence.states[number]
+        here = sequence.present(number)
         points = self.discretization.points
         present = here[points.element]
         points_of: dict[str, Index] = {}
-        names = np.array([state.materials.get(g, "") for g in range(len(timeline.groups))])
-        name_of_point = names[timeline.group_of[points.element]]
+        names = np.array([state.materials.get(g, "") for g in range(len(sequence.groups))])
+        name_of_point = names[sequence.group_of[points.element]]
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
@@ -158,7 +158,7 @@ class StageSystems:
         touched = _touched(self._mesh, here)
         return StageSystem(present, touched, volume, points_of, groups, pattern)
 
-    def _analyse(self, lower: LowerPattern) -> Analysis | None:
+    def _analyse(self, lower: LowerPattern) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
         key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
@@ -176,8 +176,5 @@ def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
 def _touched(mesh: Mesh, present: Bools) -> Bools:
     """(n_dofs,) degrees of freedom of the nodes of present elements."""
     nodes = np.zeros(mesh.n_nodes, dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        nodes[block.nodes[present[first : first + len(block)]]] = True
-        first += len(block)
+    nodes[nodes_in(mesh.blocks, present)] = True
     return np.repeat(nodes, mesh.dim)

@@ -198,14 +198,14 @@ class Opening:
         p0 = self.rock.pressure
         return self.strength.critical(p0), self.strength.reversed.critical(p0)
 
-    def under(self, pressure: Dual) -> State:
+    def under(self, pressure: Dual) -> GroundState:
         """The ground when the pressure inside went from p0 to this, Pa, in one direction.
 
         Raises:
             BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
         """
         if self.strength is None or self.critical is None:
-            return State(self, pressure)
+            return GroundState(self, pressure)
         below, above = self.critical
         if pressure.value < below.value:
             return PlasticState(self, pressure, self.strength)
@@ -215,15 +215,15 @@ class Opening:
         wall = [float(dual.value) for dual in (pressure, hoop, self.rock.out_of_plane)]
         if max(wall) > self.strength.hoop(self.rock.pressure * 0.0 + min(wall)).value:
             raise BeyondClosedForm(OUT_OF_PLANE)
-        return State(self, pressure)
+        return GroundState(self, pressure)
 
-    def history(self, pressures: Sequence[Dual]) -> Iterator[State]:
+    def history(self, pressures: Sequence[Dual]) -> Iterator[GroundState]:
         """The ground under pressures that follow each other, p0 before the first.
 
         Raises:
             BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
         """
-        turned: State | None = None  # first loading ended there, and all since is elastic
+        turned: GroundState | None = None  # first loading ended there, and all since is elastic
         for pressure in pressures:
             if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
                 turned = self.under(pressure)
@@ -247,7 +247,7 @@ class BeyondClosedForm(Exception):
         super().__init__(reason)
 
 
-class State:
+class GroundState:
     """The ground under an inner pressure: elastic here, see `PlasticState` and `Unloaded`.
 
     Attributes:
@@ -279,7 +279,7 @@ def _lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, 
     return change * r / (2.0 * rock.shear), change
 
 
-class PlasticState(State):
+class PlasticState(GroundState):
     """The ground around a wall that yields, loaded in one direction."""
 
     def __init__(self, opening: Opening, pressure: Dual, limit: Strength) -> None:
@@ -371,7 +371,7 @@ class PlasticState(State):
         return bool(low - slack <= axial <= high + slack)
 
 
-class Unloaded(State):
+class Unloaded(GroundState):
     """The ground after the pressure went back elastically from where it had yielded."""
 
     def __init__(self, turned: PlasticState, pressure: Dual) -> None:

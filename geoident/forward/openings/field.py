@@ -18,13 +18,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.gauges.observable import reads_displacements
 from geoident.forward.ground.elasticity import Values, inadmissible
 from geoident.forward.in_situ.stress import InSituStress
-from geoident.forward.openings.closed_forms import State
+from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
-from geoident.forward.openings.site import Site
-from geoident.forward.stages import State as Construction
-from geoident.forward.stages import Timeline
+from geoident.forward.openings.site import OpeningSite
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
@@ -71,33 +71,39 @@ class OpeningField:
 
     Args:
         case: the case, for which `unsuitable` finds nothing.
-        timeline: its states.
+        sequence: its states.
         site: where the opening is.
         mesh: for surfaces with topography; one without elements if there is none.
     """
 
-    def __init__(self, case: Case, timeline: Timeline, site: Site, mesh: Mesh) -> None:
-        self._case, self._timeline, self._site = case, timeline, site
-        virgin = timeline.states[0]
+    def __init__(
+        self, case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh
+    ) -> None:
+        self._case, self._sequence, self._site = case, sequence, site
+        virgin = sequence.states[0]
         self._material = case.materials[virgin.materials[site.ground]]
         a, (x, y) = site.radius, site.centre
         around = np.array([[x, y], [x - a, y], [x + a, y], [x, y - a], [x, y + a]])
         groups = np.full(len(around), site.ground)
-        self._in_situ = InSituStress(case, mesh, around, groups, timeline.groups)
+        self._in_situ = InSituStress(case, mesh, around, groups, sequence.groups)
         self._ends = [_End(site, case.channels, which) for which in (0, 1)]
-        own = [_obstacle(timeline, site, state) for state in timeline.states]
-        self.obstacles = [_first(own, timeline, n) for n in range(len(own))]
-        open_ = [not site.groups & state.materials.keys() for state in timeline.states]
+        own = [_obstacle(sequence, site, state) for state in sequence.states]
+        self.obstacles = [_first(own, sequence, n) for n in range(len(own))]
+        open_ = [not site.groups & state.materials.keys() for state in sequence.states]
         self.open: Bools = np.array(open_, dtype=np.bool_)
         hidden = self._ends[0].inside | self._ends[1].inside
         closed_form = np.array([reason is None for reason in self.obstacles], dtype=np.bool_)
         # (n_states, n_channels)
         self.covered: Bools = closed_form[:, None] & ~(self.open[:, None] & hidden)
+        self._moves = np.array([reads_displacements(c) for c in case.channels], dtype=np.bool_)
+        self.covered &= self._moves
 
     def why_uncovered(self, state: int, channel: int) -> str | None:
         """Why a channel has no closed form at a state, a clause, or None if it has."""
         if self.obstacles[state] is not None:
             return self.obstacles[state]
+        if not self._moves[channel]:
+            return "it reads something else than displacements"
         if not self.covered[state, channel]:
             return "a point of it stands in ground that is no longer there"
         return None
@@ -128,7 +134,7 @@ class OpeningField:
         Raises:
             ModelError: the ground has no equilibrium, or none in closed form.
         """
-        shape = (len(self._timeline.states), len(self._case.channels), 1 + len(names))
+        shape = (len(self._sequence.states), len(self._case.channels), 1 + len(names))
         table = np.full(shape, np.nan)
         load = self._load(values, names)
         for n in range(len(table)) if wanted is None else wanted:
@@ -189,14 +195,14 @@ class OpeningField:
             return []
         if state is None or state.plastic_radius is None:
             return []
-        name = self._timeline.states[states[-1]].name
+        name = self._sequence.states[states[-1]].name
         text = f"at stage '{name}' the ground yields up to {float(state.plastic_radius.value):.3g} "
         return [text + "m from the centre"]
 
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
         point = ParameterPoint(values, names)
         stress = Dual(self._in_situ.columns(point))
-        return OpeningLoad(self._timeline, self._site, self._material, stress, point)
+        return OpeningLoad(self._sequence, self._site, self._material, stress, point)
 
 
 class _End:
@@ -206,7 +212,7 @@ class _End:
         inside: (n_channels,) the end lies where the opening is going to be.
     """
 
-    def __init__(self, site: Site, channels: Sequence[Channel], which: int) -> None:
+    def __init__(self, site: OpeningSite, channels: Sequence[Channel], which: int) -> None:
         sign = 2.0 * which - 1.0
         points = [(c.first, c.second)[which] for c in channels]
         fixed = np.array([point is None for point in points], dtype=np.bool_)
@@ -224,7 +230,7 @@ class _End:
         read[fixed] = 0.0
         self._outwards, self._around = (read * outwards).sum(axis=1), (read * around).sum(axis=1)
 
-    def moved(self, state: State, released: Dual, load: OpeningLoad) -> Dual:
+    def moved(self, state: GroundState, released: Dual, load: OpeningLoad) -> Dual:
         """What this end adds to the channels, (n_channels,)."""
         rock, a = load.rock, load.opening.radius
         s = (a / self._r) ** 2
@@ -237,19 +243,21 @@ class _End:
         return read
 
 
-def _first(reasons: Sequence[str | None], timeline: Timeline, n: int) -> str | None:
+def _first(reasons: Sequence[str | None], sequence: ConstructionSequence, n: int) -> str | None:
     """The first reason on the way to a state."""
-    way = [0, *map(int, np.flatnonzero(timeline.built_on[:, n]))]
+    way = [0, *map(int, np.flatnonzero(sequence.built_on[:, n]))]
     return next((reasons[k] for k in way if reasons[k] is not None), None)
 
 
-def _obstacle(timeline: Timeline, site: Site, state: Construction) -> str | None:
+def _obstacle(
+    sequence: ConstructionSequence, site: OpeningSite, state: ConstructionState
+) -> str | None:
     """Why what happens at a state has no closed form, a clause, or None if it has one."""
-    reasons = (part(timeline, site, state) for part in (_excavation, _ground, _other, _loads))
+    reasons = (part(sequence, site, state) for part in (_excavation, _ground, _other, _loads))
     return next((reason for reason in reasons if reason is not None), None)
 
 
-def _excavation(_: Timeline, site: Site, state: Construction) -> str | None:
+def _excavation(_: ConstructionSequence, site: OpeningSite, state: ConstructionState) -> str | None:
     there = site.groups & state.materials.keys()
     if there and there != site.groups:
         return f"at stage '{state.name}' only a part of the opening is excavated"
@@ -258,26 +266,28 @@ def _excavation(_: Timeline, site: Site, state: Construction) -> str | None:
     return None
 
 
-def _ground(timeline: Timeline, site: Site, state: Construction) -> str | None:
+def _ground(
+    sequence: ConstructionSequence, site: OpeningSite, state: ConstructionState
+) -> str | None:
     if state.placed:
-        return f"stage '{state.name}' installs '{timeline.groups[min(state.placed)]}'"
-    virgin = timeline.states[0].materials
+        return f"stage '{state.name}' installs '{sequence.groups[min(state.placed)]}'"
+    virgin = sequence.states[0].materials
     for g in sorted((virgin.keys() | state.materials.keys()) - site.groups):
         if state.materials.get(g) != virgin.get(g):
-            group = timeline.groups[g]
+            group = sequence.groups[g]
             return f"stage '{state.name}' changes '{group}', which is not part of the opening"
     return None
 
 
-def _other(timeline: Timeline, _: Site, state: Construction) -> str | None:
+def _other(sequence: ConstructionSequence, _: OpeningSite, state: ConstructionState) -> str | None:
     if state.structures:
         return f"'{min(state.structures)}' supports the ground at stage '{state.name}'"
     if state.temperature:
-        return f"the temperature of '{timeline.groups[min(state.temperature)]}' changes"
+        return f"the temperature of '{sequence.groups[min(state.temperature)]}' changes"
     return None if state.water is None else "there is water in the pores"
 
 
-def _loads(_: Timeline, site: Site, state: Construction) -> str | None:
+def _loads(_: ConstructionSequence, site: OpeningSite, state: ConstructionState) -> str | None:
     for name, load in state.loads.items():
         at_wall = isinstance(load, Pressure) and (site.walls is None or load.group in site.walls)
         if not at_wall:

@@ -8,14 +8,14 @@ from geoident.errors import CollapseError, ModelError
 from geoident.forward.openings.closed_forms import (
     NO_EQUILIBRIUM,
     BeyondClosedForm,
+    GroundState,
     Opening,
     Rock,
-    State,
     Strength,
     mohr_coulomb,
 )
-from geoident.forward.openings.site import Site
-from geoident.forward.stages import Timeline
+from geoident.forward.openings.site import OpeningSite
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.actions import Pressure
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
@@ -30,7 +30,7 @@ class OpeningLoad:
     """Numbers of a case as dual numbers, pressures positive in compression.
 
     Args:
-        timeline: the states of the case.
+        sequence: the states of the case.
         site: where the opening is.
         material: of the ground around it.
         stress: (4, k) in-situ stress xx, yy, zz, xy, the first at the centre; tension positive, Pa.
@@ -46,13 +46,13 @@ class OpeningLoad:
 
     def __init__(
         self,
-        timeline: Timeline,
-        site: Site,
+        sequence: ConstructionSequence,
+        site: OpeningSite,
         material: Material,
         stress: Dual,
         point: ParameterPoint,
     ) -> None:
-        self._timeline, self._site, self._point = timeline, site, point
+        self._sequence, self._site, self._point = sequence, site, point
         surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb)]
         self._limits = [s.tension for s in surfaces if s.tension is not None]
         self.stress = stress
@@ -62,25 +62,25 @@ class OpeningLoad:
         self.deviation, self.shear = 0.5 * (xx - yy), xy
         self.opening = Opening(site.radius, self.rock, _strength(material, point))
 
-    def at(self, n: int) -> tuple[State, Dual]:
+    def at(self, n: int) -> tuple[GroundState, Dual]:
         """The ground at a state in which the opening is there, and the released part of stress.
 
         Raises:
             ModelError: it has no equilibrium, or none in closed form.
         """
-        way = [int(k) for k in self._timeline.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
-        reached: list[State] = []
+        way = [int(k) for k in self._sequence.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
+        reached: list[GroundState] = []
         try:
             for state in self.opening.history([self._pressure(k) for k in way]):
                 reached.append(state)
         except BeyondClosedForm as beyond:
-            failed = self._timeline.states[way[len(reached)]].name
+            failed = self._sequence.states[way[len(reached)]].name
             raise _failure(failed, beyond.reason) from beyond
         state = reached[-1]
-        self._refuse_tension(state, self._timeline.states[n].name)
+        self._refuse_tension(state, self._sequence.states[n].name)
         return state, self._released(n)
 
-    def _refuse_tension(self, state: State, name: str) -> None:
+    def _refuse_tension(self, state: GroundState, name: str) -> None:
         """The cut-off of tension is no part of the closed form: the wall must not meet it."""
         least = min(float(dual.value[0]) for dual in state.stresses(np.array([self._site.radius])))
         if any(least < -float(self._point.number(limit).value) for limit in self._limits):
@@ -88,16 +88,16 @@ class OpeningLoad:
             raise ModelError(text + "is no closed form")
 
     def _is_open(self, n: int) -> bool:
-        return not self._site.groups & self._timeline.states[n].materials.keys()
+        return not self._site.groups & self._sequence.states[n].materials.keys()
 
     def _released(self, n: int) -> Dual:
-        (part,) = {self._timeline.states[n].release.get(g, _WHOLE) for g in self._site.groups}
+        (part,) = {self._sequence.states[n].release.get(g, _WHOLE) for g in self._site.groups}
         return self._point.number(part)
 
     def _pressure(self, n: int) -> Dual:
         """What presses on the wall from inside, Pa."""
         total = (1.0 - self._released(n)) * self.rock.pressure
-        for load in self._timeline.states[n].loads.values():
+        for load in self._sequence.states[n].loads.values():
             assert isinstance(load, Pressure)
             total = total + self._point.number(load.value)
         return total

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.forward.gauges.instrument_errors import Instruments
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
-from geoident.forward.openings.site import Circle, Site, site_in_mesh, site_without_mesh
+from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
 from geoident.forward.protocols import Survey
-from geoident.forward.stages import Timeline, states_of, used_groups
+from geoident.forward.stages import ConstructionSequence, states_of, used_groups
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
@@ -25,18 +25,20 @@ class OpeningModel:
 
     Args:
         case: the case.
-        timeline: its states.
+        sequence: its states.
         site: where the opening is.
         mesh: for surfaces with topography, or None.
     """
 
-    def __init__(self, case: Case, timeline: Timeline, site: Site, mesh: Mesh | None) -> None:
+    def __init__(
+        self, case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh | None
+    ) -> None:
         self.case = case
         self.names = tuple(parameter.name for parameter in case.parameters)
-        self.timeline = timeline
-        self.field = OpeningField(case, timeline, site, _NO_MESH if mesh is None else mesh)
+        self.sequence = sequence
+        self.field = OpeningField(case, sequence, site, _NO_MESH if mesh is None else mesh)
         self.zero = np.array([case.stage_names.index(c.zero) for c in case.channels], np.int64)
-        self.instruments = Instruments(case, self.zero, timeline.built_on)
+        self.instrument_errors = InstrumentErrors(case, self.zero, sequence.built_on)
         self.on_state: Callable[[int], None] | None = None
         self._evaluations = 0
 
@@ -48,7 +50,7 @@ class OpeningModel:
     @property
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state: none."""
-        return (0,) * len(self.timeline.states)
+        return (0,) * len(self.sequence.states)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -95,7 +97,7 @@ class OpeningModel:
         values, failures = self.values(p), list[ModelError]()
         table = self.relative(values, self.names, failures=failures if partial else None)
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instruments.added(values, self.names, rows, states)
+        added = self.instrument_errors.added(values, self.names, rows, states)
         table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
         if failures and not np.isfinite(table).any():
             raise failures[0]
@@ -191,7 +193,9 @@ class OpeningResponse:
         table = motions[self._states, self._rows]
         return np.asarray(
             table
-            + self._model.instruments.added(values, names, self._rows, self._states, self._times)
+            + self._model.instrument_errors.added(
+                values, names, self._rows, self._states, self._times
+            )
         )
 
 
@@ -202,9 +206,9 @@ def opening_model(case: Case) -> OpeningModel:
         InputError: it has none.
     """
     groups = tuple(used_groups(case))
-    timeline = Timeline(groups, np.empty(0, np.int64), states_of(case, groups))
-    found = site_without_mesh(timeline, _circle(case))
-    model = found if isinstance(found, str) else _model_or_reason(case, timeline, found, None)
+    sequence = ConstructionSequence(groups, np.empty(0, np.int64), states_of(case, groups))
+    found = site_without_mesh(sequence, _circle(case))
+    model = found if isinstance(found, str) else _model_or_reason(case, sequence, found, None)
     if isinstance(model, str):
         message = f"there is no closed form of this case: {model}"
         place = ("fit", "closed-form")
@@ -213,21 +217,21 @@ def opening_model(case: Case) -> OpeningModel:
 
 
 def opening_in_mesh(
-    case: Case, mesh: Mesh, timeline: Timeline, circle: Circle
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
 ) -> OpeningModel | str:
     """The closed form of a case that has a mesh, or why there is none, a clause."""
     if case.analysis is not Analysis.PLANE_STRAIN:
         return NO_SECTION
-    found = site_in_mesh(case, mesh, timeline, circle)
-    return found if isinstance(found, str) else _model_or_reason(case, timeline, found, mesh)
+    found = site_in_mesh(case, mesh, sequence, circle)
+    return found if isinstance(found, str) else _model_or_reason(case, sequence, found, mesh)
 
 
 def _model_or_reason(
-    case: Case, timeline: Timeline, site: Site, mesh: Mesh | None
+    case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh | None
 ) -> OpeningModel | str:
-    material = timeline.states[0].materials[site.ground]
+    material = sequence.states[0].materials[site.ground]
     why = unsuitable(case, material, has_mesh=mesh is not None)
-    return OpeningModel(case, timeline, site, mesh) if why is None else why
+    return OpeningModel(case, sequence, site, mesh) if why is None else why
 
 
 def _circle(case: Case) -> Circle:

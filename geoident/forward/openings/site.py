@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.fem.faces import face_table, patches
+from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.gauges.observation import format_point
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh, nodes_in
@@ -35,7 +35,7 @@ _WIDEST = np.pi / 4
 
 
 @dataclass(frozen=True)
-class Site:
+class OpeningSite:
     """A circular opening.
 
     Args:
@@ -63,52 +63,56 @@ class Circle:
     radius: float | None = None
 
 
-def site_without_mesh(timeline: Timeline, circle: Circle) -> Site | str:
+def site_without_mesh(sequence: ConstructionSequence, circle: Circle) -> OpeningSite | str:
     """The opening of a case without mesh: all that is excavated. Or why there is none."""
     if circle.centre is None or circle.radius is None:
         return "without a mesh 'fit.closed-form' must give the centre and the radius"
-    groups = frozenset(g for state in timeline.states for g in state.left)
-    around = [g for g in timeline.states[0].materials if g not in groups]
+    groups = frozenset(g for state in sequence.states for g in state.leaving)
+    around = [g for g in sequence.states[0].materials if g not in groups]
     if not groups:
         return "no stage excavates anything"
     if not around:
         return "every group is excavated, none is left around the opening"
-    materials = {timeline.states[0].materials[g] for g in around}
+    materials = {sequence.states[0].materials[g] for g in around}
     if len(materials) > 1:
         return f"the ground around the opening is of several materials: {_listed(materials)}"
-    return Site(circle.centre, circle.radius, groups, around[0])
+    return OpeningSite(circle.centre, circle.radius, groups, around[0])
 
 
-def site_in_mesh(case: Case, mesh: Mesh, timeline: Timeline, circle: Circle) -> Site | str:
+def site_in_mesh(
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
+) -> OpeningSite | str:
     """The first circular opening that the stages of a case make in its mesh, or why none is."""
     leaving: frozenset[int] = frozenset()
     why = "no stage excavates anything"
-    for state in timeline.states[1:]:
-        if state.left - leaving:
-            leaving |= state.left
-            found = _Search(case, mesh, timeline, leaving).site(circle)
-            if isinstance(found, Site):
+    for state in sequence.states[1:]:
+        if state.leaving - leaving:
+            leaving |= state.leaving
+            found = _OpeningSearch(case, mesh, sequence, leaving).site(circle)
+            if isinstance(found, OpeningSite):
                 return found
             why = found
     return why
 
 
-class _Search:
+class _OpeningSearch:
     """Looks whether some groups are a circular opening."""
 
-    def __init__(self, case: Case, mesh: Mesh, timeline: Timeline, groups: frozenset[int]) -> None:
-        self._case, self._mesh, self._timeline = case, mesh, timeline
+    def __init__(
+        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, groups: frozenset[int]
+    ) -> None:
+        self._case, self._mesh, self._sequence = case, mesh, sequence
         self._groups = groups
-        self._inside = np.isin(timeline.group_of, list(groups))
-        self._present = timeline.present(0)
+        self._inside = np.isin(sequence.group_of, list(groups))
+        self._present = sequence.present(0)
         self._wall = np.intersect1d(
             nodes_in(mesh.blocks, self._inside),
             nodes_in(mesh.blocks, self._present & ~self._inside),
         )
 
-    def site(self, given: Circle) -> Site | str:
+    def site(self, given: Circle) -> OpeningSite | str:
         """The opening, or why it is none."""
-        names = _listed(self._timeline.groups[g] for g in self._groups)
+        names = _listed(self._sequence.groups[g] for g in self._groups)
         if len(self._wall) < 3:
             return f"{names} border no ground that stays"
         centre, radius = self._circle(given)
@@ -135,7 +139,9 @@ class _Search:
             return centre, float(np.linalg.norm(x - centre, axis=1).mean())
         return centre, float(np.sqrt(rest + first**2 + second**2))
 
-    def _checked(self, centre: Floats, radius: float, sides: list[tuple[int, Ints]]) -> Site | str:
+    def _checked(
+        self, centre: Floats, radius: float, sides: list[tuple[int, Ints]]
+    ) -> OpeningSite | str:
         """The opening if it is far from all else, in ground of one material."""
         edge = np.setdiff1d(self._outer_nodes(), np.concatenate([[], *(n for _, n in sides)]))
         points = self._mesh.points[edge.astype(np.int64)]
@@ -146,11 +152,11 @@ class _Search:
                 f"opening; at least {FAR:g} are needed"
             )
         around = self._around()
-        materials = {self._timeline.states[0].materials[g] for g in around}
+        materials = {self._sequence.states[0].materials[g] for g in around}
         if len(materials) > 1:
             return f"the ground at the wall is of several materials: {_listed(materials)}"
         x, y = (round(float(coordinate), 9) + 0.0 for coordinate in centre)
-        site = Site((x, y), radius, self._groups, around[0], self._walls())
+        site = OpeningSite((x, y), radius, self._groups, around[0], self._walls())
         return replace(site, remarks=self._remarks(far, materials.pop()))
 
     def _remarks(self, far: float, material: str) -> tuple[str, ...]:
@@ -160,7 +166,7 @@ class _Search:
                 f"the model ends {far:.1f} radii from the centre, where the closed form goes on: "
                 f"displacements differ by some {100.0 / far**2:.0f} %"
             )
-        virgin = self._timeline.states[0].materials
+        virgin = self._sequence.states[0].materials
         others = {m for g, m in virgin.items() if m != material and g not in self._groups}
         if others:
             remarks.append(f"the closed form leaves out {_listed(others)}: all is {material}")
@@ -170,7 +176,7 @@ class _Search:
         """Groups that stay and touch the wall."""
         stays, at_wall = self._present & ~self._inside, np.zeros(self._mesh.n_elements, bool)
         at_wall[self._elements_at(self._wall)] = True
-        return [int(g) for g in np.unique(self._timeline.group_of[stays & at_wall])]
+        return [int(g) for g in np.unique(self._sequence.group_of[stays & at_wall])]
 
     def _walls(self) -> frozenset[str]:
         """Groups of faces whose nodes are those of the wall."""

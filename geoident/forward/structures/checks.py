@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.location import Locator
+from geoident.fem.location import Locator, format_point
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.gauges.observation import format_point
-from geoident.forward.stages import Timeline, listed
+from geoident.forward.stages import ConstructionSequence, listed
 from geoident.forward.structures.members import (
     clamped_nodes,
     holding_site,
@@ -23,16 +22,18 @@ from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.structures import Beam, Bolts, Structure
 
 
-def structure_notes(case: Case, mesh: Mesh, timeline: Timeline, fixed: Bools) -> list[str]:
+def structure_notes(
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, fixed: Bools
+) -> list[str]:
     """Structures that no stage builds; linings that end at supports and turn freely there.
 
     Args:
         case: the case.
         mesh: its mesh.
-        timeline: of the case.
+        sequence: of the case.
         fixed: (n_dofs,) degrees of freedom held by supports.
     """
-    built = {name for state in timeline.states for name in state.structures}
+    built = {name for state in sequence.states for name in state.structures}
     held = np.logical_or.reduce(fixed.reshape(-1, mesh.dim), axis=1)
     notes = []
     for name, structure in case.structures.items():
@@ -75,19 +76,21 @@ def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
-def standing_faults(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> list[Fault]:
+def structure_place_faults(
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
+) -> list[Fault]:
     """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
     faults = []
     for name, structure in case.structures.items():
-        for n, state in enumerate(timeline.states):
+        for n, state in enumerate(sequence.states):
             if name not in state.structures:
                 continue
-            found = _missing(mesh, structure, timeline.present(n), locator)
+            found = _missing(mesh, structure, sequence.present(n), locator)
             if found is not None:
                 faults.append(_no_ground(case, name, *found, state.name))
                 break
         else:
-            present = present_throughout(timeline, name)
+            present = present_throughout(sequence, name)
             if present is not None and isinstance(structure, Bolts):
                 found = _missing(mesh, structure, present, locator)
                 if found is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.ground.elasticity import Values
-from geoident.forward.stages import Timeline
+from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -16,9 +16,11 @@ from geoident.model.structures import Beam, Bolts, Structure
 class MemberRecorder:
     """Turns the member forces q = (N, M at mid-length, Q) into forces at the ends, by state."""
 
-    def __init__(self, structures: Structures, timeline: Timeline, values: Values) -> None:
+    def __init__(
+        self, structures: Structures, sequence: ConstructionSequence, values: Values
+    ) -> None:
         self._structures = structures
-        self._timeline = timeline
+        self._sequence = sequence
         self._values = values
         self._axial: list[Floats] = []
         self._moment: list[Floats] = []
@@ -26,7 +28,7 @@ class MemberRecorder:
 
     def add(self, number: int, members: Floats) -> None:
         """Record the forces (n_rows, ...) at a state; column 0 of them counts."""
-        state = self._timeline.states[number]
+        state = self._sequence.states[number]
         parts = []
         for part in self._structures.parts:
             length = np.linalg.norm(part.members.ends[:, 1] - part.members.ends[:, 0], axis=1)
@@ -45,7 +47,7 @@ class MemberRecorder:
         return MemberForces(
             structures=tuple(part.name for part in parts for _ in range(len(part.members))),
             numbers=np.concatenate([np.arange(1, len(part.members) + 1) for part in parts]),
-            stages=tuple(state.name for state in self._timeline.states[1:]),
+            stages=tuple(state.name for state in self._sequence.states[1:]),
             ends=np.concatenate([part.members.ends for part in parts]),
             axial=np.stack(self._axial[1:], axis=-1),
             moment=np.stack(self._moment[1:], axis=-1).swapaxes(0, 1),

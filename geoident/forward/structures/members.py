@@ -22,13 +22,13 @@ from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.ground.elasticity import Values
-from geoident.forward.stages import State, Timeline
+from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Beam, Structure, structure_breach, structure_numbers
+from geoident.model.structures import Beam, Structure
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,12 @@ class Structures:
     `structure_checks` has made sure that each finds its nodes and elements.
     """
 
-    def __init__(self, case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> None:
-        self._timeline = timeline
+    def __init__(
+        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
+    ) -> None:
+        self._sequence = sequence
         self._dim = mesh.dim
-        self.parts = tuple(_parts(case, mesh, timeline, locator))
+        self.parts = tuple(_parts(case, mesh, sequence, locator))
         members = [part.members for part in self.parts]
         operators = [m.operator for m in members] or [sp.csr_array((0, mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
@@ -71,11 +73,11 @@ class Structures:
 
     def key(self, number: int) -> int:
         """Key of a structure in the stiffness pattern, where groups have their indices."""
-        return len(self._timeline.groups) + number
+        return len(self._sequence.groups) + number
 
-    def keys(self, state: State) -> frozenset[int]:
+    def keys(self, state: ConstructionState) -> frozenset[int]:
         """Keys of the structures that stand at a state."""
-        return frozenset(self.key(n) for n, _ in self._standing(state))
+        return frozenset(self.key(n) for n, _ in self._in_place(state))
 
     def late_nodes(self) -> Ints:
         """Nodes of beams, which all couple: to be eliminated last, so that they do not fill in."""
@@ -90,17 +92,17 @@ class Structures:
             for n, part in enumerate(self.parts)
         }
 
-    def maps(self, state: State, values: Values) -> dict[int, Floats]:
+    def maps(self, state: ConstructionState, values: Values) -> dict[int, Floats]:
         """Stiffness maps of the structures that stand, by key."""
         return {
             self.key(n): stiffness_map(*_stiffness(part.structure, values), dim=self._dim)
-            for n, part in self._standing(state)
+            for n, part in self._in_place(state)
         }
 
-    def moduli(self, state: State, point: ParameterPoint) -> Floats:
+    def moduli(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
         result = np.zeros((self.n_rows, point.n_columns))
-        for _, part in self._standing(state):
+        for _, part in self._in_place(state):
             axial, bending = rigidities(part.structure, point)
             chosen = part.members.bending[:, None]
             result[part.rows] = np.where(chosen, bending.columns, axial.columns)
@@ -114,13 +116,13 @@ class Structures:
         """B^T w q, (n_dofs, k), of member forces (n_rows, k)."""
         return np.asarray(self._transpose @ (self._weight[:, None] * forces))
 
-    def clear(self, state: State, forces: Floats) -> None:
+    def clear(self, state: ConstructionState, forces: Floats) -> None:
         """What does not stand, or is built only now, bears nothing."""
         for part in self.parts:
             if part.name not in state.structures or part.name in state.built:
                 forces[part.rows] = 0.0
 
-    def _standing(self, state: State) -> Iterator[tuple[int, _Part]]:
+    def _in_place(self, state: ConstructionState) -> Iterator[tuple[int, _Part]]:
         return ((n, p) for n, p in enumerate(self.parts) if p.name in state.structures)
 
 
@@ -166,25 +168,18 @@ def _inverse(dual: Dual) -> Dual:
 def inadmissible(case: Case, values: Values) -> str | None:
     """Which number of a structure is impossible at parameter values, or None."""
     for name, structure in case.structures.items():
-        found = structure_breach(structure, values)
+        found = structure.breach(values)
         if found:
             return f"of the structure '{name}' {found}"
     return None
 
 
-def affine_obstacle(case: Case, free: frozenset[str]) -> str | None:
-    """Why the structures' stiffness is not affine in the free parameters, or None if it is."""
-    for name, structure in case.structures.items():
-        for key, scalar in structure_numbers(structure).items():
-            if scalar.parameter in free and key not in ("E", "EA", "EI"):
-                return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
-    return None
-
-
-def _parts(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> Iterator[_Part]:
+def _parts(
+    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
+) -> Iterator[_Part]:
     first = 0
     for name, structure in case.structures.items():
-        present = present_throughout(timeline, name)
+        present = present_throughout(sequence, name)
         if present is None:
             continue
         if isinstance(structure, Beam):
@@ -201,10 +196,10 @@ def _parts(case: Case, mesh: Mesh, timeline: Timeline, locator: Locator) -> Iter
         yield _Part(name, structure, members, rows)
 
 
-def present_throughout(timeline: Timeline, name: str) -> Bools | None:
+def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
-    standing = [n for n, state in enumerate(timeline.states) if name in state.structures]
-    return np.logical_and.reduce([timeline.present(n) for n in standing]) if standing else None
+    there = [n for n, state in enumerate(sequence.states) if name in state.structures]
+    return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
 
 
 def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:

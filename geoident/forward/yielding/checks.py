@@ -15,14 +15,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Parameter
-from geoident.model.yielding import (
-    DruckerPrager,
-    GivenPlanes,
-    MohrCoulomb,
-    WeakPlane,
-    YieldSurface,
-    apex,
-)
+from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
 _NEGLIGIBLE = 1e-9
 
@@ -51,7 +44,7 @@ def yield_notes(case: Case) -> list[str]:
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
         for surface in material.yields:
-            limit, tension = apex(surface, start), getattr(surface, "tension", None)
+            limit, tension = surface.apex(start), getattr(surface, "tension", None)
             if limit is not None and tension is not None and tension.value(start) >= limit:
                 notes.append(
                     f"the tension of '{material.name}' is not less than c / tan(phi), at the start "
@@ -182,24 +175,8 @@ def _stressed_from_the_start(case: Case, material: Material) -> Fault | None:
 
 
 def _described(case: Case, material: Material) -> str:
+    kinds = " and ".join(surface.description for surface in material.yields)
     if is_smooth(material):
-        (surface,) = material.yields
-        assert isinstance(surface, MohrCoulomb)
-        flow = "with associated flow" if surface.dilation is None else "with its own dilation"
-        return f"{_kind(surface)}, smooth, {flow}"
+        return kinds
     count = len(yield_planes(material, ParameterPoint(_start(case), ()), n_strain_of(case)).names)
-    kinds = " and ".join(_kind(surface) for surface in material.yields)
     return f"{kinds}: {count} plane{'s' * (count > 1)}, with associated flow"
-
-
-def _kind(surface: YieldSurface) -> str:
-    if isinstance(surface, GivenPlanes):
-        return "given planes"
-    if isinstance(surface, WeakPlane):
-        return "a weak plane"
-    name = "Drucker-Prager's cone" if isinstance(surface, DruckerPrager) else "Mohr-Coulomb"
-    if isinstance(surface, MohrCoulomb) and surface.friction.factor == 0.0:
-        name = "Tresca"
-    smooth = isinstance(surface, MohrCoulomb) and surface.planes is None
-    lies = "" if smooth else f" ({surface.fit} fit)"
-    return name + (" with a cut-off of tension" if surface.tension is not None else "") + lies

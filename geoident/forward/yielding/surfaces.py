@@ -49,17 +49,10 @@ from geoident.model.yielding import (
     YieldSurface,
 )
 
-_KINDS: Mapping[type, str] = {
-    GivenPlanes: "planes",
-    MohrCoulomb: "mohr-coulomb",
-    DruckerPrager: "drucker-prager",
-    WeakPlane: "weak-plane",
-}
-
 
 def is_smooth(material: Material) -> bool:
     """Whether the material yields by the smooth Mohr-Coulomb surface."""
-    return any(isinstance(s, MohrCoulomb) and s.planes is None for s in material.yields)
+    return any(surface.is_smooth for surface in material.yields)
 
 
 def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> YieldPlanes:
@@ -80,7 +73,7 @@ def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> Yi
 
 def _labelled(surfaces: Sequence[YieldSurface], parts: Sequence[YieldPlanes]) -> list[YieldPlanes]:
     """Planes with names that also say which surface they are of."""
-    kinds = [_KINDS[type(surface)] for surface in surfaces]
+    kinds = [surface.kind for surface in surfaces]
     labels = [
         f"{kind} {kinds[: n + 1].count(kind)}" if kinds.count(kind) > 1 else kind
         for n, kind in enumerate(kinds)

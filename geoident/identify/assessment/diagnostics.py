@@ -29,24 +29,24 @@ import numpy as np
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.objective.loss import robust_scale, weights
 from geoident.identify.problem.problem import Problem
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Floats, Ints
 
 ALONE = 1.0 - 1e-9
 """Leverage from which on a reading decides alone."""
 
 
 @dataclass(frozen=True)
-class Influence:
-    """How each of m sets of readings bears on the answer, for g readings and n parameters.
+class ReadingInfluence:
+    """How each of g readings bears on the answer, for n parameters.
 
     Args:
-        standardized: (m,) e of the reading of the set that is farthest off.
-        studentized: (m,) its t.
-        weight: (m,) what is left of the weight of the set.
-        leverage: (m,) sum of h over the set.
-        influence: (m, n) change of each parameter by the set, in its standard deviations; 0 for
-            parameters at a bound.
-        distance: (m,) Cook's distance.
+        standardized: (g,) e.
+        studentized: (g,) t.
+        weight: (g,) what the loss leaves of it.
+        leverage: (g,) h.
+        influence: (g, n) change of each parameter by the set to which the reading belongs, in its
+            standard deviations; 0 for parameters at a bound.
+        distance: (g,) Cook's distance of that set.
         scale: robust scatter of e; near 1 if the accuracies are right.
     """
 
@@ -72,7 +72,7 @@ def effective_sd(problem: Problem, readings: Floats) -> Floats:
 
 def diagnose(
     problem: Problem, assessment: Assessment, readings: Floats, jacobian: Floats, sets: Ints
-) -> Influence:
+) -> ReadingInfluence:
     """Leverage, residuals and influence of the readings at the estimate.
 
     Args:
@@ -86,54 +86,39 @@ def diagnose(
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
     C = assessment.covariance_x
-    removals = [_removed(B, e, np.sqrt(w) * e, C, np.flatnonzero(sets == k)) for k in _each(sets)]
-    n, m = C.shape[0], len(removals)
-    worst = np.array([removal.worst for removal in removals], dtype=np.int64)
-    return Influence(
-        standardized=e[worst],
-        studentized=np.array([removal.studentized for removal in removals], dtype=np.float64),
-        weight=np.array([_together(w, problem.sd, sets == k) for k in _each(sets)]),
-        leverage=np.array([removal.leverage for removal in removals], dtype=np.float64),
-        influence=np.array([removal.change for removal in removals]).reshape(m, n),
-        distance=np.array([removal.distance for removal in removals], dtype=np.float64),
+    leverage, distance = np.full(len(e), np.nan), np.full(len(e), np.nan)
+    influence = np.full((len(e), C.shape[0]), np.nan)
+    for k in range(int(sets.max(initial=-1)) + 1):
+        rows = np.flatnonzero(sets == k)
+        H = B[rows] @ C @ B[rows].T
+        leverage[rows] = np.diag(H)
+        influence[rows], distance[rows] = _removed(B[rows], H, np.sqrt(w[rows]) * e[rows], C)
+    spare = np.where(leverage < ALONE, 1.0 - leverage, np.nan)
+    return ReadingInfluence(
+        standardized=e,
+        studentized=e / np.sqrt(spare),
+        weight=w,
+        leverage=leverage,
+        influence=influence,
+        distance=distance,
         scale=robust_scale(e),
     )
 
 
-@dataclass(frozen=True)
-class _Removal:
-    """What the removal of one set does; the index of its worst reading among all."""
+def _removed(B: Floats, H: Floats, weighted: Floats, C: Floats) -> tuple[Floats, float]:
+    """What the removal of a set of r readings does: the changes (n,) and Cook's distance.
 
-    worst: int
-    studentized: float
-    leverage: float
-    change: Floats
-    distance: float
-
-
-def _together(w: Floats, sd: Floats, mine: Bools) -> float:
-    """What is left of the weight of the readings of a set, by the information that each gives."""
-    return float(np.average(w[mine], weights=1.0 / sd[mine] ** 2))
-
-
-def _each(sets: Ints) -> range:
-    return range(int(sets.max(initial=-1)) + 1)
-
-
-def _removed(B: Floats, e: Floats, weighted: Floats, C: Floats, rows: Ints) -> _Removal:
-    """The removal of some rows of B (g, n), with residuals e (g,), also weighted, and C (n, n)."""
-    H = B[rows] @ C @ B[rows].T
-    h = np.diag(H)
-    spare = np.where(h < ALONE, 1.0 - h, np.nan)
-    t = e[rows] / np.sqrt(spare)
-    worst = int(np.argmax(np.where(np.isnan(t), np.inf, np.abs(t))))
+    Args:
+        B: (r, n) their weighted rows.
+        H: (r, r) their part of the hat matrix.
+        weighted: (r,) sqrt(w) e.
+        C: (n, n) covariance of the parameters.
+    """
     sd = np.sqrt(np.diag(C))
     if np.linalg.eigvalsh(H).max(initial=0.0) >= ALONE:
-        pull = np.abs(C @ B[rows].T).max(axis=1, initial=0.0) > 1e-9 * sd
-        change, distance = np.where(pull, np.inf, 0.0), np.inf
-    else:
-        z = np.linalg.solve(np.eye(len(rows)) - H, weighted[rows])
-        moved = C @ B[rows].T @ z
-        change = np.divide(moved, sd, out=np.zeros_like(sd), where=sd > 0.0)
-        distance = float(z @ H @ z) / max(1, int(np.count_nonzero(sd)))
-    return _Removal(int(rows[worst]), float(t[worst]), float(h.sum()), change, distance)
+        pull = np.abs(C @ B.T).max(axis=1, initial=0.0) > 1e-9 * sd
+        return np.where(pull, np.inf, 0.0), np.inf
+    z = np.linalg.solve(np.eye(len(H)) - H, weighted)
+    moved = C @ B.T @ z
+    change = np.divide(moved, sd, out=np.zeros_like(sd), where=sd > 0.0)
+    return change, float(z @ H @ z) / max(1, int(np.count_nonzero(sd)))

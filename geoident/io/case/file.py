@@ -6,6 +6,7 @@ else in the case or its readings; and later, elsewhere, what needs the mesh.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +32,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
+from geoident.model.gauges import Channel
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
@@ -103,9 +105,18 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         notes=read.notes,
     )
     faults.raise_any()
+    channels = tuple(_less_zero(channel, read.zero_sd) for channel in case.channels)
+    case = replace(case, channels=channels)
     chain = [method_name(options) for options in case.fit.methods]
     resolved = _resolved_text(section, chain)
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
+
+
+def _less_zero(channel: Channel, zero_sd: Mapping[str, float]) -> Channel:
+    """A channel with the accuracy of its readings less a measured zero."""
+    if channel.name not in zero_sd:
+        return channel
+    return replace(channel, accuracy=math.hypot(channel.accuracy, zero_sd[channel.name]))
 
 
 def files_of_text(text: str, path: str) -> tuple[str, ...]:

@@ -96,6 +96,8 @@ class _Gauge(Section):
             offset=scalar_of(self.offset),
             drift=scalar_of(self.drift),
             drift_per_stage=scalar_of(self.drift_per_stage),
+            dimension=self.accuracy.dimension,
+            unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
         )
 
 
@@ -206,12 +208,10 @@ GaugeSection = Annotated[
 Gauges = Mapping[str, GaugeSection]
 
 
-def channel_names(gauges: Gauges) -> dict[str, str]:
-    """Names of all channels with the stage at which each reads zero."""
+def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
+    """Names of all channels with what the case says of the gauge of each."""
     return {
-        channel: gauge.zero
-        for name, gauge in gauges.items()
-        for channel in gauge.channel_names(name)
+        channel: gauge for name, gauge in gauges.items() for channel in gauge.channel_names(name)
     }
 
 

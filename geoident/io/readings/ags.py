@@ -17,12 +17,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.cells import Cell, Table
-from geoident.io.readings.layout import FieldReading, Layout, Origin
+from geoident.io.readings.table import Cell, Layout, Origin, Table
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing
+from geoident.model.gauges import Reading
 from geoident.units import UnitError, read_quantity
 
 HEADINGS = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE", "MOND_REF", "MOND_INST")
@@ -31,7 +31,7 @@ _NEEDED = ("MOND_DTIM", "MOND_RDNG")
 _INSTALL = 'Install the library that reads it: pip install "geoident[ags]".'
 
 
-def read_ags(path: str, layout: Layout) -> tuple[FieldReading, ...]:
+def read_ags(path: str, layout: Layout) -> tuple[Reading, ...]:
     """The readings of the declared channels in the file's group MOND.
 
     Raises:
@@ -46,7 +46,7 @@ def read_ags(path: str, layout: Layout) -> tuple[FieldReading, ...]:
     missing = [name for name in _NEEDED if name not in group]
     if missing:
         table.refuse((0, 0), "bad-header", f"group MOND has no heading {listing(missing)}")
-    readings: list[FieldReading] = []
+    readings: list[Reading] = []
     if not table.faults:
         reader = _Reader(table, group)
         reader.require_date_format()
@@ -119,7 +119,7 @@ class _Reader:
             )
             self.table.refuse((0, 0), "bad-date-format", message)
 
-    def channel(self, channel: str, origin: Origin) -> list[FieldReading]:
+    def channel(self, channel: str, origin: Origin) -> list[Reading]:
         """The readings of one channel."""
         unknown = [name for name in origin.fields if name not in self.group]
         if unknown:
@@ -146,7 +146,7 @@ class _Reader:
         message = f"no row of group MOND has {asked} for '{channel}'"
         self.table.refuse((0, 0), "no-readings", message, hint)
 
-    def _reading(self, n: int, channel: str, origin: Origin) -> FieldReading | None:
+    def _reading(self, n: int, channel: str, origin: Origin) -> Reading | None:
         line = int(self.group["line_number"][n])
         cell = Cell(self.group["MOND_RDNG"][n].strip(), 1)
         try:
@@ -156,18 +156,19 @@ class _Reader:
             self.table.refuse((line, 1), "bad-date", f"MOND_DTIM: {error}", hint)
             return None
         value = self.table.number(line, cell)
-        factor = self._factor(n, line, origin) if value is not None else 1.0
+        dimension = self.table.layout.dimension(channel)
+        factor = self._factor(n, line, origin, dimension) if value is not None else 1.0
         if (value is None and cell.text) or factor is None:
             return None
         here = Location(self.table.file, line, 1)
         known = None if value is None else origin.sign * value * factor
-        return FieldReading(channel, None, time, known, None, "", here, here)
+        return Reading(channel, "", known, location=here, time=time, when=here)
 
-    def _factor(self, n: int, line: int, origin: Origin) -> float | None:
-        """Size in m of the unit: that of the row, or else the declared one."""
+    def _factor(self, n: int, line: int, origin: Origin, dimension: str) -> float | None:
+        """Size of the unit in that of SI: that of the row, or else the declared one."""
         given = str(self.group.get("MOND_UNIT", {n: ""})[n]).strip()
         unit = given or origin.unit or self.table.layout.unit
-        return self.table.length_unit(line, Cell(unit, 1))
+        return self.table.unit(line, Cell(unit, 1), dimension)
 
 
 def _same(found: object, wanted: str) -> bool:

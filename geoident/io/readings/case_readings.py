@@ -1,19 +1,23 @@
-"""The readings of a case, from wherever it says they are, held against the case."""
+"""The readings of a case: from wherever it says they are, to its stages, held against the case.
+
+A reading with a date belongs to the stage that was complete then: the last whose date is not later.
+Within a stage the last good reading counts, or their mean, or all of them, as the case says.
+What is not used here is counted and said, never dropped in silence.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges import channel_names
-from geoident.io.readings.ags import read_ags
-from geoident.io.readings.file import read_readings
-from geoident.io.readings.layout import FieldReading
+from geoident.io.case.gauges import GaugeSection, sections_of_channels
+from geoident.io.readings.file import format_of
 from geoident.io.readings.schema import ReadingSection, ReadingsFileSection, entries
-from geoident.io.readings.stages import Calendar, assign
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
@@ -33,27 +37,30 @@ class ReadReadings:
         paths: of the files.
         dates: stage to the date of its end, seconds since 1970.
         notes: what is to be known of how they were understood.
+        zero_sd: channel to the standard deviation of the measured zero that was subtracted from its
+            readings, SI.
     """
 
     readings: tuple[Reading, ...] = ()
     paths: tuple[str, ...] = ()
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    zero_sd: Mapping[str, float] = field(default_factory=dict)
 
 
 def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     """Read what the case gives as readings; what is wrong in it is noted.
 
     Args:
-        section: the whole case as it is written.
-        find: leads from a path in the case to a file.
-        faults: takes what is wrong.
+        section: the case.
+        find: finds the files that it names.
+        faults: is told what is wrong.
     """
     calendar = _calendar(section, faults)
     paths: list[str] = []
     notes: list[str] = []
     check = _Check(section, calendar, faults)
-    found: list[FieldReading] = []
+    found: list[Reading] = []
     for path, entry in entries(section.readings):
         if isinstance(entry, ReadingSection):
             batch, alone = [_inline(entry, path, faults)], True
@@ -62,8 +69,15 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         check.all(batch, alone=alone)
         found += batch
     check.bad()
-    readings = tuple(_reading(section, reading) for reading in found)
-    return ReadReadings(readings, tuple(paths), calendar.dates, tuple(notes))
+    readings = tuple(
+        replace(
+            row,
+            bad=row.bad or _bad_reason(section, row),
+            accuracy=calendar.accuracy(row) if row.channel in check.zero_sd else row.accuracy,
+        )
+        for row in found
+    )
+    return ReadReadings(readings, tuple(paths), calendar.dates, tuple(notes), check.zero_sd)
 
 
 def _calendar(section: CaseSection, faults: Faults) -> Calendar:
@@ -83,20 +97,18 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
             message = f"'{name}' ends before '{before}' ({date_text(dates[before])})"
             faults.add(("dates", name), "dates-order", message, "Correct one of the dates.")
         before = name
-    return Calendar(stages, dates, channel_names(section.gauges))
+    return Calendar(stages, dates, sections_of_channels(section.gauges))
 
 
-def _inline(entry: ReadingSection, path: KeyPath, faults: Faults) -> FieldReading:
-    return FieldReading(
+def _inline(entry: ReadingSection, path: KeyPath, faults: Faults) -> Reading:
+    return Reading(
         channel=entry.gauge,
         stage=entry.stage,
-        time=None,
         value=entry.value.factor if entry.value else None,
         accuracy=entry.accuracy.factor if entry.accuracy else None,
-        bad="",
         location=faults.places.locate((*path, "gauge")),
         when=faults.places.locate((*path, "stage")),
-        path=path,
+        key=path,
     )
 
 
@@ -106,7 +118,7 @@ def _of_file(
     tools: tuple[Find, Calendar, _Check],
     paths: list[str],
     notes: list[str],
-) -> tuple[list[FieldReading], bool]:
+) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
     find, calendar, check = tools
     described = ReadingsFileSection(file=entry) if isinstance(entry, str) else entry
@@ -116,8 +128,8 @@ def _of_file(
     if len(check.faults.found) > before:
         return [], True
     try:
-        layout = described.described()
-        rows = read_ags(paths[-1], layout) if described.is_ags else read_readings(paths[-1], layout)
+        layout = described.described(calendar.dimensions)
+        rows = format_of(described.file).read(paths[-1], layout)
     except InputError as error:
         check.faults.extend(error.faults)
         return [], True
@@ -132,21 +144,11 @@ def _of_file(
     assigned = assign(rows, calendar, several=several, rezero=described.rezero)
     notes += assigned.notes
     check.zeroed(assigned.unzeroed)
+    check.zero_sd |= assigned.zero_sd
     return assigned.readings, not several
 
 
-def _reading(section: CaseSection, row: FieldReading) -> Reading:
-    """For the model; a mean of n readings has the accuracy of one divided by sqrt(n)."""
-    accuracy = row.accuracy
-    gauge = section.gauges.get(row.channel) or section.gauges.get(row.channel.rpartition(".")[0])
-    if row.count > 1 and accuracy is None and gauge is not None:
-        accuracy = gauge.accuracy.factor / math.sqrt(row.count)
-    bad = row.bad or _bad_reason(section, row)
-    stage = row.stage or VIRGIN
-    return Reading(row.channel, stage, row.value, accuracy, row.location, row.time, bad)
-
-
-def _bad_reason(section: CaseSection, row: FieldReading) -> str:
+def _bad_reason(section: CaseSection, row: Reading) -> str:
     for entry in section.bad:
         whole_gauge = row.channel.startswith(f"{entry.gauge}.")
         if entry.stage in {None, row.stage} and (entry.gauge == row.channel or whole_gauge):
@@ -154,10 +156,205 @@ def _bad_reason(section: CaseSection, row: FieldReading) -> str:
     return ""
 
 
+@dataclass(frozen=True)
+class Calendar:
+    """The stages of a case in their order, their dates, and when channels are zero.
+
+    Args:
+        stages: names, the virgin state first.
+        dates: stage to seconds since 1970, for those that have a date, increasing.
+        channels: name to what the case says of the gauge of a channel.
+    """
+
+    stages: tuple[str, ...]
+    dates: Mapping[str, float]
+    channels: Mapping[str, GaugeSection]
+
+    @cached_property
+    def zeros(self) -> dict[str, str]:
+        """Channel to the stage at whose end it reads zero."""
+        return {name: gauge.zero for name, gauge in self.channels.items()}
+
+    @cached_property
+    def dimensions(self) -> dict[str, str]:
+        """Channel to the dimension of its readings."""
+        return {name: gauge.accuracy.dimension for name, gauge in self.channels.items()}
+
+    def accuracy(self, reading: Reading) -> float | None:
+        """Standard deviation of a reading or a mean, SI; None where its channel is unknown.
+
+        A mean of n readings has that of one divided by root of n.
+        """
+        if reading.accuracy is not None or reading.channel not in self.channels:
+            return reading.accuracy
+        return self.channels[reading.channel].accuracy.factor / math.sqrt(reading.count)
+
+    def stage_at(self, time: float) -> str:
+        """The last stage that was complete at a time; the virgin state before all."""
+        done = [s for s in self.stages if s in self.dates and self.dates[s] <= time]
+        return done[-1] if done else VIRGIN
+
+    def before_zero(self, channel: str, stage: str) -> bool:
+        """Whether a stage comes before the zero of a channel."""
+        order = self.stages.index
+        zero = self.zeros.get(channel, VIRGIN)
+        return stage in self.stages and zero in self.stages and order(stage) < order(zero)
+
+
+@dataclass
+class Assigned:
+    """Readings by stage, and what has to be said about the others.
+
+    Args:
+        readings: with their stages.
+        notes: sentences.
+        unzeroed: channels that have no reading at their zero to be subtracted.
+        zero_sd: channel to the standard deviation of what was subtracted, SI.
+    """
+
+    readings: list[Reading]
+    notes: list[str] = field(default_factory=list)
+    unzeroed: list[Reading] = field(default_factory=list)
+    zero_sd: dict[str, float] = field(default_factory=dict)
+
+
+def assign(
+    readings: Sequence[Reading], calendar: Calendar, *, several: str, rezero: bool
+) -> Assigned:
+    """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
+
+    Args:
+        readings: of one file.
+        calendar: stages and dates.
+        several: ``last``, ``mean`` or ``all``.
+        rezero: subtract from each channel what was read at its zero.
+    """
+    staged = [
+        reading
+        if reading.time is None or reading.stage
+        else replace(reading, stage=calendar.stage_at(reading.time))
+        for reading in readings
+    ]
+    found = Assigned(staged)
+    if rezero:
+        zeros = _take_zeros(found, calendar, several)
+    _leave_out_early(found, calendar)
+    reduced = [kept for group in _groups(found.readings) for kept in _reduced(group, several)]
+    found.readings = [
+        replace(row, accuracy=calendar.accuracy(row)) if row.count > 1 else row for row in reduced
+    ]
+    if rezero:
+        _subtract_zeros(found, calendar, zeros)
+    return found
+
+
+def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
+    """Readings of the same channel and stage together, in the order of the file."""
+    together: dict[tuple[str, str], list[Reading]] = {}
+    for reading in readings:
+        together.setdefault((reading.channel, reading.stage), []).append(reading)
+    return list(together.values())
+
+
+def _reduced(group: list[Reading], several: str) -> list[Reading]:
+    """The bad readings of a group, and what is left of the good ones; a blank if there are none."""
+    bad = [reading for reading in group if reading.bad]
+    good = [reading for reading in group if not reading.bad and reading.value is not None]
+    if not good:
+        return bad or group[:1]
+    if several == "last":
+        good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
+        if good[0].time is None:
+            good = [[r for r in group if not r.bad and r.value is not None][-1]]
+    elif several == "mean":
+        good = [_mean(good)]
+    return [*good, *bad]
+
+
+def _mean(good: list[Reading]) -> Reading:
+    """One reading for several; its accuracy is that of the gauge unless each has its own."""
+    n = len(good)
+    times = [reading.time for reading in good if reading.time is not None]
+    own = [reading.accuracy for reading in good if reading.accuracy is not None]
+    accuracy = math.sqrt(sum(a**2 for a in own)) / n if len(own) == n else None
+    return replace(
+        good[-1],
+        value=sum(reading.value or 0.0 for reading in good) / n,
+        time=sum(times) / n if len(times) == n else None,
+        accuracy=accuracy,
+        count=n,
+    )
+
+
+def _take_zeros(found: Assigned, calendar: Calendar, several: str) -> dict[str, Reading]:
+    """Channel to what was read at its zero; these readings say nothing more."""
+    at_zero = [r for r in found.readings if calendar.zeros.get(r.channel) == r.stage]
+    good = [r for r in at_zero if r.value is not None and not r.bad]
+    which = "last" if several == "last" else "mean"
+    zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
+    found.readings = [r for r in found.readings if calendar.zeros.get(r.channel) != r.stage]
+    lacking = {
+        r.channel: r for r in found.readings if r.channel not in zeros and r.value is not None
+    }
+    found.unzeroed = list(lacking.values())
+    return zeros
+
+
+def _subtract_zeros(found: Assigned, calendar: Calendar, zeros: Mapping[str, Reading]) -> None:
+    """Subtract what was read at zero from the readings that are left, and its error with it.
+
+    The errors of the two are independent, so the variance of their difference is the sum of both
+    (ISO/IEC Guide 98-3, 5.1.2). That all readings of a channel share the error of its zero is said;
+    their covariance is not taken into account.
+    """
+    found.readings = [
+        _difference(row, zeros[row.channel], calendar)
+        if row.value is not None and row.channel in zeros
+        else row
+        for row in found.readings
+    ]
+    channels = dict.fromkeys(row.channel for row in found.readings if row.channel in zeros)
+    known = {name: calendar.accuracy(zeros[name]) for name in channels}
+    found.zero_sd = {name: sd for name, sd in known.items() if sd is not None}
+    if channels:
+        names = ", ".join(channels)
+        found.notes.append(
+            f"The readings of {names} are differences from a measured zero (rezero): their "
+            "standard deviation is the root of the sum of the squares of both. All readings of a "
+            "channel share the error of its zero; they count as independent all the same."
+        )
+
+
+def _difference(row: Reading, zero: Reading, calendar: Calendar) -> Reading:
+    own, common = calendar.accuracy(row), calendar.accuracy(zero)
+    both = None if own is None or common is None else math.hypot(own, common)
+    return replace(row, value=(row.value or 0.0) - (zero.value or 0.0), accuracy=both)
+
+
+def _leave_out_early(found: Assigned, calendar: Calendar) -> None:
+    """Leave out dated readings of the time before the zero of their channel."""
+    early = [r for r in found.readings if r.time is not None and _is_early(r, calendar)]
+    left_out = {id(reading) for reading in early}
+    found.readings = [r for r in found.readings if id(r) not in left_out]
+    for channel, number in Counter(reading.channel for reading in early).items():
+        zero = calendar.zeros.get(channel, VIRGIN)
+        since = calendar.dates.get(zero if zero != VIRGIN else "", None)
+        when = f" ({date_text(since)})" if since is not None else ""
+        what = f"its zero at the end of '{zero}'{when}" if zero != VIRGIN else "the first stage"
+        readings = "reading" if number == 1 else "readings"
+        found.notes.append(f"{number} {readings} of {channel} before {what} left out.")
+
+
+def _is_early(reading: Reading, calendar: Calendar) -> bool:
+    stage = reading.stage or VIRGIN
+    return stage == VIRGIN or calendar.before_zero(reading.channel, stage)
+
+
 class _Check:
     """What readings are held against.
 
-    ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order.
+    ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
+    ``zero_sd`` channels to the standard deviation of a measured zero.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -166,10 +363,11 @@ class _Check:
         self.zeros = calendar.zeros
         self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
-        self.seen: dict[tuple[str, str | None], FieldReading] = {}
+        self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
+        self.zero_sd: dict[str, float] = {}
 
-    def all(self, readings: Iterable[FieldReading], *, alone: bool) -> None:
+    def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
         """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""
         for reading in readings:
             self._gauge(reading)
@@ -187,7 +385,7 @@ class _Check:
                 message = f"there is no gauge '{name}' to read"
                 self.faults.add(place, "unknown-gauge", message, hint, key=True)
 
-    def zeroed(self, readings: Iterable[FieldReading]) -> None:
+    def zeroed(self, readings: Iterable[Reading]) -> None:
         """Every channel has a reading at its zero, if that is to be subtracted."""
         for reading in readings:
             zero = self.zeros.get(reading.channel, VIRGIN)
@@ -209,7 +407,7 @@ class _Check:
                 message = f"there is no stage '{entry.stage}'"
                 self.faults.add(("bad", n, "stage"), "unknown-stage", message, hint)
 
-    def _gauge(self, placed: FieldReading) -> None:
+    def _gauge(self, placed: Reading) -> None:
         name = placed.channel
         if name in self.zeros:
             return
@@ -221,7 +419,7 @@ class _Check:
             hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
         self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)
 
-    def _stage(self, placed: FieldReading) -> None:
+    def _stage(self, placed: Reading) -> None:
         """The stage exists, and is not before the zero of the gauge."""
         name = placed.stage or VIRGIN
         zero = self.zeros.get(placed.channel, VIRGIN)
@@ -238,7 +436,7 @@ class _Check:
             return
         self._refuse(placed, code, message, hint, key="stage")
 
-    def _drift(self, placed: FieldReading) -> None:
+    def _drift(self, placed: Reading) -> None:
         """The times of a gauge that drifts are known."""
         gauge = placed.channel if placed.channel in self.section.gauges else ""
         gauge = gauge or placed.channel.rpartition(".")[0]
@@ -253,7 +451,7 @@ class _Check:
                 hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
                 self.faults.add(("gauges", gauge, "drift"), "missing-dates", message, hint)
 
-    def _twice(self, placed: FieldReading, *, alone: bool) -> None:
+    def _twice(self, placed: Reading, *, alone: bool) -> None:
         """No channel is read twice at a stage, unless one file says what that means."""
         first = self.seen.setdefault((placed.channel, placed.stage), placed)
         same_file = first.location.file == placed.location.file
@@ -264,8 +462,8 @@ class _Check:
         self._refuse(placed, "duplicate-reading", message, "Keep one of them.")
 
     def _refuse(
-        self, placed: FieldReading, code: str, message: str, hint: str, *, key: str = "gauge"
+        self, placed: Reading, code: str, message: str, hint: str, *, key: str = "gauge"
     ) -> None:
         location: Location = placed.when if key == "stage" else placed.location
-        path = format_path((*placed.path, key)) if placed.path else ""
+        path = format_path((*placed.key, key)) if placed.key else ""
         self.faults.extend([Fault(code, message, hint, location, path)])

@@ -3,20 +3,23 @@
 ``date`` may stand in place of ``stage``, and columns may have other names if the case declares
 them. Lines that begin with ``#`` and blank lines are passed over. A blank value is a reading that
 was not taken: it is kept, and counted later. The wide layout, one column a gauge, is in
-`readings_wide`.
+`geoident.io.readings.wide`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 from geoident.errors import InputError, Location
-from geoident.io.readings.cells import Cell, Table, flag, lines
-from geoident.io.readings.layout import COLUMNS, FieldReading, Layout
+from geoident.io.readings.ags import read_ags
+from geoident.io.readings.table import COLUMNS, Cell, Layout, Table, flag, lines
 from geoident.io.readings.wide import WideReader
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing, shorten
+from geoident.model.gauges import Reading
 
 REQUIRED = ("gauge", "stage", "value", "unit")
 MAX_ROWS = 1_000_000
@@ -25,7 +28,26 @@ _MOST_FAULTS = 1000
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 
 
-def read_readings(path: str, layout: Layout | None = None) -> tuple[FieldReading, ...]:
+@dataclass(frozen=True)
+class Format:
+    """A format of files of readings.
+
+    Args:
+        read: the readings of a file that is laid out as declared.
+        many: what a file of it is called in a message, if it has readings of many instruments, so
+            that it must be declared which are whose.
+    """
+
+    read: Callable[[str, Layout], tuple[Reading, ...]]
+    many: str = ""
+
+
+def format_of(path: str) -> Format:
+    """The format of a file, by its suffix; CSV if it is none of `FORMATS`."""
+    return FORMATS.get(Path(path).suffix.lower(), CSV)
+
+
+def read_readings(path: str, layout: Layout | None = None) -> tuple[Reading, ...]:
     """Read a CSV file of readings.
 
     Raises:
@@ -34,9 +56,7 @@ def read_readings(path: str, layout: Layout | None = None) -> tuple[FieldReading
     return parse_readings(read_bytes(path, limit=MAX_BYTES, what="readings file"), path, layout)
 
 
-def parse_readings(
-    content: bytes, file: str, layout: Layout | None = None
-) -> tuple[FieldReading, ...]:
+def parse_readings(content: bytes, file: str, layout: Layout | None = None) -> tuple[Reading, ...]:
     """Readings from the bytes of a CSV file; see `read_readings`.
 
     Args:
@@ -60,7 +80,7 @@ def parse_readings(
     reader = WideReader(table) if table.layout.wide else _LongReader(table)
     if not _separated_otherwise(table, *header):
         reader.header(*header)
-    rows: list[FieldReading] = []
+    rows: list[Reading] = []
     for line in rest if not table.faults else ():
         rows += reader.row(*line)
         if len(table.faults) > _MOST_FAULTS:
@@ -85,6 +105,11 @@ def _separated_otherwise(table: Table, number: int, line: str) -> bool:
         hint = f"It has {listing(_DELIMITERS[d] for d in others)}: correct 'delimiter' in the case."
     table.refuse((number, 1), "bad-header", message, hint)
     return True
+
+
+CSV = Format(read_readings)
+FORMATS = {".ags": Format(read_ags, many="an AGS file")}
+"""Suffix to format. What reads a new one stands in its own module, and here in a line."""
 
 
 class _LongReader:
@@ -132,7 +157,7 @@ class _LongReader:
             message = f"columns missing in the header: {listing(missing)}"
             self.table.refuse((number, 1), "bad-header", message, hint)
 
-    def row(self, number: int, line: str) -> list[FieldReading]:
+    def row(self, number: int, line: str) -> list[Reading]:
         """The reading of a row, if it is right."""
         table, cells = self.table, self.table.split(number, line)
         if not cells or not self._has_width(number, cells):
@@ -143,21 +168,21 @@ class _LongReader:
         self._check_names(number, row)
         channel, sign, unit = self._channel(row["gauge"].text)
         time = table.date(number, row["date"]) if "date" in self.required else None
-        factor = self._factor(number, row, unit)
-        value, accuracy = table.number(number, row["value"]), None
+        factor = self._factor(number, row, unit, table.layout.dimension(channel))
+        value = table.number(number, row["value"])
         accuracy = table.accuracy(number, row.get("accuracy"))
         if len(table.faults) > before or factor is None or not channel:
             return []
         when = row["date" if "date" in self.required else "stage"]
         return [
-            FieldReading(
+            Reading(
                 channel=channel,
-                stage=None if "date" in self.required else row["stage"].text,
-                time=time,
+                stage="" if "date" in self.required else row["stage"].text,
                 value=None if value is None else sign * value * factor,
                 accuracy=None if accuracy is None else accuracy * factor,
                 bad=flag(row["bad"].text) if "bad" in row else "",
                 location=table.place(number, row["gauge"]),
+                time=time,
                 when=Location(table.file, number, when.column),
             )
         ]
@@ -195,8 +220,10 @@ class _LongReader:
             return False
         return True
 
-    def _factor(self, number: int, row: Mapping[str, Cell], unit: str) -> float | None:
-        """Size of the unit in m; 1 where there is none and none is needed."""
+    def _factor(
+        self, number: int, row: Mapping[str, Cell], unit: str, dimension: str
+    ) -> float | None:
+        """Size of the unit in that of SI; 1 where there is none and none is needed."""
         cell = row.get("unit", Cell("", 1))
         if not cell.text and (unit or self.table.layout.unit):
             cell = Cell(unit or self.table.layout.unit, cell.column)
@@ -204,4 +231,4 @@ class _LongReader:
         blank = not row["value"].text and (accuracy is None or not accuracy.text)
         if not cell.text and blank:
             return 1.0
-        return self.table.length_unit(number, cell)
+        return self.table.unit(number, cell, dimension)

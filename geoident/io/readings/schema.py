@@ -15,7 +15,8 @@ from pydantic import (
 )
 
 from geoident.io.readings.ags import HEADINGS
-from geoident.io.readings.layout import COLUMNS, Layout, Origin
+from geoident.io.readings.file import format_of
+from geoident.io.readings.table import COLUMNS, Layout, Origin
 from geoident.io.schema.section import Section, Wrongs
 from geoident.io.schema.values import Accuracy, Flag, Length, Name, Text, require_text
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
@@ -45,15 +46,21 @@ def _date_format(value: object) -> str:
     return text
 
 
-def _length_unit(value: object) -> str:
-    text = require_text(value, "a unit of length")
+READ = ("length",)
+"""Dimensions of what gauges read."""
+_WHAT = " or ".join(READ)
+_UNITS = ", ".join(unit_list(dimension) for dimension in READ)
+
+
+def _unit_read(value: object) -> str:
+    text = require_text(value, f"a unit of {_WHAT}")
     try:
         unit = normal_unit(text)
     except UnitError as error:
         raise Refusal("unit", error.message, error.hint) from None
-    if UNITS[unit][0] != "length":
-        message = f"'{text}' is no unit of length"
-        raise Refusal("unit", message, f"Units of length: {unit_list('length')}.")
+    if UNITS[unit][0] not in READ:
+        message = f"'{text}' is no unit of {_WHAT}"
+        raise Refusal("unit", message, f"Units of {_WHAT}: {_UNITS}.")
     return unit
 
 
@@ -83,11 +90,7 @@ DateFormat = Annotated[
     BeforeValidator(_date_format),
     WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
 ]
-LengthUnit = Annotated[
-    str,
-    BeforeValidator(_length_unit),
-    WithJsonSchema({"enum": unit_list("length").split(", ")}),
-]
+UnitRead = Annotated[str, BeforeValidator(_unit_read), WithJsonSchema({"enum": _UNITS.split(", ")})]
 Sign = Annotated[int, BeforeValidator(_sign), WithJsonSchema({"enum": [1, -1]})]
 
 
@@ -104,7 +107,7 @@ class OriginSection(Section):
     """Where the readings of one channel come from in a file."""
 
     name: Text = Field("", description="Name of the gauge in the file (long) or column (wide).")
-    unit: LengthUnit | None = Field(None, description="Unit, where the file does not say it.")
+    unit: UnitRead | None = Field(None, description="Unit, where the file does not say it.")
     sign: Sign = Field(1, description="-1 if the file counts the other way round.")
     LOCA_ID: Text | None = Field(None, description="AGS: location that the rows must have.")
     MONG_ID: Text | None = Field(None, description="AGS: instrument that the rows must have.")
@@ -143,7 +146,7 @@ class ReadingsFileSection(Section):
     columns: dict[ColumnKey, Text] = Field(
         {}, description="Names in the header: {gauge: Instrument, value: Reading, date: Datum}."
     )
-    unit: LengthUnit | None = Field(None, description="Unit of all values without one.")
+    unit: UnitRead | None = Field(None, description="Unit of all values without one.")
     unit_row: Flag = Field(False, description="wide: units stand in the line below the header.")
     date_format: DateFormat = Field(
         ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
@@ -164,26 +167,26 @@ class ReadingsFileSection(Section):
     @model_validator(mode="after")
     def _fits_itself(self) -> ReadingsFileSection:
         wrongs = Wrongs()
-        if self.decimal == "," and self.delimiter == "," and not self.is_ags:
+        many = format_of(self.file).many
+        if self.decimal == "," and self.delimiter == "," and not many:
             message = "a comma cannot be decimal mark and delimiter at once"
             wrongs.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
         if self.unit_row and self.layout != "wide":
             message = "a row of units belongs to the wide layout"
             wrongs.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
-        if self.is_ags and not self.channels:
-            message = "'channels' is missing: an AGS file has readings of many instruments"
+        if many and not self.channels:
+            message = f"'channels' is missing: {many} has readings of many instruments"
             hint = "Write channels: {CHANNEL: {MONG_ID: ..., MONG_DIS: ...}}."
             wrongs.add((), "missing-key", message, hint)
         wrongs.raise_any()
         return self
 
-    @property
-    def is_ags(self) -> bool:
-        """An AGS4 file, by its suffix."""
-        return self.file.lower().endswith(".ags")
+    def described(self, dimensions: Mapping[str, str]) -> Layout:
+        """For the readers of files.
 
-    def described(self) -> Layout:
-        """For the readers of files."""
+        Args:
+            dimensions: channel to the dimension of its readings.
+        """
         return Layout(
             delimiter=DELIMITERS[self.delimiter],
             decimal=self.decimal,
@@ -196,6 +199,7 @@ class ReadingsFileSection(Section):
                 name: Origin(value) if isinstance(value, str) else value.origin()
                 for name, value in self.channels.items()
             },
+            dimensions=dimensions,
         )
 
 

@@ -10,16 +10,16 @@ import re
 from dataclasses import dataclass
 
 from geoident.errors import Location
-from geoident.io.readings.cells import Cell, Table
-from geoident.io.readings.layout import FieldReading, Origin
+from geoident.io.readings.table import Cell, Origin, Table
 from geoident.io.text.wording import did_you_mean
+from geoident.model.gauges import Reading
 
 _WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
 
 
 @dataclass(frozen=True)
 class _Column:
-    """Position of a column, its channel, sign, and factor to m (None: not yet known)."""
+    """Position of a column, its channel, sign, and size of its unit (None: not yet known)."""
 
     at: int
     channel: str
@@ -82,18 +82,21 @@ class WideReader:
         unit = origin.unit or unit or ("" if self.units_follow else self.table.layout.unit)
         factor = None
         if unit or not self.units_follow:
-            factor = self._factor(number, cell, name, unit)
+            factor = self._factor(number, cell, (channel or name, name), unit)
         self.columns.append(_Column(n, channel or name, cell, origin.sign, factor))
 
-    def _factor(self, number: int, cell: Cell, name: str, unit: str) -> float | None:
+    def _factor(self, number: int, cell: Cell, names: tuple[str, str], unit: str) -> float | None:
+        """Size of the unit of a column; names are those of its channel and its own."""
+        channel, name = names
         if unit:
-            return self.table.length_unit(number, Cell(unit, cell.column))
+            dimension = self.table.layout.dimension(channel)
+            return self.table.unit(number, Cell(unit, cell.column), dimension)
         message = f"the column '{name}' has no unit"
         hint = f"Write '{name} (mm)' in the header, or 'unit: mm' in the case."
         self.table.refuse((number, cell.column), "unit", message, hint)
         return None
 
-    def row(self, number: int, line: str) -> list[FieldReading]:
+    def row(self, number: int, line: str) -> list[Reading]:
         """The readings of a row."""
         cells = self.table.split(number, line)
         if self.units_follow:
@@ -127,14 +130,14 @@ class WideReader:
         time: float | None,
         when: str,
         place: Location,
-    ) -> list[FieldReading]:
+    ) -> list[Reading]:
         value = self.table.number(number, cell)
         if column.factor is None or (value is None and cell.text):
             return []
         known = None if value is None else column.sign * value * column.factor
-        stage = None if self.dated else when
+        stage = "" if self.dated else when
         at = self.table.place(number, cell)
-        return [FieldReading(column.channel, stage, time, known, None, "", at, place)]
+        return [Reading(column.channel, stage, known, location=at, time=time, when=place)]
 
     def _refuse_width(self, number: int, cells: list[Cell], width: int) -> None:
         """Note further cells where the whole file is read: a decimal comma may be behind it."""
@@ -152,6 +155,7 @@ class WideReader:
             if factor is None:
                 blank = Cell("", 1)
                 cell = cells[column.at] if column.at < len(cells) else blank
-                factor = self._factor(number, cell, column.channel, cell.text.strip("()[] "))
+                names, unit = (column.channel, column.channel), cell.text.strip("()[] ")
+                factor = self._factor(number, cell, names, unit)
             columns.append(_Column(column.at, column.channel, column.cell, column.sign, factor))
         self.columns = columns

@@ -17,12 +17,15 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import certificate_tables, member_tables, tables, vtkhdf
+from geoident.io.result import certificate_tables, member_tables, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.text.atomic import atomic_output
-from geoident.model.result import Counts, Provenance, Result
+from geoident.model.arrays import Floats
+from geoident.model.result import Counts, Diagnostics, GaugeTable, Provenance, Result
 
-FORMAT = "geoident-result/1"
+FORMAT = "geoident-result/2"
+WIDE_FORMAT = "geoident-result/1"
+"""The format before: no long table of readings."""
 _RESULT_TEXTS = ("kind", "status", "method", "reason")
 _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = (
@@ -106,14 +109,15 @@ def _write(file: h5py.File, result: Result) -> None:
     case["resolved"] = plain_text(result.case_resolved)
     names, gauges = result.parameters.names, result.gauges
     tables.write_parameters(file, result.parameters, result.singular_values)
-    tables.write_gauges(file, gauges)
+    reading_tables.write_gauges(file, gauges)
+    reading_tables.write_readings(file, gauges, result.diagnostics, names)
     tables.write_history(file, result.history, names)
     if result.sensitivity is not None:
         tables.write_sensitivity(file, result.sensitivity, gauges, names)
     if result.prediction is not None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
-        tables.write_diagnostics(file, result.diagnostics, gauges, names)
+        reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -170,7 +174,7 @@ def read_result(path: str | Path) -> Result:
 
 def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
     found = file.attrs.get("format")
-    if found == FORMAT:
+    if found in (FORMAT, WIDE_FORMAT):
         return
     target = vtkhdf.sidecar_target(path)
     if target is not None:
@@ -212,8 +216,9 @@ class _Attributes:
 def _read(file: h5py.File, root: _Attributes) -> Result:
     contents = root.text("contents").split()
     parameters, singular = tables.read_parameters(file)
-    gauges = tables.read_gauges(file)
     n = len(parameters.names)
+    sensitivity = tables.read_sensitivity(file, n) if "sensitivity" in contents else None
+    gauges, diagnostics = _read_readings(file, root, sensitivity, n)
     case = TableReader(file, "case")
     return Result(
         kind=root.text("kind"),
@@ -232,13 +237,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         counts=Counts(**{name: root.int(name) for name in _COUNTS}),
         history=tables.read_history(file, n),
         singular_values=singular,
-        sensitivity=(
-            tables.read_sensitivity(file, gauges, n) if "sensitivity" in contents else None
-        ),
+        sensitivity=sensitivity,
         prediction=tables.read_prediction(file, gauges) if "prediction" in contents else None,
-        diagnostics=(
-            tables.read_diagnostics(file, gauges, n) if "diagnostics" in contents else None
-        ),
+        diagnostics=diagnostics,
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=member_tables.read_members(file) if member_tables.GROUP in contents else None,
         certificate=(
@@ -250,6 +251,24 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
     )
 
 
+def _read_readings(
+    file: h5py.File, root: _Attributes, sensitivity: Floats | None, n: int
+) -> tuple[GaugeTable, Diagnostics | None]:
+    """The readings, and how each bears on the answer; of both formats."""
+    diagnosed = "diagnostics" in root.text("contents").split()
+    if root.text("format") == WIDE_FORMAT:
+        gauges = reading_tables.gauges_of_wide(file, sensitivity)
+        found = reading_tables.diagnostics_of_wide(file, gauges, n) if diagnosed else None
+        return gauges, found
+    gauges = reading_tables.read_gauges(file, n)
+    return gauges, reading_tables.read_diagnostics(file, n) if diagnosed else None
+
+
 def _read_provenance(root: _Attributes) -> Provenance:
     texts_ = {name: root.text(name) for name in _PROVENANCE_TEXTS}
-    return Provenance(versions=json.loads(root.text("versions")), seed=root.int("seed"), **texts_)
+    return Provenance(
+        versions=json.loads(root.text("versions")),
+        seed=root.int("seed"),
+        format=root.text("format").replace(FORMAT, ""),
+        **texts_,
+    )

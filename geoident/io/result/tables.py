@@ -5,16 +5,18 @@ Axes carry names: ``gauge`` (a channel), ``stage``, ``parameter``, ``iteration``
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import h5py
 import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
+from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
-    Diagnostics,
     GaugeTable,
     Grid,
     Iteration,
@@ -26,7 +28,7 @@ from geoident.units import DIMENSIONS
 _COUNTS = ("evaluations", "analyses", "factorizations", "solves")
 _PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
-_DIAGNOSTICS_ARRAYS = ("standardized", "studentized", "weight", "leverage", "distance")
+_PRIOR_TEXT = re.compile(r"(\w+)\((\S+), (\S+)\)")
 
 
 def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | None) -> None:
@@ -54,7 +56,10 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("at_bound", table.at_bound, "parameter")
     out.add("determined", table.determined, "parameter")
     out.add("name", table.names, "parameter")
-    out.add("prior", table.priors, "parameter")
+    out.add("prior", ["" if q is None else str(q) for q in table.priors], "parameter")
+    out.add("prior_kind", ["" if q is None else q.kind for q in table.priors], "parameter")
+    out.add("prior_mean", _of_priors(table.priors, "mean"), "parameter")
+    out.add("prior_sd", _of_priors(table.priors, "sd"), "parameter")
     out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
     out.add("display_unit", table.units, "parameter")
     out.add("dimension", table.dimensions, "parameter")
@@ -62,6 +67,12 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("correlation", table.correlation, "parameter", "other")
     if singular is not None:
         out.add("singular_values", singular, "direction")
+
+
+def _of_priors(priors: Sequence[Prior | None], name: str) -> Floats:
+    """A number (n,) of each prior, NaN where there is none."""
+    numbers = [np.nan if prior is None else getattr(prior, name) for prior in priors]
+    return np.array(numbers, dtype=np.float64)
 
 
 def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
@@ -79,7 +90,7 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         upper95=interval[:, 1].copy(),
         at_bound=group.bools("at_bound", n),
         determined=group.bools("determined", n),
-        priors=group.texts("prior", n),
+        priors=_read_priors(group, n),
         units=group.texts("display_unit", n),
         dimensions=group.texts("dimension", n),
         covariance=group.floats("covariance", n, n),
@@ -88,72 +99,55 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
     return table, _read_singular(group)
 
 
+def _read_priors(group: TableReader, n: int) -> tuple[Prior | None, ...]:
+    """The n priors; in a file of format 1 they are texts with six digits."""
+    if "prior_kind" not in group:
+        return tuple(_parsed(text) for text in group.texts("prior", n))
+    columns = (group.floats("prior_mean", n), group.floats("prior_sd", n))
+    rows = zip(group.texts("prior_kind", n), *(c.tolist() for c in columns), strict=True)
+    return tuple(_prior(kind, mean, sd) for kind, mean, sd in rows)
+
+
+def _parsed(text: str) -> Prior | None:
+    match = _PRIOR_TEXT.fullmatch(text)
+    return None if match is None else _prior(match[1], float(match[2]), float(match[3]))
+
+
+def _prior(kind: str, mean: float, sd: float) -> Prior | None:
+    if not kind:
+        return None
+    return Prior(mean, sd, "lognormal" if kind == "lognormal" else "normal")
+
+
 def _read_singular(group: TableReader) -> Floats | None:
     if "singular_values" not in group:
         return None
     return group.floats("singular_values", len(group.array("direction", "f")))
 
 
-def write_gauges(file: h5py.File, table: GaugeTable) -> None:
-    """Writes ``/gauges``. ``residual`` is measured minus computed."""
-    axes = {
-        "gauge": table.channels,
-        "stage": table.stages,
-        "end": ("first", "second"),
-        "axis": ("x", "y", "z")[: table.first.shape[1]],
-    }
-    out = TableWriter(file, "gauges", axes)
-    out.add("measured", table.measured, "gauge", "stage", unit="m")
-    out.add("computed", table.computed, "gauge", "stage", unit="m")
-    out.add("residual", table.measured - table.computed, "gauge", "stage", unit="m")
-    out.add("sd", table.sd, "gauge", "stage", unit="m")
-    out.add("used", table.used, "gauge", "stage")
-    out.add("bad", table.bad, "gauge", "stage")
-    points = np.stack([table.first, table.second], axis=1)
-    out.add("points", points, "gauge", "end", "axis", unit="m")
-
-
-def read_gauges(file: h5py.File) -> GaugeTable:
-    """The readings and what the model makes of them."""
-    group = TableReader(file, "gauges")
-    channels, stages = group.texts("gauge"), group.texts("stage")
-    shape = (len(channels), len(stages))
-    points = group.floats("points", shape[0], 2, len(group.texts("axis")))
-    return GaugeTable(
-        channels=channels,
-        stages=stages,
-        measured=group.floats("measured", *shape),
-        computed=group.floats("computed", *shape),
-        sd=group.floats("sd", *shape),
-        used=group.bools("used", *shape),
-        first=points[:, 0].copy(),
-        second=points[:, 1].copy(),
-        bad=group.bools("bad", *shape),
-    )
-
-
 def write_sensitivity(
     file: h5py.File, sensitivity: Floats, gauges: GaugeTable, names: tuple[str, ...]
 ) -> None:
-    """Writes ``/sensitivity``: (n_channels, n_stages, n) m per SI unit of the parameter."""
+    """Writes ``/sensitivity``: (n_channels, n_stages, n) SI per SI unit of the parameter."""
     axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
     out = TableWriter(file, "sensitivity", axes)
-    unit = "m per SI unit of the parameter"
+    unit = f"{reading_unit(gauges)} per SI unit of the parameter"
     out.add("sensitivity", sensitivity, "gauge", "stage", "parameter", unit=unit)
 
 
-def read_sensitivity(file: h5py.File, gauges: GaugeTable, n: int) -> Floats:
+def read_sensitivity(file: h5py.File, n: int) -> Floats:
     """Derivatives of the computed readings, (n_channels, n_stages, n)."""
-    shape = (*gauges.computed.shape, n)
-    return TableReader(file, "sensitivity").floats("sensitivity", *shape)
+    group = TableReader(file, "sensitivity")
+    shape = len(group.texts("gauge")), len(group.texts("stage")), n
+    return group.floats("sensitivity", *shape)
 
 
 def write_prediction(file: h5py.File, prediction: Prediction, gauges: GaugeTable) -> None:
-    """Writes ``/prediction``, m."""
+    """Writes ``/prediction``, SI."""
     axes = {"gauge": gauges.channels, "stage": gauges.stages}
     out = TableWriter(file, "prediction", axes)
     for name in _PREDICTION_ARRAYS:
-        out.add(name, getattr(prediction, name), "gauge", "stage", unit="m")
+        out.add(name, getattr(prediction, name), "gauge", "stage", unit=reading_unit(gauges))
 
 
 def read_prediction(file: h5py.File, gauges: GaugeTable) -> Prediction:
@@ -161,33 +155,6 @@ def read_prediction(file: h5py.File, gauges: GaugeTable) -> Prediction:
     group = TableReader(file, "prediction")
     shape = gauges.computed.shape
     return Prediction(**{name: group.floats(name, *shape) for name in _PREDICTION_ARRAYS})
-
-
-def write_diagnostics(
-    file: h5py.File, found: Diagnostics, gauges: GaugeTable, names: tuple[str, ...]
-) -> None:
-    """Writes ``/diagnostics``, dimensionless; its attributes hold the loss, squares and scale."""
-    axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
-    out = TableWriter(file, "diagnostics", axes)
-    for name in _DIAGNOSTICS_ARRAYS:
-        out.add(name, getattr(found, name), "gauge", "stage")
-    out.add("influence", found.influence, "gauge", "stage", "parameter")
-    out.group.attrs["loss"] = found.loss
-    out.group.attrs["weighted_squares"] = np.float64(found.squares)
-    out.group.attrs["scale"] = np.float64(found.scale)
-
-
-def read_diagnostics(file: h5py.File, gauges: GaugeTable, n: int) -> Diagnostics:
-    """How each reading bears on the answer; n is the number of parameters."""
-    group = TableReader(file, "diagnostics")
-    shape = gauges.computed.shape
-    return Diagnostics(
-        loss=group.attribute("loss", str),
-        squares=group.attribute("weighted_squares", float),
-        scale=group.attribute("scale", float),
-        influence=group.floats("influence", *shape, n),
-        **{name: group.floats(name, *shape) for name in _DIAGNOSTICS_ARRAYS},
-    )
 
 
 def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[str, ...]) -> None:

@@ -9,8 +9,8 @@ known on the sheet. Solids are cut as tetrahedra: a plane that leaves one corner
 triangle, one that parts two from two a quadrilateral. Lines (outlines, element edges) are cuts of
 the faces of elements, so that the tetrahedra inside a hexahedron stay unseen.
 
-Nodes are doubled where groups of elements meet (`Corners`): what is averaged at nodes may jump
-between rock and lining.
+Nodes are doubled where groups of elements meet (`DoubledCorners`): what is averaged at nodes may
+jump between rock and lining.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Corners:
+class DoubledCorners:
     """Corner nodes of the elements, doubled where groups meet.
 
     Args:
@@ -106,7 +106,7 @@ class Sheet:
 
     mesh: Mesh
     plane: Plane | None
-    corners: Corners
+    corners: DoubledCorners
     faces: FaceTable
     a: Ints
     b: Ints
@@ -177,7 +177,7 @@ class SheetMaker:
         return face_table(self.mesh)
 
     @cached_property
-    def corners(self) -> Corners:
+    def corners(self) -> DoubledCorners:
         """Corner nodes, doubled where groups meet."""
         keys, elements = [], []
         for block, span in spans(self.mesh.blocks):
@@ -187,7 +187,8 @@ class SheetMaker:
         unique, corner = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
         ends = np.cumsum([k.size for k in keys])[:-1]
         of = [part.reshape(k.shape) for part, k in zip(np.split(corner, ends), keys, strict=True)]
-        return Corners(np.concatenate(elements), corner, unique % self.mesh.n_nodes, tuple(of))
+        node = unique % self.mesh.n_nodes
+        return DoubledCorners(np.concatenate(elements), corner, node, tuple(of))
 
     def flat(self) -> Sheet:
         """The sheet of a plane mesh."""

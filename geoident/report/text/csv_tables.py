@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
-from geoident.report.text.gauges import by_distance, by_stage
+from geoident.report.text.gauges import by_distance, by_stage, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
 
@@ -136,7 +136,7 @@ def _gauges(result: Result) -> CsvTable:
 def _diagnostics(result: Result) -> CsvTable:
     """How each used reading acts on the answer, the most influential first."""
     header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return CsvTable(header, ())
     names = result.parameters.names

@@ -224,7 +224,7 @@ def influence_title(found: Diagnostics | None) -> str:
 def influence_table(result: Result) -> TextTable:
     """The readings whose removal would change the answer most, and how far off they are."""
     header = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return TextTable(header, ())
     worst = by_distance(found)[:MOST_INFLUENTIAL].tolist()
@@ -249,7 +249,7 @@ def _influence_row(result: Result, found: Diagnostics, i: int, j: int) -> list[s
 
 def diagnostics_object(result: Result) -> dict[str, Any]:
     """The loss, the plain weighted squares, and one object for every used reading, worst first."""
-    found = result.diagnostics
+    found = wide_diagnostics(result)
     if found is None:
         return {}
     names = ("standardized", "studentized", "weight", "leverage", "distance")
@@ -268,6 +268,11 @@ def diagnostics_object(result: Result) -> dict[str, Any]:
         "scale": found.scale,
         "readings": readings,
     }
+
+
+def wide_diagnostics(result: Result) -> Diagnostics | None:
+    """The diagnostics by channel and stage: several readings in one place in one row."""
+    return None if result.diagnostics is None else result.diagnostics.wide(result.gauges)
 
 
 def by_distance(found: Diagnostics) -> Ints:

@@ -89,7 +89,7 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
-    determined = bool(parameters.determined[i])
+    determined, prior = bool(parameters.determined[i]), parameters.priors[i]
     return {
         "value": parameters.values[i] if determined else None,
         "unit": si_unit(parameters.dimensions[i]),
@@ -98,7 +98,10 @@ def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
         "upper95": parameters.upper95[i],
         "at_bound": bool(parameters.at_bound[i]),
         "determined": determined,
-        "prior": parameters.priors[i] or None,
+        "prior": None if prior is None else str(prior),
+        "prior_kind": None if prior is None else prior.kind,
+        "prior_mean": None if prior is None else prior.mean,
+        "prior_sd": None if prior is None else prior.sd,
     }
 
 

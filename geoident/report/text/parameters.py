@@ -6,13 +6,12 @@ What is not determined is said in words, never shown as a number.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from geoident.model.certificate import Certificate
-from geoident.model.parameter import Parameter
+from geoident.model.parameter import Parameter, Prior
 from geoident.model.result import NORMAL_95, Grid, Iteration, ParameterTable, Result
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.yielding import least_text
@@ -20,8 +19,6 @@ from geoident.units import in_unit, shown_unit
 
 NOT_DETERMINED = "not determined"
 AS_PRIOR = "as its prior"
-
-_PRIOR = re.compile(r"(\w+)\((\S+), (\S+)\)")
 
 Unit = tuple[str, str]
 """A unit as the user wrote it, and the dimension of what it measures."""
@@ -135,43 +132,39 @@ def value_sentence(parameters: ParameterTable, i: int) -> str:
     return f"{words} (95 %: {interval})" if interval else words
 
 
-def prior_in_unit(prior: str, unit: str, dimension: str) -> str:
-    """The text of a prior with its numbers in a unit.
+def prior_in_unit(prior: Prior | None, unit: str, dimension: str) -> str:
+    """A prior in words, with its numbers in a unit; empty for none.
 
     Args:
-        prior: the text.
+        prior: SI, or None.
         unit: as the user wrote it.
         dimension: of the parameter.
 
-    >>> prior_in_unit("normal(8e+06, 1e+06)", "MPa", "pressure")
+    >>> prior_in_unit(Prior(8e6, 1e6), "MPa", "pressure")
     '8 +- 1'
-    >>> prior_in_unit("lognormal(8e+06, 1e+06)", "MPa", "pressure")
+    >>> prior_in_unit(Prior(8e6, 1e6, "lognormal"), "MPa", "pressure")
     '8 +- 1 (lognormal)'
     """
-    match = _PRIOR.fullmatch(prior)
-    if match is None:
-        return prior
-    mean, sd = (number(in_unit(float(text), unit, dimension)) for text in match.groups()[1:])
-    kind = "" if match[1] == "normal" else f" ({match[1]})"
-    return f"{mean} +- {sd}{kind}"
+    if prior is None:
+        return ""
+    mean, sd = (number(in_unit(value, unit, dimension)) for value in (prior.mean, prior.sd))
+    return f"{mean} +- {sd}" + ("" if prior.kind == "normal" else f" ({prior.kind})")
 
 
-def prior_interval(prior: str) -> tuple[float, float] | None:
-    """The 95 % interval of the text of a prior, SI; None if there is no prior.
+def prior_interval(prior: Prior | None) -> tuple[float, float] | None:
+    """The 95 % interval of a prior, SI; None if there is no prior.
 
     The sd of a lognormal prior is that of the logarithm times its median.
 
-    >>> [round(end / 1e6, 2) for end in prior_interval("normal(8e+06, 1e+06)")]
+    >>> [round(end / 1e6, 2) for end in prior_interval(Prior(8e6, 1e6))]
     [6.04, 9.96]
     """
-    match = _PRIOR.fullmatch(prior)
-    if match is None:
+    if prior is None:
         return None
-    mean, sd = float(match[2]), float(match[3])
-    if match[1] == "normal":
-        return mean - NORMAL_95 * sd, mean + NORMAL_95 * sd
-    factor = math.exp(NORMAL_95 * sd / mean)
-    return mean / factor, mean * factor
+    if prior.kind == "normal":
+        return prior.mean - NORMAL_95 * prior.sd, prior.mean + NORMAL_95 * prior.sd
+    factor = math.exp(NORMAL_95 * prior.sd / prior.mean)
+    return prior.mean / factor, prior.mean * factor
 
 
 def iteration_text(iteration: Iteration, parameters: Sequence[Parameter]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoident.fem.symbolic import FactorCost, factor_cost
+from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
 from geoident.model.summary import CostEstimate
 
@@ -43,7 +43,7 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
 
 
 def _states(model: StagedModel) -> range:
-    return range(1, len(model.timeline.states))
+    return range(1, len(model.sequence.states))
 
 
 def _stage_costs(model: StagedModel) -> list[FactorCost]:

@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.identify.assessment.diagnostics import Influence, diagnose, effective_sd
+from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import loss_text
-from geoident.model.result import Diagnostics, GaugeTable
-from geoident.workflow.running.selection import Selection
-from geoident.workflow.running.tables import places
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ReadingTable
 
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
@@ -43,54 +41,53 @@ def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Flo
 
 
 def diagnostics_table(
-    problem: Problem,
-    selection: Selection,
-    p: Floats,
-    assessment: Assessment,
-    readings: Floats,
-    jacobian: Floats,
+    problem: Problem, readings: ReadingTable, p: Floats, assessment: Assessment
 ) -> Diagnostics:
-    """The diagnostics of the used readings as (n_channels, n_stages) tables; see `diagnose`.
+    """The diagnostics of the used readings; see `diagnose`.
 
     Args:
-        problem: readings, model and loss.
-        selection: which readings take part.
+        problem: the used readings, model and loss.
+        readings: all k of them with what the model says at p.
         p: (n,) the estimate, SI.
-        assessment: how well it is known.
-        readings: (g,) v there, SI.
-        jacobian: (g, n) its derivative.
+        assessment: how well the parameters are known there.
     """
-    distinct = {pair: k for k, pair in enumerate(dict.fromkeys(selection.pairs))}
-    sets = np.array([distinct[pair] for pair in selection.pairs], dtype=np.int64)
-    found = diagnose(problem, assessment, readings, jacobian, sets)
-    place = places(selection.case)
-    rows, columns = np.array([place[pair] for pair in distinct], dtype=np.int64).reshape(-1, 2).T
-    shape = len(selection.case.channels), len(selection.case.stages)
+    used = readings.used
+    computed, jacobian = at_used(readings)
+    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    number = {pair: n for n, pair in enumerate(dict.fromkeys(pairs))}
+    sets = np.array([number[pair] for pair in pairs], dtype=np.int64)
+    found = diagnose(problem, assessment, computed, jacobian, sets)
 
-    def spread(values: Floats) -> Floats:
-        table = np.full((*shape, *values.shape[1:]), np.nan)
-        table[rows, columns] = values
-        return table
+    def of_all(values: Floats) -> Floats:
+        """Values (g, ...) of the used readings as those of all (k, ...)."""
+        column = np.full((len(readings), *values.shape[1:]), np.nan)
+        column[used] = values
+        return column
 
     return Diagnostics(
         loss=loss_text(problem.loss),
-        squares=Discrepancy(problem).squares(p, readings),
+        squares=Discrepancy(problem).squares(p, computed),
         scale=found.scale,
-        **{name: spread(getattr(found, name)) for name in _TABLES},
+        influence=of_all(found.influence),
+        **{name: of_all(getattr(found, name)) for name in DIAGNOSTIC_COLUMNS},
     )
 
 
-_TABLES = tuple(name for name in Influence.__dataclass_fields__ if name != "scale")
+def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
+    """What the model says of the used readings (g,), and its derivatives (g, n)."""
+    assert readings.sensitivity is not None
+    return readings.computed[readings.used], readings.sensitivity[readings.used]
 
 
 def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
     """Sentences on readings that are far off or bear most, and on the stated accuracies.
 
     Args:
-        found: the diagnostics.
+        found: the diagnostics of each reading.
         gauges: the readings.
-        parameters: their names.
+        parameters: names of the n parameters.
     """
+    found = found.wide(gauges)
     sentences = [
         *_against(gauges),
         *_bears_most(found, gauges, parameters),

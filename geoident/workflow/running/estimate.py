@@ -6,25 +6,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
-from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.protocols import CaseModel
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import MethodOptions
-from geoident.model.result import Counts
+from geoident.model.result import Counts, ReadingTable
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.selection import Selection, require_enough, select_readings
-from geoident.workflow.running.tables import places
+from geoident.workflow.running.readings import require_enough, select_readings, times_of
 
 
 @dataclass(frozen=True)
@@ -33,11 +29,13 @@ class Setup:
 
     Args:
         model: the staged model of the case.
-        selection: which readings take part.
+        case: the case.
+        readings: all of them, and which take part.
     """
 
     model: CaseModel
-    selection: Selection
+    case: Case
+    readings: ReadingTable
 
 
 def prepare(job: Job) -> Setup:
@@ -48,10 +46,11 @@ def prepare(job: Job) -> Setup:
         ModelError: the model moves freely somewhere.
     """
     model = build_model(job.inputs, solver=job.request.solver)
-    selection = select_readings(job.inputs.case, model)
-    require_enough(selection)
-    require_possible(model, job.inputs.case, job.methods)
-    return Setup(model, selection)
+    case = job.inputs.case
+    readings = select_readings(case, model)
+    require_enough(case, readings)
+    require_possible(model, case, job.methods)
+    return Setup(model, case, readings)
 
 
 def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
@@ -121,17 +120,18 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
         log: takes what is evaluated, and gives it again.
         control: is told of stages, and stops the run.
     """
-    selection = setup.selection
-    names = selection.case.stage_names
+    case, readings, used = setup.case, setup.readings, setup.readings.used
+    names = case.stage_names
     setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
-    staged = setup.model.response(selection.pairs, selection.times)
+    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    staged = setup.model.response(pairs, times_of(readings, used))
     # the closed form costs nothing: there is nothing to remember
     response: Response = staged
     if isinstance(staged, StagedResponse):
         response = Remembered(staged, log, before=control.stop.check)
-    parameters = selection.case.parameters
-    loss = selection.case.fit.loss
-    return Problem(response, selection.measured, selection.sd, parameters, loss)
+    return Problem(
+        response, readings.value[used], readings.sd[used], case.parameters, case.fit.loss
+    )
 
 
 def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
@@ -148,33 +148,6 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     outcome = identify(problem, methods, control.observe)
     control.stop.check()
     return outcome
-
-
-def used_readings(setup: Setup, survey: Survey, p: Floats) -> tuple[Floats, Floats]:
-    """The used readings (g,) and their derivatives (g, n), from those of the survey.
-
-    The survey has one reading of a gauge in a stage. What drift adds between that and the times of
-    several is added here.
-
-    Args:
-        setup: model and selected readings.
-        survey: of the model at p.
-        p: (n,), SI.
-    """
-    place = places(setup.selection.case)
-    at = [place[pair] for pair in setup.selection.pairs]
-    rows, columns = np.array(at, dtype=np.int64).reshape(len(at), 2).T
-    model = setup.model
-    times = np.array([np.nan if t is None else t for t in setup.selection.times])
-    own, common = (
-        model.instruments.added(model.values(p), model.names, rows, columns + 1, each)
-        for each in (times, None)
-    )
-    more = own - common
-    return (
-        survey.computed[rows, columns] + more[:, 0],
-        survey.sensitivity[rows, columns] + more[:, 1:],
-    )
 
 
 def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:

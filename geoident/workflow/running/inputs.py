@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location
 from geoident.fem.solvers import pick_solver
@@ -18,11 +16,12 @@ from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
+from geoident.io.result.file import FORMAT
 from geoident.model.case import Case, Source
-from geoident.model.gauges import Reading
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.result import GaugeTable, Result
+from geoident.workflow.running.readings import readings_of
 
 STDIN = "-"
 
@@ -75,6 +74,7 @@ class Inputs:
             "mesh": self.mesh_sha256,
             "readings": self.readings_sha256,
             "version": __version__,
+            "format": FORMAT,
             "seed": seed,
             "methods": [[method_name(options), asdict(options)] for options in methods],
         }
@@ -110,7 +110,7 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
     nowhere = Source(path)  # the lines of the resolved case are not those of the file
     loaded = replace(
         loaded,
-        case=replace(loaded.case, readings=readings_of(result.gauges), source=nowhere),
+        case=_as_fitted(loaded.case, result.gauges, nowhere),
         text=result.case_text,
         resolved=result.case_resolved,
     )
@@ -142,18 +142,12 @@ def case_path(output: Path | str, case_file: str) -> str:
     return os.path.normpath(Path(output).parent / case_file)
 
 
-def readings_of(gauges: GaugeTable) -> tuple[Reading, ...]:
-    """The readings that a table holds, stage by stage."""
-    return tuple(
-        Reading(
-            gauges.channels[i],
-            gauges.stages[j],
-            float(gauges.measured[i, j]),
-            float(gauges.sd[i, j]),
-            bad="in the fit" if gauges.bad[i, j] else "",
-        )
-        for j, i in np.argwhere(np.isfinite(gauges.measured).T)
-    )
+def _as_fitted(case: Case, gauges: GaugeTable, source: Source) -> Case:
+    """A case with the readings and accuracies of a result, whose files need not be there."""
+    pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
+    known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
+    channels = tuple(replace(c, accuracy=known.get(c.name, c.accuracy)) for c in case.channels)
+    return replace(case, readings=readings_of(gauges.readings), channels=channels, source=source)
 
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:

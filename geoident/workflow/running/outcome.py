@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
+
+import numpy as np
 
 from geoident.io.result.file import read_result, write_result
 from geoident.model.result import Result
@@ -11,7 +12,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import Setup
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.outputs import Standing
-from geoident.workflow.running.selection import Selection
+from geoident.workflow.running.readings import unused_by_stage
 
 
 @dataclass(frozen=True)
@@ -43,23 +44,7 @@ def write(job: Job, result: Result) -> Finished:
 
 def tell_readings(setup: Setup, control: Control) -> None:
     """Say how many readings are used, which are not, and why."""
-    selection = setup.selection
-    control.monitor.detail(f"{len(selection.used)} readings are used")
-    for unused in selection.unused_by_stage():
+    readings = setup.readings
+    control.monitor.detail(f"{np.count_nonzero(readings.used)} readings are used")
+    for unused in unused_by_stage(readings):
         control.monitor.detail(f"not used: {unused}")
-
-
-def unused_notes(selection: Selection) -> tuple[str, ...]:
-    """One sentence for every reason for which readings are not used."""
-    reasons = Counter(u.reason for u in selection.unused if not u.reading.bad)
-    counted = (f"{number} readings are not used: {why}." for why, number in reasons.items())
-    return (*counted, *bad_notes(selection))
-
-
-def bad_notes(selection: Selection) -> tuple[str, ...]:
-    """One sentence for every reading that is known to be wrong, with the reason."""
-    return tuple(
-        f"{unused.reading.channel} at {unused.reading.stage} is not used, {unused.reason}."
-        for unused in selection.unused
-        if unused.reading.bad and unused.reading.value is not None
-    )

@@ -20,7 +20,12 @@ from support.plastic import (
 
 from geoident.fem.yielding import projection as dual
 from geoident.fem.yielding import scaled_planes as system
-from geoident.fem.yielding.domain import EmptyDomain, empty_domain, empty_principal_domain
+from geoident.fem.yielding.domain import (
+    EmptyDomain,
+    NoProjection,
+    empty_domain,
+    empty_principal_domain,
+)
 
 SMALL = st.integers(-2, 2)
 
@@ -181,6 +186,24 @@ def test_points_that_would_take_turns_for_ever_are_asked_for_less(monkeypatch):
     """With next to no tolerance rounding alone takes planes of a crowded vertex in and out."""
     monkeypatch.setattr(system, "_ROUNDING", 1e-18)
     test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size=4, miss=1e-14)
+
+
+def test_points_that_never_end_are_refused_and_not_accepted_with_a_violation(monkeypatch):
+    """Each plane that is taken in is thrown out again and violated by as much as before."""
+    seen = []
+
+    def round_and_round(work, rays):
+        seen.append((work.tolerance.copy(), work.excess.max()))
+        work.plane[:] = -1
+
+    monkeypatch.setattr(dual, "_advance", round_and_round)
+    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
+    trial = np.array([[1.0 + 1e-6], [0.0], [0.0]])
+    with pytest.raises(NoProjection, match="of 1 points"):
+        law.project(trial)
+    assert len(seen) == dual.step_limit(3)
+    assert seen[-1][0].max() / seen[0][0].max() == pytest.approx(1e5)
+    assert seen[-1][0].max() < 1e-7 < seen[-1][1]
 
 
 @settings(max_examples=60, deadline=None)

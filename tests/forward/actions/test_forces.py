@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.cases import NOWHERE, displacement, material, model, rollers
 from support.derivatives import assert_exact
-from support.meshes import box, opening
+from support.meshes import box, opening, regroup
 
 from geoident.errors import InputError
 from geoident.model.actions import PointForce, Seismic
@@ -165,3 +165,24 @@ def test_a_force_outside_the_ground_is_a_fault():
             supports=rollers(2),
             loads={"f": PointForce((5.0, 5.0), scalars(0, 1))},
         )
+
+
+def test_a_load_that_is_given_twice_is_at_fault_where_it_has_no_ground():
+    """The same force before its ground is placed and again afterwards: the first is the fault."""
+    mesh = regroup(box("quad4", (2, 2)), fill=lambda x: x[:, 1] > 0.5)
+    force = PointForce((0.5, 0.9), scalars(0, 1))
+    with pytest.raises(InputError) as error:
+        model(
+            mesh,
+            materials={"rock": ROCK},
+            groups={"rock": "rock", "fill": None},
+            supports=rollers(2),
+            loads={"f": force},
+            stages=(
+                Stage("fill", install={"fill": "rock"}, remove=("f",)),
+                Stage("again", loads={"f": force}),
+            ),
+        )
+    (fault,) = error.value.faults
+    assert fault.path == "loads.f.at"
+    assert "at stage 'virgin'" in fault.message

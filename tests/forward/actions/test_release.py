@@ -174,4 +174,31 @@ def test_derivatives_by_the_released_part_and_by_what_it_multiplies():
         np.testing.assert_allclose(
             jacobian[:, h], numeric, atol=1e-7 * np.abs(jacobian[:, h]).max(), err_msg=name
         )
-    assert "part" in response.obstacle()
+    said = "what 'core' still holds at stage 'open' contains the product of part and "
+    assert said in response.obstacle()
+
+
+def test_condensation_finds_a_released_part_of_a_given_stress():
+    """The held forces of ground that has not moved are the released part times given stresses."""
+    parameters = (Parameter("part", 0.4, 0.05, 0.95), Parameter("E", E, 1e8, 1e11))
+    staged = _staged(
+        _tunnel(2),
+        Scalar(1.0, "part"),
+        parameters=parameters,
+        materials={
+            "rock": material("rock", Scalar(1.0, "E"), NU),
+            "shot": material("shot", E_LINING, NU_LINING),
+        },
+        channels=(
+            displacement("a", (5.0, 1.0), (1.0, 0.0)),
+            displacement("b", (1.0, 6.0), (0.0, 1.0)),
+        ),
+    )
+    response = staged.response([(c, s) for c in "ab" for s in ("open", "line")])
+    assert response.obstacle() is None
+    truth = np.array([0.55, 1.3 * E])
+    measured, p = response.readings(truth), np.array([0.3, E])
+    for _ in range(8):
+        condensed = response.condense(p, measured, np.full(4, 1e-4))
+        p = np.linalg.lstsq(condensed.matrix * truth, condensed.vector)[0] * truth
+    np.testing.assert_allclose(p, truth, rtol=1e-9)

@@ -209,15 +209,35 @@ def test_every_number_of_the_water_is_differentiated_exactly():
 
 def test_the_obstacle_names_levels_and_products():
     found = everything().response([("c", "fill")]).obstacle()
-    assert "product of table and gamma_w" in found
-    lake = WaterPressure("x0", Scalar(1.0, "level"), Scalar(GAMMA_W))
-    staged = model(
+    assert found.startswith("the water ends at the level ")
+    assert "its pressure is not linear in it" in found
+
+
+def filled(weight: Scalar, *parameters: Parameter):
+    """A lake whose level is a parameter, against a dam of 16 m."""
+    return model(
         dam(),
-        parameters=(Parameter("level", 10.0, 0.0, 20.0),),
+        parameters=parameters,
         materials={"soil": SOIL},
         groups={"all": "soil"},
         supports=(Support("y0", (0, 1)),),
-        stages=(Stage("fill", loads={"lake": lake}),),
+        stages=(Stage("fill", loads={"lake": WaterPressure("x0", Scalar(1.0, "level"), weight)}),),
         channels=(displacement("c", (6.0, 12.0), (0.6, 0.8)),),
-    )
-    assert "level" in staged.response([("c", "fill")]).obstacle()
+    ).response([("c", "fill")])
+
+
+def test_a_level_that_crosses_the_face_is_an_obstacle():
+    said = "the water ends at the level level, so its pressure is not linear in it"
+    response = filled(Scalar(GAMMA_W), Parameter("level", 10.0, 0.0, 20.0))
+    assert response.obstacle() == said
+
+
+def test_a_level_above_the_whole_face_is_none():
+    level = Parameter("level", 18.0, 16.5, 30.0)
+    response = filled(Scalar(GAMMA_W), level)
+    assert response.obstacle() is None
+    measured = response.readings(np.array([24.0]))
+    condensed = response.condense(np.array([17.0]), measured, np.array([1e-4]))
+    np.testing.assert_allclose(condensed.vector / condensed.matrix[:, 0], 24.0, rtol=1e-9)
+    both = filled(Scalar(1.0, "gamma_w"), level, Parameter("gamma_w", 9.8e3, 9e3, 11e3))
+    assert "contains the product of level and gamma_w" in both.obstacle()

@@ -94,7 +94,7 @@ def test_the_survey_takes_the_dates_of_the_readings():
 
 def test_without_a_date_a_drifting_gauge_has_no_reading():
     staged = cut()
-    staged.instruments.times[3] = np.nan
+    staged.instrument_errors.times[3] = np.nan
     computed = staged.survey(TRUTH, fields=False).computed
     assert np.isnan(computed[0, 2])
     assert np.isfinite(computed[1:, 2]).all()

@@ -21,6 +21,7 @@ from geoident.model.ground import Isotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.methods import ClosedFormOptions
 from geoident.model.parameter import Scalar
+from geoident.model.result import Counts
 
 MPa = 1e6
 RADIUS = 2.0
@@ -124,6 +125,16 @@ def test_shear_far_away_is_that_of_the_mesh():
     agrees(found.response(pairs), 3e-3)
 
 
+def test_evaluations_are_counted_from_none_on():
+    found = without_mesh(material("rock", 5e9, 0.25))
+    response = found.response(PAIRS)
+    assert (found.counts, response.counts) == (Counts(), Counts())
+    response.readings(np.empty(0))
+    response.evaluate(np.empty(0))
+    found.survey(np.empty(0), fields=False)
+    assert found.counts == response.counts == Counts(evaluations=3)
+
+
 @pytest.mark.parametrize("psi", [0.0, None])
 def test_yielding_ground_is_that_of_the_mesh(psi):
     ground = rock(5e9, 0.25, mohr(1 * MPa, 0.5, psi=psi))
@@ -201,6 +212,15 @@ def test_points_in_the_opening_are_read_before_it_is_there():
     table = opened.survey(np.empty(0), fields=False).computed
     assert table[0, 0] == 0.0
     assert np.isnan(table[0, 1:]).all()
+
+
+def test_a_gauge_of_another_quantity_has_no_closed_form():
+    cell = replace(GAUGES[0], name="cell", kind="load-cell")
+    opened = without_mesh(material("rock", 5e9, 0.25), channels=(GAUGES[1], cell))
+    assert opened.unreadable("cell", "face") == "it reads something else than displacements"
+    table = opened.survey(np.empty(0), fields=False).computed
+    assert np.isfinite(table[0]).any()
+    assert np.isnan(table[1]).all()
 
 
 def test_stages_that_have_no_closed_form_are_left_out():

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from geoident.forward.openings.closed_forms import (
     BeyondClosedForm,
+    GroundState,
     Opening,
     Rock,
-    State,
     mohr_coulomb,
 )
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
@@ -45,7 +45,7 @@ class Site:
         rock = Rock(*(number(x) for x in (self.E, self.nu, self.p0, self.z0)))
         return Opening(radius, rock, mohr_coulomb(*map(number, (self.c, self.phi, self.psi))))
 
-    def state(self, radius: float = 1.0) -> State:
+    def state(self, radius: float = 1.0) -> GroundState:
         return self.opening(radius).under(number(self.p))
 
 

@@ -6,9 +6,10 @@ from math import pi, radians
 from types import SimpleNamespace
 
 import pytest
-from support.cases import make_case, material
+from support.cases import make_case, material, model, rollers
+from support.meshes import box
 
-from geoident.forward.ground.elasticity import affine_obstacle, inadmissible
+from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.case import Analysis, Material, Stage
 from geoident.model.ground import Attitude
@@ -157,5 +158,14 @@ def test_weak_planes_strike_across_a_section():
 
 
 def test_condensation_is_told_that_the_ground_yields():
-    assert affine_obstacle(yielding(), frozenset()) is None
-    assert "rock yields" in affine_obstacle(yielding(SOUND), frozenset())
+    def obstacle(*surfaces):
+        staged = model(
+            box("quad4", (2, 2)),
+            materials={"rock": yielding(*surfaces)},
+            groups={"all": "rock"},
+            supports=rollers(2),
+        )
+        return staged.response(()).obstacle()
+
+    assert obstacle() is None
+    assert obstacle(SOUND) == "rock yields: its stresses are not linear in the displacements"

@@ -151,14 +151,3 @@ def test_squared_loss_leaves_the_accuracies(make_problem, noisy):
     problem = make_problem(line, parameters(), noisy, SD)
     assert problem.loss == SquaredOptions()
     np.testing.assert_array_equal(effective_sd(problem, noisy + 5.0), SD)
-
-
-def test_readings_of_one_set_keep_the_information_that_the_loss_leaves_them(make_problem, noisy):
-    """Seven sound readings and a wrong one: the set keeps most of its weight, not the worst's."""
-    wrong = noisy.copy()
-    wrong[3] += 2.0
-    problem = replace(make_problem(line, parameters(), wrong, SD), loss=HuberOptions())
-    p, _, found = diagnosed(problem, [0] * 8)
-    left = 1.0 / effective_sd(problem, line(p)) ** 2
-    assert found.weight[0] == pytest.approx(left.sum() / (1.0 / SD**2).sum(), rel=1e-9)
-    assert found.weight[0] > 2 * np.min(left * SD**2)

@@ -70,6 +70,15 @@ def test_finds_strengths_from_anywhere(start, scale):
     assert "met exactly" in found.reason
 
 
+def test_the_scan_lowers_all_strengths_from_their_upper_bounds_by_one_factor():
+    bars = three_strengths()
+    found = run(problem_of(bars, bars.readings(TRUTH), unknowns(3, start=15.0)))
+    scan = [it.values for it in found.iterations if it.note.startswith("strength ")]
+    # a fiftieth at most, so in ten steps of hardly less than 1.5; nothing yields at first
+    np.testing.assert_allclose(scan, 20.0 * np.outer(50.0 ** (-np.arange(3) / 10), np.ones(3)))
+    assert np.ceil(np.log(50.0) / np.log(1.5)) == 10
+
+
 def test_a_start_that_collapses_is_said_and_left():
     bars = PlasticBars([Frame([1.0, 2.0], [0, 1], [2.0, 3.5])] * 2, 2)
     start = unknowns(2, start=0.5)

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import vtk
 
+from geoident.fem.faces import face_table, patches
 from geoident.fem.kinematics import SOLID
+from geoident.fem.measure import element_volumes
 from geoident.fem.orientation import oriented
 from geoident.io.mesh.file import read_mesh
 from geoident.model.cells import CELLS
@@ -303,3 +305,42 @@ def test_triangles_and_quadrangles_mix(tmp_path):
                 inside = mesh.points[nodes].mean(axis=0)[0] > 1
                 assert ((start + row) in mesh.groups["right"]) == inside
             start += len(block)
+
+
+def test_hexahedra_pyramids_and_tetrahedra_of_gmsh_share_their_faces(tmp_path):
+    """gmsh itself puts pyramids between a mapped volume and a free one."""
+    geo = gmsh.model.geo
+    points = [geo.addPoint(x, y, 0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1))]
+    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (1, 4), (4, 5), (5, 2))
+    lines = [geo.addLine(points[a], points[b]) for a, b in pairs]
+    for line in lines[:4]:
+        geo.mesh.setTransfiniteCurve(line, 4)
+    mapped = geo.addPlaneSurface([geo.addCurveLoop(lines[:4])])
+    free = geo.addPlaneSurface([geo.addCurveLoop([*lines[4:], -lines[1]])])
+    geo.mesh.setTransfiniteSurface(mapped)
+    geo.mesh.setRecombine(2, mapped)
+    hexes = geo.extrude([(2, mapped)], 0, 0, 1, numElements=[3], recombine=True)
+    tets = geo.extrude([(2, free)], 0, 0, 1)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(3, [hexes[1][1]], name="mapped")
+    gmsh.model.addPhysicalGroup(3, [tets[1][1]], name="free")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.4)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
+    for order in (1, 2):
+        gmsh.option.setNumber("Mesh.ElementOrder", order)
+        gmsh.model.mesh.generate(3)
+        for form in ("msh2", "msh4", "msh4-binary"):
+            mesh = oriented(read_mesh(str(save(tmp_path, form)), dim=3), SOLID)
+            assert {CELLS[block.kind].shape.name for block in mesh.blocks} == {
+                "hex",
+                "pyramid",
+                "tet",
+            }
+            assert element_volumes(mesh, SOLID).sum() == pytest.approx(2.0)
+            table = face_table(mesh)
+            outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
+            for patch in outer:
+                x = mesh.points[patch.nodes] / [2, 1, 1]
+                on = np.isclose(x, 0, atol=1e-9) | np.isclose(x, 1, atol=1e-9)
+                assert np.all(on.all(axis=1).any(axis=1))

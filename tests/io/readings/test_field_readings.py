@@ -208,6 +208,22 @@ def test_what_was_read_at_zero_is_subtracted_if_asked_for(read):
     ]
 
 
+def test_a_mean_of_differences_has_the_error_of_the_zero_once(read):
+    text = "gauge,date,value,unit,accuracy\nEX1.a5,2024-02-28,0,mm,0.3\n"
+    text += "".join(f"EX1.a5,2024-03-0{day},2,mm,0.4\n" for day in range(1, 5))
+    description = "{file: r.csv, rezero: true, several: SEVERAL}"
+    for several, sd in (("mean", 0.2), ("last", 0.4), ("all", 0.4)):
+        case = read(DATES + description.replace("SEVERAL", several), files={"r.csv": text})
+        accuracies = {round(1e3 * r.accuracy, 9) for r in case.readings}
+        assert accuracies == {round((0.3**2 + sd**2) ** 0.5, 9)}
+
+
+def test_a_zero_that_is_flagged_is_not_subtracted(refused):
+    text = "gauge,date,value,unit,bad\nEX1.a5,2024-02-28,7,mm,bumped\nEX1.a5,2024-03-05,9,mm,\n"
+    (fault,) = refused(DATES + "{file: r.csv, rezero: true}", files={"r.csv": text})
+    assert fault.code == "no-zero-reading"
+
+
 def test_without_a_reading_at_zero_nothing_can_be_subtracted(refused):
     text = DATED.replace("EX1.a5,2024-02-28,0.0,mm\n", "")
     (fault, other) = refused(DATES + "{file: r.csv, rezero: true}", files={"r.csv": text})

@@ -6,7 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
     Diagnostics,
@@ -19,10 +21,12 @@ from geoident.model.result import (
     Provenance,
     Result,
 )
+from tests.support.results import wide_gauges
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
 STAGES = ("heading", "bench 1")
 NAMES = ("E_rock", "sigma_v")
+SOLIDS = tuple(kind for kind, cell in CELLS.items() if cell.usable and cell.dim == 3)
 
 
 def block(kind: str, *rows: tuple[int, ...], first: int = 1) -> ElementBlock:
@@ -54,36 +58,26 @@ def solid_mesh() -> Mesh:
     """One element of every solid kind on the nodes of a 3 x 3 x 3 lattice."""
     grid = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)], dtype=float)
     number = {tuple(p): n for n, p in enumerate(grid.astype(int).tolist())}
-    corners = [
-        (0, 0, 0),
-        (2, 0, 0),
-        (2, 2, 0),
-        (0, 2, 0),
-        (0, 0, 2),
-        (2, 0, 2),
-        (2, 2, 2),
-        (0, 2, 2),
-    ]
-    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)]
-    edges += [(0, 4), (1, 5), (2, 6), (3, 7)]
-    tet = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
-    tet_edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    base, top = (
+        [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)],
+        [(0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)],
+    )
+    corners = {
+        "tet": [base[0], base[1], base[3], top[0]],
+        "hex": base + top,
+        "wedge": [base[0], base[1], base[3], top[0], top[1], top[3]],
+        "pyramid": [*base, top[0]],
+    }
 
-    def nodes(points: list[tuple[int, ...]], pairs: list[tuple[int, int]]) -> tuple[int, ...]:
-        middle = [
-            tuple((a + b) // 2 for a, b in zip(points[i], points[j], strict=True)) for i, j in pairs
-        ]
-        return tuple(number[p] for p in [*points, *middle])
+    def nodes(kind: str) -> tuple[int, ...]:
+        points = corners[CELLS[kind].shape.name]
+        middles = [np.mean([points[a], points[b]], axis=0) for a, b in CELLS[kind].edges]
+        return tuple(number[int(x), int(y), int(z)] for x, y, z in [*points, *middles])
 
     return Mesh(
         points=grid,
-        blocks=(
-            block("tet4", nodes(tet, [])),
-            block("tet10", nodes(tet, tet_edges)),
-            block("hex8", nodes(corners, [])),
-            block("hex20", nodes(corners, edges)),
-        ),
-        groups={"rock": np.arange(4)},
+        blocks=tuple(block(kind, nodes(kind)) for kind in SOLIDS),
+        groups={"rock": np.arange(len(SOLIDS))},
     )
 
 
@@ -112,7 +106,7 @@ def make_parameters() -> ParameterTable:
         start=np.array([1.4e10, 8e6]),
         at_bound=np.array([False, True]),
         determined=np.array([True, False]),
-        priors=("", "normal(8e6, 1e6)"),
+        priors=(None, Prior(8e6, 1e6)),
         units=("GPa", "MPa"),
         dimensions=("pressure", "pressure"),
         covariance=np.array([[4e16, np.nan], [np.nan, np.nan]]),
@@ -127,7 +121,7 @@ def make_gauges(dim: int) -> GaugeTable:
     measured[2, 0] = np.nan
     first = rng.normal(size=(shape[0], dim))
     first[1] = np.nan
-    return GaugeTable(
+    return wide_gauges(
         channels=CHANNELS,
         stages=STAGES,
         measured=measured,
@@ -136,16 +130,15 @@ def make_gauges(dim: int) -> GaugeTable:
         used=np.isfinite(measured),
         first=first,
         second=rng.normal(size=(shape[0], dim)),
-        bad=np.isnan(measured),
     )
 
 
-def make_diagnostics(shape: tuple[int, ...]) -> Diagnostics:
+def make_diagnostics(k: int) -> Diagnostics:
     rng = np.random.default_rng(5)
-    tables = [rng.normal(size=shape) for _ in range(5)]
-    tables[1][0, 0] = np.nan
-    influence = rng.normal(size=(*shape, 2))
-    influence[0, 0, 1] = np.inf
+    tables = [rng.normal(size=k) for _ in range(5)]
+    tables[1][0] = np.nan
+    influence = rng.normal(size=(k, 2))
+    influence[0, 1] = np.inf
     return Diagnostics("huber (delta 1.345)", 12.5, 1.25, *tables, influence)
 
 
@@ -203,7 +196,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
         ),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
-        diagnostics=make_diagnostics(shape),
+        diagnostics=make_diagnostics(len(gauges.readings)),
     )
 
 

@@ -18,7 +18,8 @@ import pytest
 from geoident.errors import InputError, OutputError
 from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
-from geoident.model.result import Result
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Result
+from tests.support.results import changed_gauges
 
 Make = Callable[..., Result]
 
@@ -70,10 +71,9 @@ def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
         for name in [f.name for f in dataclasses.fields(result.parameters)]
     }
     cut["covariance"] = cut["correlation"] = np.empty((0, 0))
-    gauges = result.gauges
     empty = np.empty((0, 0))
-    gauges = dataclasses.replace(
-        gauges,
+    gauges = changed_gauges(
+        result.gauges,
         channels=(),
         stages=(),
         measured=empty,
@@ -81,8 +81,8 @@ def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:
         sd=empty,
         used=empty.astype(bool),
         bad=empty.astype(bool),
-        first=gauges.first[:0],
-        second=gauges.second[:0],
+        first=result.gauges.first[:0],
+        second=result.gauges.second[:0],
     )
     result = dataclasses.replace(
         result,
@@ -129,7 +129,7 @@ def test_root_attributes_say_where_it_comes_from(tmp_path: Path, result_maker: M
     write_result(result_maker(), tmp_path / "a.h5", overwrite=False)
     with h5py.File(tmp_path / "a.h5") as file:
         found = dict(file.attrs)
-    assert found["format"] == "geoident-result/1"
+    assert found["format"] == "geoident-result/2"
     assert found["versions"] == '{"geoident": "0.1.0", "numpy": "2.1"}'
     assert found["mesh_sha256"] == "b" * 64
     assert (found["seed"], found["exit_code"], found["factorizations"]) == (4, 0, 6)
@@ -242,7 +242,7 @@ def test_files_that_are_no_results(tmp_path: Path, result_maker: Make) -> None:
     assert "the result is a.fit.h5" in refused(tmp_path / "a.fit.vtkhdf")
 
 
-@pytest.mark.parametrize("found", ["geoident-result/2", "geoident-result/10"])
+@pytest.mark.parametrize("found", ["geoident-result/3", "geoident-result/10"])
 def test_unknown_format(tmp_path: Path, result_maker: Make, found: str) -> None:
     write_result(result_maker(full=False), tmp_path / "a.h5", overwrite=False)
     with h5py.File(tmp_path / "a.h5", "a") as file:
@@ -270,6 +270,11 @@ UNUSED = ("bound", "end", "other", "iteration", "parameter", "gauge", "stage", "
 UNUSED += ("parameters/unit",)
 UNUSED += ("Values", "Offsets", "Types", "vtkGhostType", "CellData/group", "NumberOfCells")
 UNUSED += ("NumberOfConnectivityIds", "singular_values")
+WIDE = tuple(f"gauges/{name}" for name in ("measured", "residual", "sd", "used", "bad", "unit"))
+WIDE += tuple(f"diagnostics/{name}" for name in (*DIAGNOSTIC_COLUMNS, "influence", "parameter"))
+UNUSED += (*WIDE, *(f"readings/{name}" for name in ("residual", "unit", "dimension", "reading")))
+UNUSED += ("parameters/prior", "parameters/prior_kind", "diagnostics/gauge", "diagnostics/stage")
+UNUSED += ("readings/parameter",)
 
 
 def test_every_missing_piece_is_named(tmp_path: Path, result_maker: Make) -> None:
@@ -300,9 +305,9 @@ def test_pieces_of_another_shape_or_type_are_named(tmp_path: Path, result_maker:
         file["prediction/mean"] = np.zeros((3, 1))
     assert "/prediction/mean has the shape (3, 1), not (3, 2)" in refused(tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "a") as file:
-        del file["gauges/sd"]
-        file["gauges/sd"] = "text"
-    assert "/gauges/sd holds object" in refused(tmp_path / "a.h5")
+        del file["readings/sd"]
+        file["readings/sd"] = "text"
+    assert "/readings/sd holds object" in refused(tmp_path / "a.h5")
 
 
 def test_flipped_bytes_are_refused_or_read_but_never_crash(

@@ -20,7 +20,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline 
 from vtkmodules.vtkFiltersGeneral import vtkCellValidator  # noqa: E402
 
 Make = Callable[..., Result]
-CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25]}
+CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25, 13, 26, 14, 27]}
 
 
 @pytest.fixture(params=["a.fit.h5", "a.fit.vtkhdf"])

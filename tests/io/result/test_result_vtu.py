@@ -13,7 +13,7 @@ xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 from vtkmodules.vtkFiltersGeneral import vtkCellValidator  # noqa: E402
 
-CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25]}
+CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25, 13, 26, 14, 27]}
 BIG = 300_000  # numbers, more than two blocks of a compressed array
 
 

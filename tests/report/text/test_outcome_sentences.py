@@ -40,17 +40,19 @@ def test_lead_counts_readings_names_stages_and_tells_their_scatter(stages, durin
     assert text.startswith(
         f"3 parameters were identified from {len(residuals)} readings ({during}) by gauss-newton."
     )
-    assert f" {rms:.2f} times their standard deviation" in text
-    assert "one deviates by more than 3." in text  # the 8 of bench 1
+    assert f"residuals is {rms:.2f} of the stated standard deviation" in text
+    assert "one reading exceeds 3 standard deviations." in text  # the 8 of bench 1
 
 
-@pytest.mark.parametrize(("noise", "count"), [(2.99, "none deviates"), (3.01, "one deviates")])
+@pytest.mark.parametrize(
+    ("noise", "count"), [(2.99, "no reading exceeds"), (3.01, "one reading exceeds")]
+)
 def test_a_reading_stands_out_from_three_standard_deviations_on(noise, count):
     table = with_used("bench 2")
     measured = table.computed + 0.0
     measured[0, 2] += noise * 1e-4
     text = lead(gauges=replace(table, measured=measured, used=table.used & (table.sd > 0)))
-    assert f"{count} by more than 3." in text
+    assert f"{count} 3 standard deviations." in text
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -61,7 +63,7 @@ def test_predicted_readings_count_up_to_the_ends_of_their_band(side, off, inside
     measured = table.measured.copy()
     measured[3, 2] = table.computed[3, 2] + side * off * 1.5e-4
     text = lead(gauges=replace(table, measured=measured))
-    assert f"Of 4 readings that were predicted, {inside} lie in their 95 % band." in text
+    assert f"{inside} of 4 predicted readings lie within their 95 % bands." in text
 
 
 def test_values_stand_in_their_units_with_their_interval():

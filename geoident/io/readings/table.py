@@ -1,21 +1,80 @@
-"""Cells of a delimited text file: lines, quotes, and what numbers, units and dates they say."""
+"""A file of readings: how it is laid out, its cells, and the numbers, units and dates in them.
+
+What differs from one file to the next is declared by the user (`Layout`); nothing is guessed.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 from geoident.errors import Fault, Location
-from geoident.io.readings.layout import Layout
-from geoident.io.text.dates import DateError, read_date
+from geoident.io.text.dates import ISO, DateError, read_date
 from geoident.io.text.wording import shorten
 from geoident.units import UNITS, UnitError, normal_unit, read_quantity, unit_list, with_article
 
 _GOOD = frozenset({"", "0", "no", "false", "good", "ok"})
 _BAD = frozenset({"1", "x", "yes", "true", "bad"})
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
+
+
+COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the readings of one channel come from in a file.
+
+    Args:
+        name: in the column of gauges, or of the column itself in the wide layout.
+        unit: of its values; empty for what the file says.
+        sign: -1 if the file counts the other way round.
+        fields: AGS heading to the value that it must have, such as ``MONG_ID``.
+    """
+
+    name: str = ""
+    unit: str = ""
+    sign: int = 1
+    fields: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a file is laid out.
+
+    Args:
+        delimiter: one character between columns.
+        decimal: ``.`` or ``,``.
+        columns: key of `COLUMNS` to its name in the header.
+        unit: of all values that say none themselves; empty for none declared.
+        date_format: see `geoident.io.text.dates`.
+        wide: one column a channel, one row a date or stage.
+        unit_row: the line after the header holds the units.
+        channels: channel to its origin; empty where the file uses the names of the case.
+        dimensions: channel to the dimension of its readings, a key of
+            `geoident.units.DIMENSIONS`; lengths where it is not said.
+    """
+
+    delimiter: str = ","
+    decimal: Literal[".", ","] = "."
+    columns: Mapping[str, str] = field(default_factory=dict)
+    unit: str = ""
+    date_format: str = ISO
+    wide: bool = False
+    unit_row: bool = False
+    channels: Mapping[str, Origin] = field(default_factory=dict)
+    dimensions: Mapping[str, str] = field(default_factory=dict)
+
+    def header(self, key: str) -> str:
+        """Name of a column in the header, in small letters."""
+        return self.columns.get(key, key).strip().lower()
+
+    def dimension(self, channel: str) -> str:
+        """Of the readings of a channel."""
+        return self.dimensions.get(channel, "length")
 
 
 @dataclass(frozen=True)
@@ -118,21 +177,27 @@ class Table:
             self.refuse((number, cell.column), "out-of-range", message)
         return accuracy
 
-    def length_unit(self, number: int, cell: Cell) -> float | None:
-        """Size of a unit of length in m; None, with a fault, if it is none."""
+    def unit(self, number: int, cell: Cell, dimension: str) -> float | None:
+        """Size of a unit in the SI unit of a dimension; None, with a fault, if it is none of it.
+
+        Args:
+            number: of the line.
+            cell: the unit as written.
+            dimension: of what is read, a key of `geoident.units.DIMENSIONS`.
+        """
         try:
-            dimension, factor = UNITS[normal_unit(cell.text)]
+            found, factor = UNITS[normal_unit(cell.text)]
         except UnitError as error:
             comma = cell.text.replace(".", "").isdigit()
             hint = "If the value has a decimal comma, write a point." if comma else error.hint
             self.refuse((number, cell.column), "unit", error.message, hint)
             return None
-        if dimension == "length":
+        if found == dimension:
             return factor
-        text = cell.text
-        found = f"'{text}' is the unit of {with_article(dimension)}" if text else "no unit"
-        hint = f"Units of length: {unit_list('length')}."
-        self.refuse((number, cell.column), "unit", f"{found}; a length is expected", hint)
+        text, wanted = cell.text, with_article(dimension)
+        message = f"'{text}' is the unit of {with_article(found)}" if text else "no unit"
+        hint = f"Units of {dimension}: {unit_list(dimension)}."
+        self.refuse((number, cell.column), "unit", f"{message}; {wanted} is expected", hint)
         return None
 
     def date(self, number: int, cell: Cell) -> float | None:

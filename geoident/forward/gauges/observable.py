@@ -1,0 +1,309 @@
+"""What a gauge reads of a state of the march: one class and one function a quantity.
+
+An observable turns a state of the march into values with derivatives. What a channel reads is its
+value there less that at the zero of the channel, and what the instrument adds by itself
+(`instrument_errors`). A new quantity is one class more, which says what it makes of displacements,
+stresses and member forces, and one function, which places its channels, finds from when to when
+they can be read, and stands in `OBSERVABLES` under the kinds of gauges that read it.
+
+Condensation and the formulations that solve all stages at once act on the ground with unit forces
+along the readings (theory 4.1). An observable that is linear in the displacements alone, whatever
+the parameters, gives its rows G' for that; any other has none, and these methods refuse it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.errors import Fault
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.location import Locator, Site, format_point
+from geoident.forward.march.state import StageEnd
+from geoident.forward.stages import ConstructionSequence
+from geoident.forward.structures.members import Structures
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.gauges import Channel
+from geoident.model.mesh import Mesh
+from geoident.model.structures import Bolts
+
+_SNAPPED = 1e-6
+"""How far outside an element a point is said to be snapped to it, in parts of its size."""
+
+
+@dataclass(frozen=True)
+class MarchState:
+    """A state of the march, as observables see it.
+
+    Args:
+        end: displacements, stresses and member forces; columns are the value, n derivatives and k
+            responses to unit forces.
+        point: the parameters, and the n of them by which the march differentiates.
+        structures: linings and bolts.
+    """
+
+    end: StageEnd
+    point: ParameterPoint
+    structures: Structures
+
+
+class Observable(Protocol):
+    """What some channels (g) read."""
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
+
+    @property
+    def rows(self) -> sp.csr_array | None:
+        """G' (g, n_dofs) with values G' u; None where they are not linear in u alone."""
+
+
+@dataclass(frozen=True)
+class GaugeSurroundings:
+    """Where gauges are to be placed.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        locator: finds elements by points.
+        sequence: the states of construction.
+    """
+
+    case: Case
+    mesh: Mesh
+    locator: Locator
+    sequence: ConstructionSequence
+
+    def zero(self, channel: Channel) -> int:
+        """The state at which a channel reads zero."""
+        return self.case.stage_names.index(channel.zero)
+
+    def from_zero(self, channel: Channel) -> Bools:
+        """(n_states,) states from the zero of a channel on."""
+        return np.arange(len(self.sequence.states)) >= self.zero(channel)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Some channels (g) on the mesh.
+
+    Args:
+        observable: what they read.
+        readable: (g, n_states) when they can be read.
+        snapped: names of those with a point just outside the mesh.
+        faults: what is wrong with them; then the observable is of no use.
+        unreadable: why they cannot be read where they are not, a clause.
+    """
+
+    observable: Observable
+    readable: Bools
+    snapped: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    unreadable: str = "a point of it stands in ground that is no longer there"
+
+
+class RelativeDisplacements:
+    """direction . (u(second) - u(first)), m.
+
+    Args:
+        rows: G', (g, n_dofs).
+    """
+
+    def __init__(self, rows: sp.csr_array) -> None:
+        self.rows = rows
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, m."""
+        return np.asarray(self.rows @ state.end.u)
+
+
+class AxialForces:
+    """Axial forces of single bolts, N, tension positive.
+
+    The march carries them per metre out of plane; one bolt bears that of its spacing, which may
+    itself be a parameter.
+
+    Args:
+        bolts: structure and index of the bolt in it.
+    """
+
+    rows = None  # EA(p) stands between the displacements and the force
+
+    def __init__(self, bolts: Sequence[tuple[str, int]]) -> None:
+        self._bolts = bolts
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, N."""
+        members, point = state.end.members, state.point
+        table = np.empty((len(self._bolts), members.shape[1]))
+        for row, (name, number) in enumerate(self._bolts):
+            part = next(part for part in state.structures.parts if part.name == name)
+            smeared = members[part.rows.start + number]
+            assert isinstance(part.structure, Bolts)
+            spacing = part.structure.spacing
+            one = point.constant(1.0) if spacing is None else point.number(spacing)
+            n = point.n_columns
+            table[row] = smeared * one.value
+            table[row, :n] = (Dual(smeared[:n]) * one).columns
+        return table
+
+
+def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+    """Channels that read the motion of a point, or of two against each other.
+
+    They can be read while their points stand in ground that has been there since the zero, on the
+    way of construction from one to the other.
+    """
+    kinematics = kinematics_of(ground.case.analysis)
+    mesh, rows, readable = ground.mesh, [], []
+    snapped: list[str] = []
+    faults: list[Fault] = []
+    for channel in channels:
+        ends, stays = [], [ground.from_zero(channel)]
+        for point, sign in ((channel.first, -1.0), (channel.second, 1.0)):
+            if point is None:
+                continue
+            place, turned = kinematics.in_section(point)
+            sites = ground.locator.sites(place)
+            site, there = best_site(sites, ground.sequence, ground.zero(channel))
+            if site is None:
+                faults.append(_point_fault(ground, channel, point, sites))
+                continue
+            ends.append((site, sign * turned))
+            stays.append(there)
+            if site.outside > _SNAPPED:
+                snapped.append(channel.name)
+        rows.append(_row(mesh, channel, ends))
+        readable.append(np.all(stays, axis=0))
+    operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
+    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    return Placed(
+        RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
+    )
+
+
+def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+    """Channels on the bolt whose ends are their two points; they can be read while it stands."""
+    bolts, readable, faults = [], [], []
+    ends_of = {
+        ends: (name, number)
+        for name, structure in ground.case.structures.items()
+        if isinstance(structure, Bolts)
+        for number, ends in enumerate(structure.ends)
+    }
+    for channel in channels:
+        found = None if channel.first is None else ends_of.get((channel.first, channel.second))
+        if found is None:
+            faults.append(_bolt_fault(ground.case, channel))
+            continue
+        stands = [found[0] in state.structures for state in ground.sequence.states]
+        bolts.append(found)
+        readable.append(np.array(stands) & ground.from_zero(channel))
+    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    why = "its bolt does not stand then"
+    return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
+
+
+Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
+
+OBSERVABLES: Mapping[str, Placing] = {
+    "extensometer": relative_displacements,
+    "convergence": relative_displacements,
+    "displacement": relative_displacements,
+    "settlement": relative_displacements,
+    "load-cell": axial_forces,
+}
+"""What the gauges of a kind read."""
+
+
+def reads_displacements(channel: Channel) -> bool:
+    """Whether a channel reads displacements and nothing else."""
+    return OBSERVABLES[channel.kind] is relative_displacements
+
+
+def best_site(
+    sites: tuple[Site, ...], sequence: ConstructionSequence, zero: int
+) -> tuple[Site | None, Bools]:
+    """The site that stays for most states from the zero on, the best-lying one among equals.
+
+    Args:
+        sites: elements that hold the point.
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+
+    Returns:
+        The site, None if none is there at the zero; (n_states,) the states at which it is there and
+        has been there on the way of construction from the zero.
+    """
+    best, longest = None, np.zeros(len(sequence.states), dtype=bool)
+    for site in sites:
+        stays = _stays(sequence, zero, site.element)
+        if stays.sum() > longest.sum():
+            best, longest = site, stays
+    return best, longest
+
+
+def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
+    """(n_states,) states from the zero on to which no stage without the element leads."""
+    group = sequence.group_of[element]
+    gone = np.array([group not in state.materials for state in sequence.states])
+    built_on = sequence.built_on
+    way = built_on ^ built_on[:, [zero]]
+    way[zero] = True
+    later = np.arange(len(sequence.states)) >= zero
+    return np.asarray(~(gone[:, None] & way).any(axis=0) & later)
+
+
+def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
+    """One row of G': direction . (u(second) - u(first)); each end with its signs (dim,)."""
+    direction = np.array(channel.direction)
+    columns, values = [np.empty(0, np.int64)], [np.empty(0)]
+    for site, signs in ends:
+        columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
+        values.append(np.outer(site.shapes, signs * direction).ravel())
+    column = np.concatenate(columns)
+    return sp.csr_array(
+        (np.concatenate(values), (np.zeros_like(column), column)),
+        shape=(1, mesh.n_nodes * mesh.dim),
+    )
+
+
+def _point_fault(
+    ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+) -> Fault:
+    """Why a point of a gauge stands in no ground."""
+    place, sequence = format_point(point), ground.sequence
+    if not sites:
+        low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
+        return ground.case.source.fault(
+            channel.key,
+            code="gauge-outside",
+            message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
+            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
+        )
+    groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
+    return ground.case.source.fault(
+        channel.key,
+        code="gauge-in-absent-ground",
+        message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
+        f"is not there at stage '{channel.zero}', where the gauge is zeroed",
+        hint="set 'zero' to a stage at which that ground is present, or correct the point",
+    )
+
+
+def _bolt_fault(case: Case, channel: Channel) -> Fault:
+    """There is no bolt between the points of a gauge."""
+    first = "fixed ground" if channel.first is None else format_point(channel.first)
+    return case.source.fault(
+        channel.key,
+        code="no-bolt",
+        message=f"no bolt reaches from {first} to {format_point(channel.second)}, where gauge "
+        f"'{channel.name}' reads its force",
+        hint="give the two ends of a bolt as 'structures' has them",
+    )

@@ -1,0 +1,282 @@
+"""The readings of a result file: the long table, and the wide views of it.
+
+``/readings`` has one entry a reading (axis ``reading``): ``channel``, ``gauge``, ``stage``,
+``time``, ``value``, ``sd``, ``used``, ``bad``, ``reason``, ``computed``, ``residual``,
+``dimension``, ``unit``; of a fit also how it bears on the answer and its ``sensitivity``. Values
+are in the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by
+channel and stage, for who wants tables; they are written and, since format 2, not read.
+
+A file of format 1 has only the wide tables: one reading a channel and stage, without its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.result import (
+    DIAGNOSTIC_COLUMNS,
+    Diagnostics,
+    GaugeTable,
+    ReadingTable,
+)
+from geoident.units import DIMENSIONS
+
+_FLOATS = ("time", "value", "sd", "computed")
+
+
+def write_readings(
+    file: h5py.File, gauges: GaugeTable, found: Diagnostics | None, names: Sequence[str]
+) -> None:
+    """Writes ``/readings``.
+
+    Args:
+        file: the result.
+        gauges: with the k readings.
+        found: how each of them bears on the answer, or None.
+        names: of the n parameters.
+    """
+    table = gauges.readings
+    dimension = dict(zip(gauges.channels, gauges.dimensions, strict=True))
+    dimensions = [dimension.get(channel, "") for channel in table.channel]
+    axes: dict[str, Sequence[str] | Ints] = {
+        "reading": np.arange(len(table), dtype=np.int64),
+        "parameter": tuple(names),
+    }
+    out = TableWriter(file, "readings", axes)
+    for name in ("channel", "gauge", "stage", "reason"):
+        out.add(name, getattr(table, name), "reading")
+    for name in _FLOATS:
+        unit = "s since 1970-01-01" if name == "time" else ""
+        out.add(name, getattr(table, name), "reading", unit=unit)
+    out.add("residual", table.value - table.computed, "reading")
+    out.add("used", table.used, "reading")
+    out.add("bad", table.bad, "reading")
+    out.add("dimension", dimensions, "reading")
+    out.add("unit", [DIMENSIONS.get(name, "") for name in dimensions], "reading")
+    if table.sensitivity is not None:
+        out.add("sensitivity", table.sensitivity, "reading", "parameter")
+    if found is not None:
+        for name in DIAGNOSTIC_COLUMNS:
+            out.add(name, getattr(found, name), "reading")
+        out.add("influence", found.influence, "reading", "parameter")
+
+
+def read_readings(file: h5py.File, n: int) -> ReadingTable:
+    """The readings; n is the number of parameters."""
+    group = TableReader(file, "readings")
+    channel = group.texts("channel")
+    k = len(channel)
+    return ReadingTable(
+        channel=channel,
+        gauge=group.texts("gauge", k),
+        stage=group.texts("stage", k),
+        reason=group.texts("reason", k),
+        used=group.bools("used", k),
+        bad=group.bools("bad", k),
+        sensitivity=group.floats("sensitivity", k, n) if "sensitivity" in group else None,
+        **{name: group.floats(name, k) for name in _FLOATS},
+    )
+
+
+def write_gauges(file: h5py.File, table: GaugeTable) -> None:
+    """Writes ``/gauges``. ``residual`` is measured minus computed.
+
+    ``instrument`` is the gauge to which a channel belongs, ``unit`` the SI unit of its readings,
+    ``display_unit`` the one in which people want to see them.
+
+    Args:
+        file: the result.
+        table: channels and readings.
+    """
+    axes = {
+        "gauge": table.channels,
+        "stage": table.stages,
+        "end": ("first", "second"),
+        "axis": ("x", "y", "z")[: table.first.shape[1]],
+    }
+    out = TableWriter(file, "gauges", axes)
+    unit = reading_unit(table)
+    out.add("measured", table.measured, "gauge", "stage", unit=unit)
+    out.add("computed", table.computed, "gauge", "stage", unit=unit)
+    out.add("residual", table.measured - table.computed, "gauge", "stage", unit=unit)
+    out.add("sd", table.sd, "gauge", "stage", unit=unit)
+    out.add("used", table.used, "gauge", "stage")
+    out.add("bad", table.bad, "gauge", "stage")
+    out.add("instrument", table.gauges, "gauge")
+    out.add("dimension", table.dimensions, "gauge")
+    out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "gauge")
+    out.add("display_unit", table.units, "gauge")
+    out.add("accuracy", table.accuracy, "gauge", unit=unit)
+    points = np.stack([table.first, table.second], axis=1)
+    out.add("points", points, "gauge", "end", "axis", unit="m")
+
+
+def reading_unit(table: GaugeTable) -> str:
+    """The SI unit of all readings; where they have several, where to find it."""
+    units = {DIMENSIONS.get(name, "") for name in table.dimensions} or {"m"}
+    return units.pop() if len(units) == 1 else "SI, see /gauges/unit"
+
+
+def read_gauges(file: h5py.File, n: int) -> GaugeTable:
+    """Channels and readings; n is the number of parameters."""
+    group = TableReader(file, "gauges")
+    channels, stages = group.texts("gauge"), group.texts("stage")
+    m = len(channels)
+    points = group.floats("points", m, 2, len(group.texts("axis")))
+    return GaugeTable(
+        channels=channels,
+        stages=stages,
+        computed=group.floats("computed", m, len(stages)),
+        first=points[:, 0].copy(),
+        second=points[:, 1].copy(),
+        readings=read_readings(file, n),
+        gauges=group.texts("instrument", m),
+        dimensions=group.texts("dimension", m),
+        units=group.texts("display_unit", m),
+        accuracy=group.floats("accuracy", m),
+    )
+
+
+def write_diagnostics(
+    file: h5py.File, found: Diagnostics, gauges: GaugeTable, names: Sequence[str]
+) -> None:
+    """Writes ``/diagnostics``, dimensionless; its attributes hold the loss, squares and scale.
+
+    Args:
+        file: the result.
+        found: how each reading bears on the answer.
+        gauges: with the readings.
+        names: of the n parameters.
+    """
+    wide = found.wide(gauges)
+    axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": tuple(names)}
+    out = TableWriter(file, "diagnostics", axes)
+    for name in DIAGNOSTIC_COLUMNS:
+        out.add(name, getattr(wide, name), "gauge", "stage")
+    out.add("influence", wide.influence, "gauge", "stage", "parameter")
+    out.group.attrs["loss"] = found.loss
+    out.group.attrs["weighted_squares"] = np.float64(found.squares)
+    out.group.attrs["scale"] = np.float64(found.scale)
+
+
+def read_diagnostics(file: h5py.File, n: int) -> Diagnostics:
+    """How each reading bears on the answer; n is the number of parameters."""
+    about, table = TableReader(file, "diagnostics"), TableReader(file, "readings")
+    k = len(table.texts("channel"))
+    return Diagnostics(
+        loss=about.attribute("loss", str),
+        squares=about.attribute("weighted_squares", float),
+        scale=about.attribute("scale", float),
+        influence=table.floats("influence", k, n),
+        **{name: table.floats(name, k) for name in DIAGNOSTIC_COLUMNS},
+    )
+
+
+# Format 1: wide tables alone
+
+
+def long_table(
+    channels: Sequence[str],
+    stages: Sequence[str],
+    measured: Floats,
+    *,
+    sd: Floats,
+    used: Bools,
+    bad: Bools,
+    computed: Floats,
+    sensitivity: Floats | None = None,
+) -> ReadingTable:
+    """The k readings of a wide table, stage by stage: one a channel and stage, times unknown.
+
+    Args:
+        channels: names; a gauge of several has them as ``gauge.anchor``.
+        stages: names.
+        measured: (n_channels, n_stages) SI; NaN where there is no reading.
+        sd: (n_channels, n_stages) SI.
+        used: (n_channels, n_stages) it took part in the identification.
+        bad: (n_channels, n_stages) it is known to be wrong.
+        computed: (n_channels, n_stages) SI.
+        sensitivity: (n_channels, n_stages, n) or None.
+    """
+    places = np.argwhere(np.isfinite(measured).T)[:, ::-1]
+    at = tuple(places.T)
+    names = tuple(channels[i] for i in places[:, 0])
+    return ReadingTable(
+        channel=names,
+        gauge=tuple(name.partition(".")[0] for name in names),
+        stage=tuple(stages[j] for j in places[:, 1]),
+        time=np.full(len(places), np.nan),
+        value=measured[at],
+        sd=sd[at],
+        used=used[at],
+        bad=bad[at],
+        reason=tuple(_why(bool(u), bool(b)) for u, b in zip(used[at], bad[at], strict=True)),
+        computed=computed[at],
+        sensitivity=None if sensitivity is None else sensitivity[at],
+    )
+
+
+def _why(used: bool, bad: bool) -> str:
+    return "" if used else "flagged as bad: see the notes" if bad else "see the notes"
+
+
+def gauges_of_wide(file: h5py.File, sensitivity: Floats | None) -> GaugeTable:
+    """The gauges of a file of format 1: all read lengths.
+
+    Args:
+        file: the result.
+        sensitivity: (n_channels, n_stages, n) of the same file, or None.
+    """
+    group = TableReader(file, "gauges")
+    channels, stages = group.texts("gauge"), group.texts("stage")
+    m, shape = len(channels), (len(channels), len(stages))
+    points = group.floats("points", m, 2, len(group.texts("axis")))
+    computed = group.floats("computed", *shape)
+    readings = long_table(
+        channels,
+        stages,
+        group.floats("measured", *shape),
+        sd=group.floats("sd", *shape),
+        used=group.bools("used", *shape),
+        bad=group.bools("bad", *shape),
+        computed=computed,
+        sensitivity=sensitivity,
+    )
+    return GaugeTable(
+        channels=channels,
+        stages=stages,
+        computed=computed,
+        first=points[:, 0].copy(),
+        second=points[:, 1].copy(),
+        readings=readings,
+        gauges=tuple(name.partition(".")[0] for name in channels),
+        dimensions=("length",) * m,
+        units=("mm",) * m,
+        accuracy=np.full(m, np.nan),
+    )
+
+
+def diagnostics_of_wide(file: h5py.File, gauges: GaugeTable, n: int) -> Diagnostics:
+    """The diagnostics of a file of format 1, one a channel and stage.
+
+    Args:
+        file: the result.
+        gauges: its channels and readings.
+        n: number of parameters.
+    """
+    group = TableReader(file, "diagnostics")
+    shape = gauges.computed.shape
+    places = [gauges.place(k) for k in range(len(gauges.readings))]
+    at = tuple(np.array(places, dtype=np.int64).reshape(-1, 2).T)
+    return Diagnostics(
+        loss=group.attribute("loss", str),
+        squares=group.attribute("weighted_squares", float),
+        scale=group.attribute("scale", float),
+        influence=group.floats("influence", *shape, n)[at],
+        **{name: group.floats(name, *shape)[at] for name in DIAGNOSTIC_COLUMNS},
+    )

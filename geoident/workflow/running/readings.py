@@ -1,0 +1,244 @@
+"""Readings as a long table: which take part and why not, and what the model says of each.
+
+From the case to the weighted residual a reading is a row of one `ReadingTable`: the search takes
+the values and standard deviations of the rows that are used, the result holds the whole table.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.forward.protocols import CaseModel, Survey
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.gauges import Reading
+from geoident.model.result import GaugeTable, ReadingTable
+
+FLAGGED = "flagged as bad: "
+"""Beginning of the reason why a reading that is known to be wrong is not used."""
+
+
+class Readable(Protocol):
+    """A model that can tell which channels it can read when."""
+
+    def unreadable(self, channel: str, stage: str) -> str | None:
+        """Why a channel cannot be read at the end of a stage, or None if it can."""
+
+
+def select_readings(case: Case, model: Readable) -> ReadingTable:
+    """The readings of a case, and which of them an identification uses.
+
+    Args:
+        case: with its readings.
+        model: tells what can be read.
+    """
+    return reading_table(case, [_why_unused(case, reading, model) for reading in case.readings])
+
+
+def _why_unused(case: Case, reading: Reading, model: Readable) -> str:
+    """Why a reading takes no part; empty if it does."""
+    if reading.value is None:
+        return "no value was read"
+    if reading.bad:
+        return f"{FLAGGED}{reading.bad}"
+    if case.fit.stages is not None and reading.stage not in case.fit.stages:
+        return "the stage is not in fit.stages"
+    return model.unreadable(reading.channel, reading.stage) or ""
+
+
+def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
+    """The readings of a case as a table.
+
+    Args:
+        case: with its readings.
+        reasons: for each, why it is not used; empty for one that is.
+    """
+    readings = case.readings
+    channels = {channel.name: channel for channel in case.channels}
+    owners = [channels[reading.channel] for reading in readings]
+    return ReadingTable(
+        channel=tuple(reading.channel for reading in readings),
+        gauge=tuple(channel.gauge for channel in owners),
+        stage=tuple(reading.stage for reading in readings),
+        time=_numbers([reading.time for reading in readings]),
+        value=_numbers([reading.value for reading in readings]),
+        sd=_numbers(
+            [
+                channel.accuracy if reading.accuracy is None else reading.accuracy
+                for reading, channel in zip(readings, owners, strict=True)
+            ]
+        ),
+        used=np.array([not reason for reason in reasons], dtype=np.bool_),
+        bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
+        reason=tuple(reasons),
+        computed=np.full(len(readings), np.nan),
+    )
+
+
+def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
+    """The readings that a table holds, as a case has them."""
+    return tuple(
+        Reading(
+            table.channel[k],
+            table.stage[k],
+            None if np.isnan(table.value[k]) else float(table.value[k]),
+            float(table.sd[k]),
+            time=None if np.isnan(table.time[k]) else float(table.time[k]),
+            bad=table.reason[k].removeprefix(FLAGGED) if table.bad[k] else "",
+        )
+        for k in range(len(table))
+    )
+
+
+def _numbers(values: Sequence[float | None]) -> Floats:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def times_of(table: ReadingTable, rows: Bools) -> tuple[float | None, ...]:
+    """When some readings were taken, seconds since 1970, where it is known.
+
+    Args:
+        table: of k readings.
+        rows: (k,) which of them.
+    """
+    return tuple(None if np.isnan(time) else float(time) for time in table.time[rows])
+
+
+def with_computed(
+    readings: ReadingTable, case: Case, model: CaseModel, survey: Survey, p: Floats
+) -> ReadingTable:
+    """The readings with what the model says of each at p, and its derivatives.
+
+    The survey has one value a channel and stage, at the mean of the times of its readings. What
+    drift adds between that and the time of a reading is added here.
+
+    Args:
+        readings: k of them.
+        case: of the model.
+        model: knows the drift.
+        survey: of the model at p.
+        p: (n,) parameters, SI.
+    """
+    names = [channel.name for channel in case.channels]
+    rows = np.array([names.index(channel) for channel in readings.channel], dtype=np.int64)
+    states = [case.stage_names.index(stage) for stage in readings.stage]
+    columns = np.array(states, dtype=np.int64) - 1  # the survey leaves the virgin state out
+    values = model.values(p)
+    own, common = (
+        model.instrument_errors.added(values, model.names, rows, columns + 1, times)
+        for times in (readings.time, None)
+    )
+    more = own - common
+    return replace(
+        readings,
+        computed=survey.computed[rows, columns] + more[:, 0],
+        sensitivity=survey.sensitivity[rows, columns] + more[:, 1:],
+    )
+
+
+def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTable:
+    """The channels of a case with their readings, and what the model says at all stages.
+
+    Args:
+        case: the case.
+        readings: all of them.
+        computed: (n_channels, n_stages) SI.
+    """
+    channels = case.channels
+    return GaugeTable(
+        channels=tuple(channel.name for channel in channels),
+        stages=tuple(stage.name for stage in case.stages),
+        computed=computed,
+        first=_points([channel.first for channel in channels], case),
+        second=_points([channel.second for channel in channels], case),
+        readings=readings,
+        gauges=tuple(channel.gauge for channel in channels),
+        dimensions=tuple(channel.dimension for channel in channels),
+        units=tuple(channel.unit for channel in channels),
+        accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
+    )
+
+
+def _points(points: Sequence[tuple[float, ...] | None], case: Case) -> Floats:
+    none = (np.nan,) * case.analysis.dim
+    table = [none if point is None else point for point in points]
+    return np.array(table, dtype=np.float64).reshape(len(table), case.analysis.dim)
+
+
+def accuracies(case: Case) -> Floats:
+    """Standard deviation of a reading of each channel (n_channels, n_stages), SI.
+
+    NaN at the stage at which a channel is zeroed: it reads nothing there.
+    """
+    each = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
+    zero = [[channel.zero == stage.name for stage in case.stages] for channel in case.channels]
+    at_zero = np.array(zero, dtype=np.bool_).reshape(len(case.channels), len(case.stages))
+    return np.where(at_zero, np.nan, each[:, None])
+
+
+def require_enough(case: Case, readings: ReadingTable) -> None:
+    """Refuse readings and priors that are fewer than the parameters.
+
+    Raises:
+        InputError: they are.
+    """
+    parameters, used = case.parameters, int(np.count_nonzero(readings.used))
+    priors = sum(1 for parameter in parameters if parameter.prior is not None)
+    if used + priors >= len(parameters) and used:
+        return
+    known = _count(used, "usable reading")
+    known += f" and {_count(priors, 'prior')}" if priors else ""
+    fault = case.source.fault(
+        ("readings",),
+        code="too-few-readings",
+        message=f"{known} cannot determine {_count(len(parameters), 'parameter')}"
+        f" ({', '.join(parameter.name for parameter in parameters)})",
+        hint=_remedy(readings),
+    )
+    raise InputError([fault])
+
+
+def _remedy(readings: ReadingTable) -> str:
+    remedy = "Add readings, give priors, or make some parameters given numbers."
+    reasons = sorted({readings.reason[k] for k in readings.unused})
+    if not reasons:
+        return remedy
+    return f"{remedy} {len(readings.unused)} readings are not used: {'; '.join(reasons)}."
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def unused_by_stage(readings: ReadingTable) -> tuple[str, ...]:
+    """The unused readings in words, those of one stage and reason together."""
+    together: dict[tuple[str, str], list[str]] = {}
+    for k in readings.unused:
+        key = readings.stage[k], readings.reason[k]
+        together.setdefault(key, []).append(readings.channel[k])
+    return tuple(
+        f"{', '.join(channels)} at {stage}: {reason}"
+        for (stage, reason), channels in together.items()
+    )
+
+
+def unused_notes(readings: ReadingTable) -> tuple[str, ...]:
+    """One sentence for every reason for which readings are not used."""
+    reasons = Counter(readings.reason[k] for k in readings.unused if not readings.bad[k])
+    counted = (f"{number} readings are not used: {why}." for why, number in reasons.items())
+    return (*counted, *bad_notes(readings))
+
+
+def bad_notes(readings: ReadingTable) -> tuple[str, ...]:
+    """One sentence for every reading that is known to be wrong, with the reason."""
+    return tuple(
+        f"{readings.channel[k]} at {readings.stage[k]} is not used, {readings.reason[k]}."
+        for k in readings.unused
+        if readings.bad[k] and not np.isnan(readings.value[k])
+    )

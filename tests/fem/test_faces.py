@@ -1,0 +1,136 @@
+"""Faces: neighbours find each other in meshes of any size and of several kinds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.meshes import KINDS, box, mixed_box
+
+from geoident.fem.faces import FaceKeys, FacetPatch, distance_to_faces, face_table, patches
+from geoident.model.cells import CELLS
+from geoident.model.mesh import Mesh
+
+
+def everywhere(mesh):
+    return np.ones(mesh.n_elements, dtype=bool)
+
+
+def renumbered(mesh, first, n_nodes):
+    """The mesh with its nodes counted from a number on, among very many (without their memory)."""
+    points = np.broadcast_to(np.zeros(mesh.dim), (n_nodes, mesh.dim))
+
+    def shift(blocks):
+        return tuple(replace(block, nodes=block.nodes + first) for block in blocks)
+
+    return Mesh(points, shift(mesh.blocks), shift(mesh.facets), mesh.groups, mesh.facet_groups)
+
+
+@pytest.mark.parametrize("kind", ["tet4", "hex8", "quad8", "wedge6", "mixed"])
+@pytest.mark.parametrize("n_nodes", [2**20, 1_664_511, 2**21 + 1, 2**31])
+def test_faces_are_the_same_in_a_mesh_of_any_size(kind, n_nodes):
+    mesh = mixed_box(1) if kind == "mixed" else box(kind, (3,) * CELLS[kind].dim)
+    small, large = (
+        face_table(m) for m in (mesh, renumbered(mesh, n_nodes - mesh.n_nodes, n_nodes))
+    )
+    assert large.n_faces == small.n_faces
+    np.testing.assert_array_equal(large.face, small.face)
+    np.testing.assert_array_equal(large.free(everywhere(mesh)), small.free(everywhere(mesh)))
+    far = renumbered(mesh, n_nodes - mesh.n_nodes, n_nodes)
+    for block, moved in zip(mesh.facets, far.facets, strict=True):
+        np.testing.assert_array_equal(large.find(moved), small.find(block))
+        assert np.all(large.find(moved) >= 0)
+        assert np.all(large.find(replace(moved, nodes=moved.nodes[:, ::-1] - mesh.n_nodes)) == -1)
+
+
+def test_faces_whose_numbers_overlap_in_21_bits_are_told_apart():
+    """In keys of 21 bits a node, 1, 2, 5 + 2^21 would be 1, 3, 5."""
+    faces = np.array([[1, 2, 5 + 2**21], [1, 3, 5], [1, 5, 3], [3, 5 + 2**21, 2]])
+    for n_nodes in (2**21 + 6, 2**23, 2**40):
+        keys, identity = FaceKeys.of([faces], n_nodes)
+        assert len(keys.sorted) == 3
+        assert identity[1] == identity[2]
+        np.testing.assert_array_equal(keys.find(faces[:, ::-1]), identity)
+
+
+def test_a_triangle_is_not_the_quadrilateral_that_holds_it():
+    triangle, quadrilateral = np.array([[4, 2, 3]]), np.array([[3, 2, 4, 9]])
+    for n_nodes in (10, 2**40):
+        keys, identity = FaceKeys.of([triangle, quadrilateral], n_nodes)
+        assert identity.tolist() == [0, 1]
+        assert keys.find(quadrilateral).tolist() == [1]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_mixed_mesh_ends_at_the_faces_of_its_box_only(order):
+    mesh = mixed_box(order, distortion=0.2)
+    table = face_table(mesh)
+    outer = patches(mesh, table, table.free(everywhere(mesh)))
+    assert {patch.kind for patch in outer} == set(
+        ("tri3", "quad4") if order == 1 else ("tri6", "quad8")
+    )
+    for patch in outer:
+        x = mesh.points[patch.nodes]
+        on = np.isclose(x, 0, atol=1e-12) | np.isclose(x, 1, atol=1e-12)
+        assert np.all(on.all(axis=1).any(axis=1))
+    assert {block.kind[:3] for block in mesh.blocks} == {"wed", "hex", "pyr", "tet"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_faces_are_outward_and_their_nodes_are_those_of_their_kind(kind):
+    cell = CELLS[kind]
+    corners = np.array(cell.shape.corners, float)
+    nodes = np.vstack([corners, *((corners[a] + corners[b]) / 2 for a, b in cell.edges)])
+    for face, face_kind in zip(cell.faces, cell.face_kinds, strict=True):
+        own = CELLS[face_kind]
+        assert len(face) == own.n_nodes
+        on = nodes[list(face)]
+        for n, (a, b) in enumerate(own.edges):
+            np.testing.assert_allclose(on[own.n_corners + n], (on[a] + on[b]) / 2)
+        along = on[1] - on[0]
+        normal = (
+            np.cross(along, on[2] - on[1]) if cell.dim == 3 else np.array([along[1], -along[0]])
+        )
+        assert normal @ (corners.mean(axis=0) - on[0]) < 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_simplices_fill_the_cell(kind):
+    shape = CELLS[kind].shape
+    corners = np.array(shape.corners, float)
+    volumes = [
+        abs(np.linalg.det(corners[list(s[1:])] - corners[s[0]])) / (6 if shape.dim == 3 else 2)
+        for s in shape.simplices
+    ]
+    exact = {"tri": 1 / 2, "quad": 4, "tet": 1 / 6, "hex": 8, "wedge": 1, "pyramid": 4 / 3}
+    assert sum(volumes) == pytest.approx(exact[shape.name])
+    assert min(volumes) > 0
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [((0.2, 0.2, 3.0), 3.0), ((-1.0, 0.5, 0.0), 1.0), ((2.0, 2.0, 0.0), 2**0.5), ((1, 1, 0), 0.0)],
+)
+def test_distance_from_a_square(point, expected):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    square = FacetPatch("quad4", np.array([[0, 1, 2, 3]]), np.array([0]))
+    mesh = Mesh(corners, ())
+    assert distance_to_faces(mesh, (square,), np.array(point)) == pytest.approx(expected)
+
+
+def test_distance_from_a_segment():
+    mesh = Mesh(np.array([[0, 0], [2, 0.0]]), ())
+    line = (FacetPatch("line2", np.array([[0, 1]]), np.array([0])),)
+    for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
+        assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
+    assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
+
+
+def test_distance_from_faces_of_both_kinds():
+    mesh = mixed_box(1)
+    table = face_table(mesh)
+    outer = patches(mesh, table, table.free(everywhere(mesh)))
+    assert distance_to_faces(mesh, outer, np.array([0.5, 0.4, 0.3])) == pytest.approx(0.3)
+    assert distance_to_faces(mesh, outer, np.array([1.2, 0.4, 0.3])) == pytest.approx(0.2)
+    assert distance_to_faces(mesh, (), np.array([1.2, 0.4, 0.3])) == np.inf

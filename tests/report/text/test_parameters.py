@@ -1,0 +1,117 @@
+"""Parameters as people read them, against their SI values and the units of the case."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import lognorm, norm
+
+from geoident.model.parameter import Parameter
+from geoident.model.result import Counts, Grid, Iteration
+from geoident.report.text.parameters import (
+    compared_parameters,
+    grid_text,
+    iteration_text,
+    parameter_table,
+    parameters_text,
+    prior_interval,
+)
+from tests.support.results import example_result, parameters, small_result
+
+TABLE = parameters()
+
+
+def cells(text, name):
+    """The words of the line of a parameter."""
+    (line,) = [line for line in text.splitlines() if line.startswith(name)]
+    return line.split()
+
+
+def test_value_and_interval_stand_in_the_unit_of_the_case():
+    assert parameters_text(TABLE).split()[:5] == ["name", "value", "95", "%", "interval"]
+    row = cells(parameters_text(TABLE), "E_rock")
+    shown = [float(row[k]) * 1e9 for k in (1, 2, 4)]
+    assert shown == pytest.approx([TABLE.values[0], TABLE.lower95[0], TABLE.upper95[0]], rel=5e-4)
+    assert row[3:6] == ["..", "13.1", "GPa"]
+
+
+def test_an_unknown_unit_is_shown_in_si():
+    odd = replace(TABLE, units=("furlong", "MPa", ""))
+    row = cells(parameters_text(odd), "E_rock")
+    assert float(row[1]) == pytest.approx(1.234e10)
+    assert row[5] == "Pa"
+
+
+def test_what_is_not_determined_has_words_for_a_number():
+    alone = replace(TABLE, priors=("", "", ""))
+    assert "sigma_v  as its prior" in parameters_text(TABLE)
+    assert "sigma_v  not determined" in parameters_text(alone)
+    for text in (parameters_text(TABLE), parameters_text(alone)):
+        assert "6.54" not in text
+
+
+@pytest.mark.parametrize(("value", "side"), [(0.3, "lower"), (3.0, "upper")])
+def test_the_bound_on_which_a_parameter_lies_is_named(value, side):
+    values = TABLE.values.copy()
+    values[2] = value
+    table = replace(TABLE, values=values)
+    assert cells(parameters_text(table), "K0")[-3:] == ["at", side, "bound"]
+    assert parameter_table(table).rows[2][-1] == f"at its {side} bound"
+    assert "bound" not in parameters_text(replace(table, at_bound=np.zeros(3, dtype=bool)))
+
+
+def test_the_table_of_the_page_has_start_bounds_and_prior_in_the_unit():
+    header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds", "remark")
+    assert parameter_table(TABLE).header == header
+    rock, stress, ratio = parameter_table(TABLE).rows
+    assert rock[:2] == ["E_rock", "GPa"]
+    assert [float(rock[2]), float(rock[5])] == pytest.approx([12.34, 20.0])
+    assert [float(end) for end in rock[3].split(" to ")] == pytest.approx([11.6, 13.1])
+    assert [float(end) for end in rock[6].split(" to ")] == pytest.approx([2.0, 80.0])
+    assert rock[4] == "14 ± 2.5 (lognormal)"
+    assert stress[2:5] == ["as its prior", "-", "8 ± 0.8"]
+    assert ratio[1] == "-"
+    assert ratio[4] == "none"
+
+
+def test_intervals_of_priors_hold_95_percent():
+    low, high = prior_interval("normal(8e+06, 1e+06)")
+    assert norm(8e6, 1e6).cdf([low, high]) == pytest.approx([0.025, 0.975], rel=1e-9)
+    low, high = prior_interval("lognormal(8e+06, 1e+06)")
+    median = lognorm(s=1e6 / 8e6, scale=8e6)  # sd of the logarithm: sd over median
+    assert median.cdf([low, high]) == pytest.approx([0.025, 0.975], rel=1e-9)
+    assert prior_interval("") is None
+
+
+def test_several_results_share_the_unit_of_the_first():
+    other = replace(TABLE, names=("E_rock", "sigma_v", "nu"), values=2 * TABLE.values)
+    results = [("a", example_result()), ("b", replace(example_result(), parameters=other))]
+    rows = {row[0]: row[1:] for row in compared_parameters(results).rows}
+    assert list(rows) == ["E_rock", "sigma_v", "K0", "nu"]
+    assert compared_parameters(results).header == ("parameter", "unit", "a", "b")
+    assert rows["E_rock"] == ["GPa", "12.34 (11.6 to 13.1)", "24.68 (11.6 to 13.1)"]
+    assert rows["K0"][2] == rows["nu"][1] == "-"
+
+
+def test_a_step_of_a_search_is_one_line():
+    step = Iteration("simplex", 7, 12.3456789, np.array([2.5e9, 0.75]), 0.1, Counts(), "accepted")
+    given = [
+        Parameter("E", 1e9, 1e8, 1e10, dimension="pressure", unit="GPa"),
+        Parameter("K0", 1.0, 0.1, 3.0),
+    ]
+    assert iteration_text(step, given) == "simplex 7: accepted, misfit 12.3457 (E 2.5 GPa, K0 0.75)"
+
+
+def test_a_scan_over_one_parameter_is_a_table():
+    grid = Grid(("E_rock",), (np.array([1e10, 2.5e10]),), np.array([7.25, np.inf]))
+    lines = [line.split() for line in grid_text(small_result(grid=grid)).splitlines()]
+    assert lines == [["E_rock", "(GPa)", "misfit"], ["10", "7.25"], ["25", "no", "solution"]]
+
+
+def test_a_scan_over_two_says_its_extent():
+    lines = grid_text(small_result()).splitlines()
+    assert lines[1].split() == ["E_rock", "10", "20", "GPa", "2"]
+    assert lines[2].split() == ["K0", "0.5", "2", "3"]
+    assert lines[3] == "Misfit from 2 to 9 over 6 points; the values are in the result file."
+    nowhere = replace(small_result().grid, objective=np.full((2, 3), np.inf))
+    assert "no solution at any point" in grid_text(small_result(grid=nowhere))

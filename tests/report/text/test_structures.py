@@ -1,0 +1,46 @@
+"""Forces in linings and bolts, kN for people and N for programs, against numbers by hand."""
+
+import numpy as np
+
+from geoident.model.result import MemberForces
+from geoident.report.text.structures import force_table, structures_list
+
+NAN = np.nan
+
+
+def forces():
+    """A lining of two pieces that stands from the second stage, and a bolt from the first."""
+    return MemberForces(
+        structures=("wall", "wall", "nail"),
+        numbers=np.array([1, 2, 1]),
+        stages=("first", "second"),
+        ends=np.arange(12.0).reshape(3, 2, 2),
+        axial=1e3 * np.array([[NAN, -120.0], [NAN, -80.5], [15.0, 20.0]]),
+        moment=1e3
+        * np.array([[[NAN, 2.0], [NAN, -7.25]], [[NAN, -7.25], [NAN, 0.0]], [[NAN] * 2] * 2]),
+        shear=1e3 * np.array([[NAN, -9.25], [NAN, 7.25], [NAN, NAN]]),
+        per_metre=np.array([True, True, False]),
+    )
+
+
+def test_extremes_of_each_structure_at_each_stage_at_which_it_stands_are_shown():
+    assert [list(row) for row in force_table(forces()).rows] == [
+        ["wall", "second", "-120", "-80.5", "7.25", "9.25"],
+        ["nail", "first", "15", "15", "-", "-"],
+        ["nail", "second", "20", "20", "-", "-"],
+    ]
+    header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
+    assert force_table(forces()).header == header
+    assert force_table(None).text == ""
+
+
+def test_programs_get_every_piece():
+    found = structures_list(forces())
+    assert [(m["structure"], m["number"], m["stage"]) for m in found] == [
+        ("wall", 1, "second"), ("wall", 2, "second"), ("nail", 1, "first"), ("nail", 1, "second"),
+    ]  # fmt: skip
+    assert (found[0]["N"], found[0]["M"], found[0]["Q"]) == (-120e3, [2e3, -7250.0], -9250.0)
+    assert (found[3]["N"], found[3]["M"], found[3]["Q"]) == (20e3, None, None)
+    assert [m["per_metre"] for m in found] == [True, True, False, False]
+    assert found[1]["ends"] == [[4.0, 5.0], [6.0, 7.0]]
+    assert structures_list(None) == []
