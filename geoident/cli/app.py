@@ -85,8 +85,8 @@ class Commands(click.Group):
 def geoident() -> None:
     """Identify rock parameters from gauge readings by finite elements.
 
-    A case file (YAML) describes the ground, its construction and its gauges; `fit` finds the
-    parameters that best explain the readings, and predicts the stages to come.
+    A case file (YAML) describes the ground, its construction and its gauges; `fit` identifies the
+    parameters from the readings and predicts the stages to come.
     """
 
 
