@@ -74,7 +74,14 @@ class InSituStress:
 def in_situ_stress(
     model: InSitu | None, values: Values, names: Sequence[str], positions: Floats
 ) -> Floats:
-    """Stress of one model at positions (m, dim), without topography; see `InSituStress`."""
+    """Stress (n_strain, m, 1 + n) of one model without topography; see `InSituStress`.
+
+    Args:
+        model: of the stress, or None for none.
+        values: parameters by name, SI.
+        names: the n of them to differentiate by.
+        positions: (m, dim) m.
+    """
     dim = positions.shape[1]
     result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
     if model is not None:
