@@ -164,18 +164,6 @@ def read_quantity(text: str) -> Quantity:
     return Quantity(value, dimension, unit)
 
 
-def parse_quantity(text: str, dimension: str) -> float:
-    """The value of a text in the SI unit of a dimension.
-
-    >>> parse_quantity("-3.5e-3 m", "length")
-    -0.0035
-
-    Raises:
-        UnitError: no quantity, an unknown unit, none where one is needed, or another dimension.
-    """
-    return require_dimension(read_quantity(text), dimension, text).value
-
-
 def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity:
     """The quantity itself if it has the dimension.
 
@@ -207,16 +195,6 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         f"'{text}' is {with_article(quantity.dimension)}; {with_article(dimension)} is expected"
     )
     raise UnitError(message, f"Its units: {units}.")
-
-
-def format_quantity(value: float, unit: str) -> str:
-    """A value (SI) in a unit, six digits at most.
-
-    >>> format_quantity(12e9, "GPa")
-    '12 GPa'
-    """
-    unit = normal_unit(unit)
-    return f"{value / UNITS[unit][1]:.6g} {unit}".rstrip()
 
 
 def si_unit(dimension: str) -> str:

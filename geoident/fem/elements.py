@@ -39,7 +39,7 @@ import numpy as np
 from scipy.special import roots_jacobi
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.cells import CELLS, Cell, CellShape
+from geoident.model.cells import CELLS, CellKind, CellShape
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class ReferenceElement:
         walls: (n_faces, dim + 1) the planes of the faces, see `outside`.
     """
 
-    cell: Cell
+    cell: CellKind
     nodes: Floats
     exponents: Ints
     apex: Ints
@@ -146,7 +146,7 @@ def raised_rule(kind: str) -> tuple[Floats, Floats]:
     return _gauss(cell.dim, cell.order + 1)
 
 
-def _space(cell: Cell) -> list[tuple[int, ...]]:
+def _space(cell: CellKind) -> list[tuple[int, ...]]:
     """Exponents of the coordinates, and how often it is divided by w, of every function."""
     name, p = cell.shape.name, cell.order
     exponents = product(range(p + 1), repeat=cell.dim)
@@ -175,7 +175,7 @@ def _walls(shape: CellShape) -> Floats:
     return np.asarray(np.round(np.array(rows), 12) + 0.0, dtype=np.float64)  # simple fractions
 
 
-def _stiffness_rule(cell: Cell) -> tuple[Floats, Floats]:
+def _stiffness_rule(cell: CellKind) -> tuple[Floats, Floats]:
     """Exact for the products of gradients on affine elements."""
     n = cell.order + 1
     match cell.shape.name:

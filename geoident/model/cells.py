@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-Corners = tuple[int, ...]
+_Corners = tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class CellShape:
 
     name: str
     corners: tuple[tuple[int, ...], ...]
-    edges: tuple[Corners, ...]
-    faces: tuple[Corners, ...]
-    simplices: tuple[Corners, ...]
+    edges: tuple[_Corners, ...]
+    faces: tuple[_Corners, ...]
+    simplices: tuple[_Corners, ...]
 
     @property
     def dim(self) -> int:
@@ -99,7 +99,7 @@ _PYRAMID = CellShape(
 
 
 @dataclass(frozen=True)
-class Cell:
+class CellKind:
     """A kind of cells.
 
     Args:
@@ -141,7 +141,7 @@ class Cell:
         return len(self.shape.corners)
 
     @property
-    def edges(self) -> tuple[Corners, ...]:
+    def edges(self) -> tuple[_Corners, ...]:
         """The edges that have a node, in the order of these nodes after the corners."""
         return self.shape.edges if self.order == 2 else ()
 
@@ -176,40 +176,40 @@ class Cell:
 
 
 _ALL = (
-    Cell("point", _POINT, 1, 1, 15, "vertex"),
-    Cell("line2", _LINE, 1, 3, 1, "line"),
-    Cell("line3", _LINE, 2, 21, 8, "line3", (), ((0, 2, 1),), ((0, 2), (2, 1))),
-    Cell("tri3", _TRI, 1, 5, 2, "triangle"),
-    Cell(
+    CellKind("point", _POINT, 1, 1, 15, "vertex"),
+    CellKind("line2", _LINE, 1, 3, 1, "line"),
+    CellKind("line3", _LINE, 2, 21, 8, "line3", (), ((0, 2, 1),), ((0, 2), (2, 1))),
+    CellKind("tri3", _TRI, 1, 5, 2, "triangle"),
+    CellKind(
         "tri6", _TRI, 2, 22, 9, "triangle6", (), ((0, 2, 4, 1, 3, 5),),
         ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
     ),
-    Cell("quad4", _QUAD, 1, 9, 3, "quad"),
-    Cell(
+    CellKind("quad4", _QUAD, 1, 9, 3, "quad"),
+    CellKind(
         "quad8", _QUAD, 2, 23, 16, "quad8", (), ((0, 2, 4, 6, 1, 3, 5, 7),),
         ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
     ),
-    Cell("quad9", _QUAD, 2, 28, 10, "quad9"),
-    Cell("tet4", _TET, 1, 10, 4, "tetra"),
-    Cell("tet10", _TET, 2, 24, 11, "tetra10", (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)),
-    Cell("hex8", _HEX, 1, 12, 5, "hexahedron"),
-    Cell(
+    CellKind("quad9", _QUAD, 2, 28, 10, "quad9"),
+    CellKind("tet4", _TET, 1, 10, 4, "tetra"),
+    CellKind("tet10", _TET, 2, 24, 11, "tetra10", (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)),
+    CellKind("hex8", _HEX, 1, 12, 5, "hexahedron"),
+    CellKind(
         "hex20", _HEX, 2, 25, 17, "hexahedron20",
         (*range(9), 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15),
         ((*range(12), 16, 17, 18, 19, 12, 13, 14, 15),),
     ),
-    Cell("hex27", _HEX, 2, 29, 12, "hexahedron27"),
-    Cell("wedge6", _WEDGE, 1, 13, 6, "wedge"),
-    Cell(
+    CellKind("hex27", _HEX, 2, 29, 12, "hexahedron27"),
+    CellKind("wedge6", _WEDGE, 1, 13, 6, "wedge"),
+    CellKind(
         "wedge15", _WEDGE, 2, 26, 18, "wedge15",
         (*range(7), 9, 7, 12, 14, 13, 8, 10, 11),
         ((*range(9), 12, 13, 14, 9, 10, 11),),
     ),
-    Cell("wedge18", _WEDGE, 2, 32, 13, "wedge18"),
-    Cell("pyramid5", _PYRAMID, 1, 14, 7, "pyramid"),
-    Cell("pyramid13", _PYRAMID, 2, 27, 19, "pyramid13", (*range(6), 8, 10, 6, 7, 9, 11, 12)),
-    Cell("pyramid14", _PYRAMID, 2, 37, 14, "pyramid14"),
+    CellKind("wedge18", _WEDGE, 2, 32, 13, "wedge18"),
+    CellKind("pyramid5", _PYRAMID, 1, 14, 7, "pyramid"),
+    CellKind("pyramid13", _PYRAMID, 2, 27, 19, "pyramid13", (*range(6), 8, 10, 6, 7, 9, 11, 12)),
+    CellKind("pyramid14", _PYRAMID, 2, 37, 14, "pyramid14"),
 )  # fmt: skip
 
-CELLS: Mapping[str, Cell] = {cell.kind: cell for cell in _ALL}
-"""Every kind that files may hold, by its name. Not all are `Cell.usable`."""
+CELLS: Mapping[str, CellKind] = {cell.kind: cell for cell in _ALL}
+"""Every kind that files may hold, by its name. Not all are `CellKind.usable`."""

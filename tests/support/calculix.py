@@ -16,9 +16,10 @@ import numpy as np
 
 from geoident.fem.elements import reference_element
 from geoident.forward.actions.supports import fixed_dofs
-from geoident.forward.in_situ.stress import in_situ_stress
 from geoident.forward.model import StagedModel
+from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Anisotropic, Elastic, Orthotropic, constants
+from support.cases import in_situ_stress
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
@@ -51,7 +52,7 @@ def write_first_stage(staged: StagedModel, path: Path) -> None:
         if staged.case.in_situ is not None:
             _write_initial_stress(staged, values, present, out)
         out.write("*STEP\n*STATIC\n*CLOAD\n")
-        forces = staged.actions.forces(1, values, ())[:, 0]
+        forces = staged.actions.forces(1, ParameterPoint(values, ()))[:, 0]
         for dof in np.flatnonzero((forces != 0) & touched):
             out.write(f"{dof // dim + 1},{dof % dim + 1},{forces[dof]:.12e}\n")
         out.write("*NODE PRINT, NSET=ALL\nU\n*END STEP\n")
@@ -122,7 +123,7 @@ def _write_initial_stress(staged: StagedModel, values, present: np.ndarray, out)
     for block in staged.mesh.blocks:
         n_points = len(reference_element(block.kind).weights)
         centres = staged.mesh.points[block.nodes].mean(axis=1)
-        stress = in_situ_stress(staged.case.in_situ, values, (), centres)[..., 0]
+        stress = in_situ_stress(staged.case.in_situ, centres, values)
         xx, yy, zz, xy, yz, xz = stress
         for e in np.flatnonzero(present[first : first + len(block)]):
             row = [xx[e], yy[e], zz[e], xy[e], xz[e], yz[e]]

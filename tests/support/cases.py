@@ -8,6 +8,7 @@ import numpy as np
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.in_situ.stress import InSituStress
 from geoident.forward.march.state import StageEnd
 from geoident.forward.model import StagedModel, staged_model
 from geoident.model.case import (
@@ -20,6 +21,7 @@ from geoident.model.case import (
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
+from geoident.model.in_situ import InSitu
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Scalar
@@ -92,3 +94,13 @@ def moduli_at(material: Material, values: dict[str, float], n_strain: int) -> np
     """The elasticity matrix (s, s) of a material at parameter values."""
     found = elasticity(material.elastic, ParameterPoint(values, ()), section=n_strain < 6)
     return found.value[:n_strain, :n_strain]
+
+
+def in_situ_stress(
+    model: InSitu | None, positions: np.ndarray, values: dict[str, float] | None = None
+) -> np.ndarray:
+    """Stress (n_strain, m) of one model at positions (m, dim), without topography."""
+    mesh = Mesh(np.empty((0, positions.shape[1])), ())
+    groups = np.zeros(len(positions), dtype=np.int64)
+    found = InSituStress(make_case(mesh, in_situ=model), mesh, positions, groups, ["all"])
+    return found.columns(ParameterPoint(values or {}, ()))[..., 0]

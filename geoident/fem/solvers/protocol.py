@@ -3,8 +3,8 @@
 A symmetric positive definite matrix is given by its lower triangle in compressed columns, rows
 ascending and the diagonal first in every column, already in a fill-reducing order (see
 `geoident.fem.ordering`): solvers must not reorder it. The three steps are separate because their
-costs are: `Solver.analyse` once per pattern, `Analysis.factorize` once per stage and parameter
-vector, `Factor.solve` for many right-hand sides at once.
+costs are: `Solver.analyse` once per pattern, `SymbolicFactorization.factorize` once per stage and
+parameter vector, `Factor.solve` for many right-hand sides at once.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Factor(Protocol):
         """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
 
 
-class Analysis(Protocol):
+class SymbolicFactorization(Protocol):
     """A pattern that has been analysed."""
 
     def factorize(self, values: Floats) -> Factor:
@@ -66,7 +66,7 @@ class Solver(Protocol):
     def counts(self) -> SolverCounts:
         """What has been done so far with this solver."""
 
-    def analyse(self, pattern: LowerPattern) -> Analysis:
+    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern; counts one analysis."""
 
 

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.ground.elasticity import Values
 from geoident.forward.in_situ.surfaces import Depths, is_known
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
@@ -69,26 +68,6 @@ class InSituStress:
             for row, dual in enumerate(zone.components(point)[: len(result)]):
                 result[row, here] = dual.columns
         return result
-
-
-def in_situ_stress(
-    model: InSitu | None, values: Values, names: Sequence[str], positions: Floats
-) -> Floats:
-    """Stress (n_strain, m, 1 + n) of one model without topography; see `InSituStress`.
-
-    Args:
-        model: of the stress, or None for none.
-        values: parameters by name, SI.
-        names: the n of them to differentiate by.
-        positions: (m, dim) m.
-    """
-    dim = positions.shape[1]
-    result = np.zeros((_N_STRAIN[dim], len(positions), 1 + len(names)))
-    if model is not None:
-        zone = _stress_of(model, Mesh(np.empty((0, dim)), ()), positions)
-        for row, dual in enumerate(zone.components(ParameterPoint(values, names))[: len(result)]):
-            result[row] = dual.columns
-    return result
 
 
 def edges_held(model: InSitu | None) -> bool:

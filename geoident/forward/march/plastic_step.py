@@ -70,10 +70,6 @@ class PlasticOptions:
     partial: bool = False
 
 
-PERFECT = PlasticOptions()
-"""The model as the case states it."""
-
-
 @dataclass(frozen=True)
 class _Known:
     """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""

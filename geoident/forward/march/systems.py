@@ -11,7 +11,7 @@ import numpy as np
 from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import Analysis, LowerPattern, Solver
+from geoident.fem.solvers.protocol import LowerPattern, Solver, SymbolicFactorization
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -24,7 +24,7 @@ from geoident.forward.discretization import Discretization, Index, as_index
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, nodes_in
 
 
 @dataclass(frozen=True)
@@ -90,15 +90,15 @@ class StageSystems:
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
-        self._analyses: dict[frozenset[int], Analysis | None] = {}
-        self._analysed: dict[bytes, Analysis] = {}
+        self._analyses: dict[frozenset[int], SymbolicFactorization | None] = {}
+        self._analysed: dict[bytes, SymbolicFactorization] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
             self._systems[state] = self._prepare(state)
         return self._systems[state]
 
-    def analysis(self, system: StageSystem) -> Analysis | None:
+    def analysis(self, system: StageSystem) -> SymbolicFactorization | None:
         """The analysed pattern of a state; None if nothing is free to move."""
         if system.groups not in self._analyses:
             self._analyses[system.groups] = self._analyse(system.pattern.lower)
@@ -172,7 +172,7 @@ class StageSystems:
         touched = _touched(self._mesh, here)
         return StageSystem(present, touched, volume, points_of, groups, pattern)
 
-    def _analyse(self, lower: LowerPattern) -> Analysis | None:
+    def _analyse(self, lower: LowerPattern) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
         key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
@@ -190,8 +190,5 @@ def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
 def _touched(mesh: Mesh, present: Bools) -> Bools:
     """(n_dofs,) degrees of freedom of the nodes of present elements."""
     nodes = np.zeros(mesh.n_nodes, dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        nodes[block.nodes[present[first : first + len(block)]]] = True
-        first += len(block)
+    nodes[nodes_in(mesh.blocks, present)] = True
     return np.repeat(nodes, mesh.dim)

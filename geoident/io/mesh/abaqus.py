@@ -47,7 +47,7 @@ _DEPTH = 8
 
 
 @dataclass(frozen=True)
-class _Block:
+class _Keyword:
     """A keyword with its parameters and data lines.
 
     Args:
@@ -97,7 +97,7 @@ def read_abaqus(text: str, *, folder: Path) -> RawMesh:
         hint = "copy it again; if it is complete, end its last line"
         raise Refused("mesh-truncated", "the file ends within a line", hint)
     content = _Content()
-    for block in _blocks(text, folder, depth=0):
+    for block in _keywords(text, folder, depth=0):
         _read_block(block, content)
     if not content.nodes or not content.elements:
         missing = "*NODE" if not content.nodes else "*ELEMENT"
@@ -105,9 +105,9 @@ def read_abaqus(text: str, *, folder: Path) -> RawMesh:
     return _assemble(content)
 
 
-def _blocks(text: str, folder: Path, *, depth: int) -> Iterator[_Block]:
+def _keywords(text: str, folder: Path, *, depth: int) -> Iterator[_Keyword]:
     """The keywords of a file and of the files that it includes."""
-    block: _Block | None = None
+    block: _Keyword | None = None
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("**") or not line.strip():
             continue
@@ -123,15 +123,15 @@ def _blocks(text: str, folder: Path, *, depth: int) -> Iterator[_Block]:
         yield from _included(block, depth)
 
 
-def _keyword(line: str, number: int, folder: Path) -> _Block:
+def _keyword(line: str, number: int, folder: Path) -> _Keyword:
     """A keyword line."""
     keyword, *words = line[1:].split(",")
     pairs = (word.partition("=") for word in words)
     parameters = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
-    return _Block(" ".join(keyword.upper().split()), parameters, [], number, folder)
+    return _Keyword(" ".join(keyword.upper().split()), parameters, [], number, folder)
 
 
-def _included(block: _Block, depth: int) -> Iterator[_Block]:
+def _included(block: _Keyword, depth: int) -> Iterator[_Keyword]:
     """The block itself, or what the file holds that it includes."""
     if block.keyword != "INCLUDE":
         yield block
@@ -145,10 +145,10 @@ def _included(block: _Block, depth: int) -> Iterator[_Block]:
         message = f"the included file {path} cannot be read"
         hint = "put it there, or write the mesh as one file"
         raise Refused("mesh-include", message, hint, block.line) from error
-    yield from _blocks(text, path.parent, depth=depth + 1)
+    yield from _keywords(text, path.parent, depth=depth + 1)
 
 
-def _read_block(block: _Block, content: _Content) -> None:
+def _read_block(block: _Keyword, content: _Content) -> None:
     """Take over what matters for the mesh."""
     try:
         if block.keyword == "NODE":
@@ -164,7 +164,7 @@ def _read_block(block: _Block, content: _Content) -> None:
         raise Refused("mesh-malformed", message, "", block.line) from error
 
 
-def _check_others(block: _Block, content: _Content) -> None:
+def _check_others(block: _Keyword, content: _Content) -> None:
     """Refuse keywords that move or make nodes and elements unseen."""
     if block.keyword in ("SYSTEM", "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"):
         message = f"*{block.keyword} is not read: it makes or moves nodes or elements"
@@ -177,7 +177,7 @@ def _check_others(block: _Block, content: _Content) -> None:
     raise Refused("mesh-keyword", message, hint, block.line)
 
 
-def _read_nodes(block: _Block, content: _Content) -> None:
+def _read_nodes(block: _Keyword, content: _Content) -> None:
     """*NODE: number and coordinates; a missing coordinate is 0."""
     if block.parameters.get("SYSTEM", "R").upper() != "R":
         hint = "export the nodes in Cartesian coordinates"
@@ -192,7 +192,7 @@ def _read_nodes(block: _Block, content: _Content) -> None:
         content.nsets[content.spell(block.parameters["NSET"])].append(numbers)
 
 
-def _read_elements(block: _Block, content: _Content) -> None:
+def _read_elements(block: _Keyword, content: _Content) -> None:
     """*ELEMENT: number and nodes, over as many lines as it takes."""
     kind = _kind(block.parameters.get("TYPE", ""), block.line)
     words = [word for line in block.lines for word in _split(line) if word]
@@ -222,7 +222,7 @@ def _kind(name: str, line: int) -> str:
     )
 
 
-def _read_set(block: _Block, content: _Content) -> None:
+def _read_set(block: _Keyword, content: _Content) -> None:
     """*NSET and *ELSET: numbers, names of other sets, or ranges."""
     name = block.parameters.get(block.keyword, "")
     if not name:

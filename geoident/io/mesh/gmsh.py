@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.io.mesh.gmsh_stream import BinaryStream, Layout, Stream
+from geoident.io.mesh.gmsh_stream import BinaryStream, Encoding, Stream
 from geoident.io.mesh.raw import (
     RawCells,
     RawMesh,
@@ -45,7 +45,7 @@ Entities = Mapping[tuple[int, int], tuple[int, ...]]
 
 
 @dataclass(frozen=True)
-class _Block:
+class _Elements:
     """Elements of one type.
 
     Args:
@@ -77,7 +77,7 @@ class _Parts:
     names: Names = field(default_factory=dict)
     entities: Entities = field(default_factory=dict)
     nodes: tuple[Ints, Floats] | None = None
-    blocks: list[_Block] | None = None
+    blocks: list[_Elements] | None = None
 
 
 def is_gmsh(head: bytes) -> bool:
@@ -94,7 +94,7 @@ def read_gmsh(data: bytes) -> RawMesh:
     Raises:
         Refused: the file is damaged, or of a version or with contents that are not read.
     """
-    version, layout = _read_header(data)
+    version, encoding = _read_header(data)
     parts = _Parts(version)
     position = 0
     while (start := re.compile(rb"\s*\$(\w+)[^\n]*\n?").match(data, position)) is not None:
@@ -104,14 +104,14 @@ def read_gmsh(data: bytes) -> RawMesh:
             raise Refused(
                 "mesh-truncated", f"the file ends within the section ${name}", _INCOMPLETE
             )
-        _read_section(name, data[start.end() : end], layout, parts)
+        _read_section(name, data[start.end() : end], encoding, parts)
         position = end + len(b"$End" + start[1])
     if data[position:].strip(b"\0 \t\r\n"):
         raise Refused("mesh-malformed", "something stands between the sections", _AGAIN)
     return _assemble(parts)
 
 
-def _read_header(data: bytes) -> tuple[str, Layout]:
+def _read_header(data: bytes) -> tuple[str, Encoding]:
     """Version of the format and how the file holds its numbers."""
     if data.lstrip().startswith(b"$NOD"):
         raise Refused("mesh-version", "the file has MSH version 1, which is not read", _AGAIN)
@@ -122,12 +122,12 @@ def _read_header(data: bytes) -> tuple[str, Layout]:
     if version not in ("2", "2.0", "2.1", "2.2", "4", "4.1"):
         raise Refused("mesh-version", f"MSH version {version} is not read, 2.2 and 4.1 are", _AGAIN)
     if match[2] == b"0":
-        return version, Layout()
+        return version, Encoding()
     one = data[match.end() : match.end() + 4]
-    return version, Layout(True, "<" if one == b"\1\0\0\0" else ">", int(match[3]))
+    return version, Encoding(True, "<" if one == b"\1\0\0\0" else ">", int(match[3]))
 
 
-def _read_section(name: str, section: bytes, layout: Layout, parts: _Parts) -> None:
+def _read_section(name: str, section: bytes, encoding: Encoding, parts: _Parts) -> None:
     """Read one section, if it is one that matters."""
     if name == "PhysicalNames":
         parts.names.update(_read_names(section))
@@ -135,11 +135,11 @@ def _read_section(name: str, section: bytes, layout: Layout, parts: _Parts) -> N
         message = "the mesh is partitioned"
         raise Refused("mesh-partitioned", message, "save it with gmsh's option Mesh.NbPartitions=0")
     elif name == "Entities" and parts.version.startswith("4"):
-        stream = layout.open(section, name=name)
+        stream = encoding.open(section, name=name)
         parts.entities = _read_entities(stream)
         _check_end(stream, name)
     elif name in ("Nodes", "Elements"):
-        _read_mesh_section(name, layout.open(section, name=name), parts)
+        _read_mesh_section(name, encoding.open(section, name=name), parts)
 
 
 def _read_mesh_section(name: str, stream: Stream, parts: _Parts) -> None:
@@ -220,7 +220,7 @@ def _read_nodes_v4(stream: Stream) -> tuple[Ints, Floats]:
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _read_elements_v4(stream: Stream, entities: Entities) -> list[_Block]:
+def _read_elements_v4(stream: Stream, entities: Entities) -> list[_Elements]:
     """The elements, a block for each entity and type (section $Elements of MSH 4.1)."""
     n_blocks, total = (int(k) for k in stream.sizes(4)[:2])
     blocks = []
@@ -230,7 +230,7 @@ def _read_elements_v4(stream: Stream, entities: Entities) -> list[_Block]:
         n = int(stream.sizes(1)[0])
         rows = stream.sizes(n * (1 + width)).reshape(n, 1 + width)
         physical = {group: np.arange(n) for group in entities.get((dim, tag), ()) if group}
-        blocks.append(_Block(kind, rows[:, 0], rows[:, 1:], physical))
+        blocks.append(_Elements(kind, rows[:, 0], rows[:, 1:], physical))
     _check_count("Elements", sum(map(len, blocks)), total)
     return blocks
 
@@ -246,7 +246,7 @@ def _read_nodes_v2(stream: Stream) -> tuple[Ints, Floats]:
         return rows[:, 0].astype(np.int64), np.ascontiguousarray(rows[:, 1:])
 
 
-def _read_elements_v2(stream: Stream) -> list[_Block]:
+def _read_elements_v2(stream: Stream) -> list[_Elements]:
     """The elements, a block for each type (section $Elements of MSH 2.2)."""
     total = stream.count()
     runs = _text_runs(stream, total) if stream.text else _binary_runs(stream, total)
@@ -311,7 +311,7 @@ def _trim(numbers: Ints, tags: Ints, nodes: Ints) -> Ints:
     return np.column_stack([numbers, np.abs(padded), nodes])
 
 
-def _merge_groups(kind: str, rows: Ints) -> _Block:
+def _merge_groups(kind: str, rows: Ints) -> _Elements:
     """One block of ``rows`` in which an element of several physical groups stands once.
 
     MSH 2.2 repeats such an element, with a new number, for each of its groups. The same element
@@ -324,7 +324,7 @@ def _merge_groups(kind: str, rows: Ints) -> _Block:
     place = np.cumsum(keep) - 1
     target = np.where(keep, place, place[first])
     groups = {tag: np.unique(target[where]) for tag, where in split_by(physical) if tag}
-    return _Block(kind, rows[keep, 0], rows[keep, 3:], groups)
+    return _Elements(kind, rows[keep, 0], rows[keep, 3:], groups)
 
 
 def _check_count(name: str, found: int, announced: int) -> None:
@@ -346,7 +346,7 @@ def _assemble(parts: _Parts) -> RawMesh:
     return RawMesh(points, cells, groups=_groups(parts.blocks, parts.names))
 
 
-def _cells(block: _Block, numbers: Ints) -> RawCells:
+def _cells(block: _Elements, numbers: Ints) -> RawCells:
     """A block with node indices in VTK's order."""
     nodes = resolve_nodes(numbers, block.nodes, cells=block.numbers)
     order = CELLS[block.kind].gmsh_order
@@ -354,7 +354,7 @@ def _cells(block: _Block, numbers: Ints) -> RawCells:
     return RawCells(block.kind, block.dim, nodes, block.numbers)
 
 
-def _groups(blocks: list[_Block], names: Names) -> dict[str, Ints]:
+def _groups(blocks: list[_Elements], names: Names) -> dict[str, Ints]:
     """Name of each physical group to its cells, counted over all blocks."""
     parts: dict[str, list[Ints]] = defaultdict(list)
     for block, span in spans(blocks):

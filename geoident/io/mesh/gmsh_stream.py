@@ -38,7 +38,7 @@ class Stream(Protocol):
 
 
 @dataclass(frozen=True)
-class Layout:
+class Encoding:
     """How a file holds its numbers.
 
     Args:
@@ -54,7 +54,7 @@ class Layout:
     def open(self, section: bytes, *, name: str) -> Stream:
         """The numbers of a section."""
         if self.binary:
-            return BinaryStream(section, name=name, layout=self)
+            return BinaryStream(section, name=name, encoding=self)
         return TextStream(section, name=name)
 
 
@@ -115,18 +115,18 @@ class BinaryStream:
     Args:
         section: the bytes between its head and its end.
         name: of the section, for messages.
-        layout: byte order and sizes of the numbers.
+        encoding: byte order and sizes of the numbers.
     """
 
     text = False
 
-    def __init__(self, section: bytes, *, name: str, layout: Layout) -> None:
+    def __init__(self, section: bytes, *, name: str, encoding: Encoding) -> None:
         self._data = section
         self._name = name
         self._next = 0
-        self._int = np.dtype(f"{layout.order}i4")
-        self._size = np.dtype(f"{layout.order}u{layout.size}")
-        self._double = np.dtype(f"{layout.order}f8")
+        self._int = np.dtype(f"{encoding.order}i4")
+        self._size = np.dtype(f"{encoding.order}u{encoding.size}")
+        self._double = np.dtype(f"{encoding.order}f8")
 
     def count(self) -> int:
         """See `Stream`.

@@ -7,7 +7,7 @@ can't say anything else than the code does.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -344,9 +344,6 @@ def level_or_group(value: object) -> str:
     if isinstance(value, Given):
         return "level"
     return "level" if _NUMBER_OR_TIE.match(str(value)) else "group"
-
-
-Shape = Callable[[object], str]
 
 
 def shape_of(value: object) -> str:

@@ -15,7 +15,6 @@ from typing import TypeAlias
 import yaml
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.text.text_file import decode
 from geoident.io.text.wording import shorten
 from geoident.model.case import KeyPath, format_path
 
@@ -55,18 +54,8 @@ class Document:
     values: Mapping[KeyPath, Position]
 
 
-def read_yaml(content: bytes, file: str) -> Document:
-    """Read one YAML document.
-
-    Raises:
-        InputError: not UTF-8, not YAML, several documents, too deep, too large, duplicate keys,
-            aliases or tags.
-    """
-    return parse_yaml(decode(content, file), file)
-
-
 def parse_yaml(text: str, file: str) -> Document:
-    """Read one YAML document from text; see `read_yaml`.
+    """Read one YAML document from text.
 
     Raises:
         InputError: the text is empty, or no YAML as it is read here, with every fault found.

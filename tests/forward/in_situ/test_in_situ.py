@@ -6,12 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import NOWHERE, displacement, imbalance, material, model, rollers, virgin
+from support.cases import (
+    NOWHERE,
+    displacement,
+    imbalance,
+    in_situ_stress,
+    material,
+    model,
+    rollers,
+    virgin,
+)
 from support.derivatives import assert_exact
 from support.meshes import box, regroup
 
 from geoident.errors import InputError
-from geoident.forward.in_situ.stress import in_situ_stress
 from geoident.forward.in_situ.surfaces import Topography
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import ConstantStress, HeimStress, ProfileStress
@@ -97,13 +105,13 @@ def test_every_number_is_differentiated_exactly(kind, where):
 def test_turning_the_azimuth_turns_the_tensor():
     plain = HeimStress(K0=Scalar(1.5), K0_across=Scalar(0.6), vertical=Scalar(1e6))
     where = np.zeros((1, 3))
-    east = in_situ_stress(plain, {}, (), where)[:, 0, 0]
+    east = in_situ_stress(plain, where)[:, 0]
     np.testing.assert_allclose(east, [-1.5e6, -0.6e6, -1e6, 0, 0, 0])
     turned = replace(plain, azimuth=Scalar(0.0))  # K0 along north, y
-    north = in_situ_stress(turned, {}, (), where)[:, 0, 0]
+    north = in_situ_stress(turned, where)[:, 0]
     np.testing.assert_allclose(north, [-0.6e6, -1.5e6, -1e6, 0, 0, 0], atol=1e-9)
     turned = replace(plain, azimuth=Scalar(np.pi / 6))  # 30 deg east of north
-    found = in_situ_stress(turned, {}, (), where)[:, 0, 0]
+    found = in_situ_stress(turned, where)[:, 0]
     direction = np.array([np.sin(np.pi / 6), np.cos(np.pi / 6)])
     tensor = -0.6e6 * np.eye(2) - 0.9e6 * np.outer(direction, direction)
     np.testing.assert_allclose(found[[0, 1, 3]], [tensor[0, 0], tensor[1, 1], tensor[0, 1]])

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from geoident.errors import InputError
 from geoident.io.case.overrides import apply_overrides
 from geoident.io.readings.file import parse_readings
-from geoident.io.text.yaml_reader import parse_yaml, read_yaml
+from geoident.io.text.text_file import decode
+from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.case import format_path
 from geoident.units import UnitError, read_quantity
 
@@ -50,7 +51,7 @@ def test_spoiled_values(data, project):
 @given(content=st.binary(max_size=60) | texts.map(lambda text: text.encode("utf-8", "ignore")))
 def test_any_bytes(content):
     with contextlib.suppress(InputError):
-        read_yaml(content, "case.yaml")
+        parse_yaml(decode(content, "case.yaml"), "case.yaml")
     for head in (b"", b"gauge,stage,value,unit,accuracy\n"):
         with contextlib.suppress(InputError):
             parse_readings(head + content, "r.csv")

@@ -5,18 +5,23 @@ import time
 import pytest
 
 from geoident.errors import InputError
-from geoident.io.text.yaml_reader import read_yaml
+from geoident.io.text.text_file import decode
+from geoident.io.text.yaml_reader import parse_yaml
+
+
+def parse(content, file):
+    return parse_yaml(decode(content, file), file)
 
 
 def refused(content):
     with pytest.raises(InputError) as caught:
-        read_yaml(content if isinstance(content, bytes) else content.encode(), "case.yaml")
+        parse(content if isinstance(content, bytes) else content.encode(), "case.yaml")
     return caught.value.faults
 
 
 def test_scalars_stay_as_written():
     text = "{a: 1e9, b: no, c: 012, d: 1:30, e: '', f: , g: ~, h: 2026-01-01, i: 'null'}"
-    assert read_yaml(text.encode(), "x").data == {
+    assert parse(text.encode(), "x").data == {
         "a": "1e9",
         "b": "no",
         "c": "012",
@@ -30,13 +35,13 @@ def test_scalars_stay_as_written():
 
 
 def test_positions_of_keys_and_values_count_from_one():
-    document = read_yaml(b"a:\n  b: [x, yy]\n", "x")
+    document = parse(b"a:\n  b: [x, yy]\n", "x")
     assert document.keys[("a", "b")] == (2, 3)
     assert document.values[("a", "b", 1)] == (2, 10)
 
 
 def test_byte_order_mark_and_windows_lines_are_fine():
-    document = read_yaml("\ufeffa: ä\r\nb: 2\r\n".encode(), "x")
+    document = parse("\ufeffa: ä\r\nb: 2\r\n".encode(), "x")
     assert document.data == {"a": "ä", "b": "2"}
     assert document.keys[("b",)] == (2, 1)
 
