@@ -35,7 +35,13 @@ class Placement:
 
 
 def placements(case: Case, mesh: Mesh, sequence: ConstructionSequence) -> tuple[Placement, ...]:
-    """Where the points of all gauges stand, each once, in the order of the case."""
+    """Where the points of all gauges stand, each once, in the order of the case.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+    """
     locator, outline = Locator(mesh), excavation_outline(case, mesh)
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
     for channel in case.channels:

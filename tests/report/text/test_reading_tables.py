@@ -169,12 +169,18 @@ def test_lengths_have_a_decimal_more_than_the_best_gauge():
         assert row[3] == text
 
 
+def row_of(channel, stage):
+    """Row of a reading in the long table."""
+    readings = RESULT.gauges.readings
+    return list(zip(readings.channel, readings.stage, strict=True)).index((channel, stage))
+
+
 def test_influence_names_the_parameter_that_changes_most():
     """In the example the change is 0.1, 0 and 0.05 of the residual; its square is the distance."""
     assert RESULT.diagnostics is not None
     influence = RESULT.diagnostics.influence.copy()
-    influence[RESULT.gauges.rows[3, 1]] = [0.3, 0.0, -0.4]
-    influence[RESULT.gauges.rows[0, 1]] = [0.0, np.inf, 0.0]
+    influence[row_of("CV-1", "bench 1")] = [0.3, 0.0, -0.4]
+    influence[row_of("EX-1.a2", "bench 1")] = [0.0, np.inf, 0.0]
     found = replace(RESULT.diagnostics, influence=influence)
     table = rows(influence_table(replace(RESULT, diagnostics=found)))
     assert table[:2] == [
