@@ -93,7 +93,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         groups=_groups(case, staged) if staged else (),
         stages=_stages(case, model, readings),
         gauges=_gauges(case, readings),
-        places=_places(case, staged) if staged else (),
+        places=_places(staged) if staged else (),
         readings=_readings(case, readings),
         parameters=tuple(parameter.name for parameter in case.parameters),
         methods=tuple(method_name(options) for options in case.fit.methods),
@@ -154,10 +154,10 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
     )
 
 
-def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
+def _places(model: StagedModel) -> tuple[PlaceSummary, ...]:
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(case, model.mesh, model.sequence)
+        for p in placements(model.on_mesh)
     )
 
 
