@@ -148,7 +148,7 @@ def fit(
     fresh: bool = False,
     progress: Progress | None = None,
 ) -> Found:
-    """Find the parameters that meet the readings.
+    """Identify the parameters from the readings.
 
     Args:
         case: as loaded, or its path.

@@ -85,8 +85,8 @@ class Commands(click.Group):
 def geoident() -> None:
     """Identify rock parameters from gauge readings by finite elements.
 
-    A case file (YAML) says what the ground, its construction and its gauges are; `fit` finds the
-    parameters that meet the readings, and predicts the stages to come.
+    A case file (YAML) describes the ground, its construction and its gauges; `fit` identifies the
+    parameters from the readings and predicts the stages to come.
     """
 
 

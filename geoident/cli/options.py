@@ -84,7 +84,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         type=click.IntRange(min=1),
         default=1,
         metavar="N",
-        help="Cases to compute at the same time, one process each.",
+        help="Number of cases to compute at a time, one process each.",
     ),
     "overrides": click.option(
         "--set",
@@ -112,19 +112,19 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         help="Sparse direct solver.",
     ),
     "dry_run": click.option(
-        "--dry-run", is_flag=True, help="Say what would be done, and do not compute."
+        "--dry-run", is_flag=True, help="Print what would be done, without computing."
     ),
     "force": click.option(
-        "--force", is_flag=True, help="Overwrite what is there, made from other input."
+        "--force", is_flag=True, help="Overwrite output that was made from other input."
     ),
     "fresh": click.option(
-        "--fresh", is_flag=True, help="Compute again what is up to date; forget the checkpoint."
+        "--fresh", is_flag=True, help="Compute again even if up to date; ignore the checkpoint."
     ),
     "as_json": click.option(
-        "--json", "as_json", is_flag=True, help="One JSON object a case on stdout, SI units."
+        "--json", "as_json", is_flag=True, help="One JSON object per case on stdout, SI units."
     ),
-    "quiet": click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong."),
-    "verbose": click.option("-v", "--verbose", is_flag=True, help="Say more, on stderr."),
+    "quiet": click.option("-q", "--quiet", is_flag=True, help="Print errors only."),
+    "verbose": click.option("-v", "--verbose", is_flag=True, help="Print more, on stderr."),
 }
 
 

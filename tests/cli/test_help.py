@@ -14,6 +14,7 @@ import pytest
 from geoident.cli.app import COMMANDS, geoident
 from geoident.cli.commands.completion import SHELLS
 from geoident.cli.options import takes
+from geoident.io.docs.templates import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -40,6 +41,11 @@ class TestEveryCommand:
 
     def test_it_is_documented(self, name):
         assert f"geoident {name}" in README.read_text(encoding="utf-8")
+
+
+def test_every_template_stands_apart_from_what_it_is(run):
+    words = run("init", "--help").stdout.split("Templates:")[1].split()
+    assert set(TEMPLATES) <= set(words)
 
 
 class TestNext:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.meshes import KINDS, box, mixed_box
 
-from geoident.fem.faces import FaceKeys, distance_to_faces, face_table, patches
+from geoident.fem.faces import FaceKeys, FacetPatch, distance_to_faces, face_table, patches
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
 
@@ -106,6 +106,25 @@ def test_simplices_fill_the_cell(kind):
     exact = {"tri": 1 / 2, "quad": 4, "tet": 1 / 6, "hex": 8, "wedge": 1, "pyramid": 4 / 3}
     assert sum(volumes) == pytest.approx(exact[shape.name])
     assert min(volumes) > 0
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [((0.2, 0.2, 3.0), 3.0), ((-1.0, 0.5, 0.0), 1.0), ((2.0, 2.0, 0.0), 2**0.5), ((1, 1, 0), 0.0)],
+)
+def test_distance_from_a_square(point, expected):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    square = FacetPatch("quad4", np.array([[0, 1, 2, 3]]), np.array([0]))
+    mesh = Mesh(corners, ())
+    assert distance_to_faces(mesh, (square,), np.array(point)) == pytest.approx(expected)
+
+
+def test_distance_from_a_segment():
+    mesh = Mesh(np.array([[0, 0], [2, 0.0]]), ())
+    line = (FacetPatch("line2", np.array([[0, 1]]), np.array([0])),)
+    for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
+        assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
+    assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
 
 
 def test_distance_from_faces_of_both_kinds():

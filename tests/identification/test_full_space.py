@@ -148,6 +148,7 @@ def test_noise_gives_the_same_optimum_as_the_implicit_method(
     assert found.status == "converged"
     assert found.objective == pytest.approx(implicit.objective, rel=1e-3)
     assert found.objective == Discrepancy(problem).objective(found.values)
+    assert "complementarity to 1e-12, and the model confirms" in found.reason
     assert found.certificate is not None
     assert capfd.readouterr() == ("", "")
 

@@ -33,7 +33,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--identifiability",
     is_flag=True,
-    help="Compute what the planned gauges can determine; readings need not exist.",
+    help="Compute what the planned gauges can determine; no readings needed.",
 )
 @click.option(
     "--picture",
@@ -45,12 +45,12 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 def command(
     cases: tuple[str, ...], identifiability: bool, picture: str | None, options: Options
 ) -> int:
-    """Tell everything that is wrong with a case, before computing.
+    """Report everything that is wrong with a case, before computing.
 
     Prints what the case amounts to: groups, stages, gauges, and which readings are used. With
-    --identifiability it solves the model once, at the start values, and prints to what 95 %
-    interval each parameter could be known if every gauge were read at every stage of the fit, and
-    what no reading would tell apart.
+    --identifiability it solves the model once, at the start values, and prints the 95 % interval to
+    which each parameter could be known if every gauge were read at every stage of the fit, and
+    which parameters the readings could not separate.
     """
     if picture is not None:
         _refuse_picture(cases, picture, identifiability)

@@ -23,7 +23,7 @@ Examples:
 @takes(after=always("open a new shell, and press Tab after geoident"))
 @click.pass_context
 def command(context: click.Context, shell: str, options: Options) -> int:
-    """Print what makes the shell complete commands, options and files with the Tab key."""
+    """Print the script by which the shell completes commands, options and files with Tab."""
     kind = get_completion_class(shell)
     if kind is None:  # pragma: no cover - click knows all of SHELLS
         raise click.UsageError(f"There is no completion for {shell}.")

@@ -59,7 +59,7 @@ def command(
 ) -> int:
     """Compare two results: parameters, readings, predictions, objective.
 
-    Prints what differs and by how much. Whatever only one of the results has is a difference.
+    Prints what differs and by how much. What only one of the results has counts as a difference.
     """
     try:
         return _diff(first, second, _tolerance(rtol, absolute), options)

@@ -25,7 +25,7 @@ Examples:
 @click.command(epilog=EPILOG)
 @takes("as_json", after=always("geoident init my-case"))
 def command(options: Options) -> int:
-    """Tell versions, solvers and threads, and how to get faster ones."""
+    """Show versions, solvers and threads, and how to get faster ones."""
     from geoident.report.text.json import dumps
     from geoident.workflow.doctor import diagnose
 

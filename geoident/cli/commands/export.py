@@ -40,7 +40,7 @@ Examples:
     multiple=True,
     default=["csv"],
     show_default=True,
-    help="csv: tables; vtu: a file a stage and their .pvd; vtkhdf: one file. May be repeated.",
+    help="csv: tables; vtu: one file per stage and a .pvd; vtkhdf: one file. May be repeated.",
 )
 @click.option(
     "--table",
@@ -55,7 +55,8 @@ def command(
 
     Files go to the folder RESULT.export beside each result, or to the folder -o; their paths are
     printed. CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
-    is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result itself.
+    is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file
+    directly.
     """
     from geoident.workflow.export import refuse_clashes
 

@@ -36,7 +36,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     after=_next,
 )  # fmt: skip
 def command(cases: tuple[str, ...], options: Options) -> int:
-    """Find the parameters that meet the readings.
+    """Identify the parameters from the readings.
 
     Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
     interrupted run leaves CASE.fit.checkpoint, and the same command goes on from there.

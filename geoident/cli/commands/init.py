@@ -13,6 +13,8 @@ from geoident.cli.next_steps import line
 from geoident.cli.options import Arguments, Options, Steps, takes
 from geoident.io.docs.templates import TEMPLATES
 
+_WIDTH = max(map(len, TEMPLATES)) + 2
+
 EPILOG = """\b
 Examples:
   geoident init
@@ -21,7 +23,7 @@ Examples:
 
 \b
 Templates:
-""" + "\n".join(f"  {name:<8}{about}" for name, about in TEMPLATES.items())
+""" + "\n".join(f"  {name:<{_WIDTH}}{about}" for name, about in TEMPLATES.items())
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
@@ -36,14 +38,14 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--template",
     type=click.Choice(list(TEMPLATES)),
-    help="Which case to begin with; cavern if nothing is said.",
+    help="Template to start from; cavern by default.",
 )
 @click.option(
-    "--from", "mesh", metavar="MESH", type=click.Path(), help="Begin with a mesh of your own."
+    "--from", "mesh", metavar="MESH", type=click.Path(), help="Start from a mesh of your own."
 )
 @takes("force", after=_next)
 def command(folder: str, template: str | None, mesh: str | None, options: Options) -> int:
-    """Write a commented case with mesh and readings, on which fit works at once.
+    """Write a commented case with mesh and readings that can be fitted at once.
 
     With --from, write the case for a mesh of your own: its groups, extents and numbers of elements
     are filled in, and what only you know is marked FILL_IN. Prints the paths of the files.

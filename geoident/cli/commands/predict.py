@@ -24,12 +24,14 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 
 @click.command(epilog=EPILOG)
 @click.argument("result", metavar="RESULT", type=click.Path())
-@click.option("--stages", metavar="A,B", help="Stages to predict; those not fitted if missing.")
+@click.option(
+    "--stages", metavar="A,B", help="Stages to predict; by default those that were not fitted."
+)
 @click.option(
     "--case",
     metavar="NEW",
     type=click.Path(),
-    help="Another case, whose parameters are those of the fit.",
+    help="Another case, computed with the parameters of the fit.",
 )
 @takes("output", "overrides", "solver", "force", "fresh", "as_json", after=_next)
 def command(result: str, stages: str | None, case: str | None, options: Options) -> int:

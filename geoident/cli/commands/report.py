@@ -43,7 +43,7 @@ def command(
     """Write the report: one page that opens in any browser, prints, and needs no other file.
 
     Parameters with intervals and what is not determined, gauges measured, computed and predicted,
-    displacements, stresses, residuals, and where all of it comes from. Several results make one
+    displacements, stresses, residuals, and the provenance. Several results make one
     page that compares them. The page is CASE.fit.html beside the result. The same results give the
     same page; a different file of that name is replaced only with --force.
 

@@ -40,7 +40,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     after=_next,
 )
 def command(case: str, options: Options) -> int:
-    """Compute the discrepancy on a grid of one or two parameters.
+    """Compute the misfit on a grid of one or two parameters.
 
     The grid is that of fit.scan in the case, else it spans the bounds of the first one or two
     parameters. Writes CASE.scan.h5 and prints its path.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geoident.fem.symbolic import FactorCost, factor_cost
+from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
 from geoident.model.summary import CostEstimate
 

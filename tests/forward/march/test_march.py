@@ -7,6 +7,7 @@ import pytest
 from support.cases import displacement, imbalance, material, model, rollers
 from support.meshes import box, regroup
 
+from geoident.errors import ModelError
 from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import Isotropic
@@ -387,3 +388,24 @@ def test_obstacle_names_what_is_not_affine():
         channels=(displacement("c", (1.0, 5.0), (1.0, 0.0)),),
     )
     assert "product of sv and K0" in staged.response([("c", "s1")]).obstacle()
+
+
+@pytest.mark.parametrize("block", [0, 3])
+def test_a_stiffness_that_is_not_positive_definite_is_told_with_its_place(block):
+    """Where a modulus is negative; nodes of the block are within its metre."""
+    group = f"b{block}"
+    soft = Material("soft", Isotropic(E=Scalar(1.0, "E"), nu=Scalar(0.3)), Scalar(0.0))
+    staged = model(
+        square(),
+        parameters=(Parameter("E", 8e9, 1e6, 1e11),),
+        materials={"rock": ROCK, "soft": soft},
+        groups={**dict.fromkeys(("rock", *BLOCKS), "rock"), group: "soft"},
+        supports=rollers(2),
+        in_situ=STRESS,
+        stages=(Stage("dig", excavate=(BLOCKS[4],)),),
+    )
+    with pytest.raises(ModelError, match="not positive definite near") as caught:
+        staged.survey(np.array([-8e9]), fields=False)
+    x, y = map(float, str(caught.value).split("near (")[1].split(") m")[0].split(","))
+    assert abs(x - 4) < 1.3
+    assert 1.2 + block < y < 2.8 + block

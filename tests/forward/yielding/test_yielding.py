@@ -14,8 +14,9 @@ from support.plastic import Planes
 
 from geoident.forward.ground_at import GroundAt
 from geoident.forward.yielding.surfaces import yield_planes
+from geoident.forward.yielding.tension import cut_off
 from geoident.model.case import Material
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Attitude, Axes, Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
@@ -102,6 +103,16 @@ SMOOTH = {
         ),
     ),
 }
+
+
+@pytest.mark.parametrize(("count", "least"), [(5, 12), (20, 20), (48, 48)])
+def test_a_cut_off_in_space_has_as_many_directions_as_asked_for(count, least):
+    """Twelve at least; the mirror images of an even spread may add some, not as many again."""
+    limit = Dual(np.array([3e5]))
+    planes = cut_off(limit, ParameterPoint({}, ()), 6, count, "best")
+    assert least <= len(planes.normals.value) < 1.5 * least + 6
+    assert len(planes.names) == len(planes.normals.value)
+    assert planes.names[-1] == f"tension {len(planes.names)}"
 
 
 @pytest.mark.parametrize("n_strain", [4, 6])

@@ -87,10 +87,12 @@ def test_stages_have_unknowns_readings_and_all_that_happens(words):
         "heading 11062 4 -top, +lining: concrete, rock becomes weak, load lake, end of load jack, "
         "temperature of dam, water in the pores"
     )
+    assert ["name", "unknowns", "readings", "what", "happens"] in words
     assert ["bench", "10900", "13", "builds", "on", "heading"] in words
 
 
 def test_gauges_have_their_accuracy_in_mm_and_their_readings(words):
+    assert ["name", "kind", "zero", "accuracy", "mm", "used", "not", "used"] in words
     assert ["EX.a2", "extensometer", "drift", "0.15", "3", "2"] in words
 
 

@@ -49,6 +49,18 @@ def result():
     return example_result()
 
 
+def test_columns_have_their_names(result):
+    first = ("gauge", "stage")
+    assert [tuple(table(result).header) for table in (
+        fit_table, prediction_table, reading_table, influence_table,
+    )] == [
+        (*first, "measured", "computed", "residual", "in sd", ""),
+        (*first, "predicted", "from", "to", "measured", ""),
+        (*first, "measured", "computed", "95 % band", "residual", "in sd", ""),
+        (*first, "in sd", "leverage", "weight", "changes most", "by sd"),
+    ]  # fmt: skip
+
+
 def test_readings_are_written_in_mm_and_blanks_are_empty():
     given = [Reading("EX-1.a2", "bench 1", 0.00125), Reading("CV", "bench 1", None)]
     assert readings_csv(given).splitlines()[1:] == ["EX-1.a2,bench 1,1.25,mm", "CV,bench 1,,mm"]
@@ -56,7 +68,14 @@ def test_readings_are_written_in_mm_and_blanks_are_empty():
 
 @pytest.mark.parametrize(
     ("accuracy", "shown"),
-    [(1e-2, "1.23"), (1e-4, "1.23"), (9e-5, "1.235"), (1e-5, "1.235"), (1e-9, "1.234568")],
+    [
+        (np.nan, "1.23"),
+        (1e-2, "1.23"),
+        (1e-4, "1.23"),
+        (9e-5, "1.235"),
+        (1e-5, "1.235"),
+        (1e-9, "1.234568"),
+    ],
 )
 def test_one_decimal_more_is_shown_than_the_best_gauge_can_read(result, accuracy, shown):
     sd = np.where(np.isfinite(result.gauges.sd), accuracy, np.nan)
@@ -108,6 +127,10 @@ def test_predictions_without_a_reading_or_a_band_say_so(result):
     unread = changed(result, "measured", (0, LAST), np.nan)
     assert rows(prediction_table(unread))["EX-1.a2", "bench 2"][-2:] == ["-", ""]
     assert scored(unread) == (3, 3)
+    half = replace(result.prediction, upper95=np.full((5, 3), np.inf))
+    assert rows(prediction_table(replace(result, prediction=half)))["CV-1", "bench 2"][:3] == (
+        ["-"] * 3
+    )
     assert rows(prediction_table(result))["ST-1", "bench 2"] == [
         "-", "-", "-", "3.50", "not determined",
     ]  # fmt: skip

@@ -28,6 +28,7 @@ def cells(text, name):
 
 
 def test_value_and_interval_stand_in_the_unit_of_the_case():
+    assert parameters_text(TABLE).split()[:5] == ["name", "value", "95", "%", "interval"]
     row = cells(parameters_text(TABLE), "E_rock")
     shown = [float(row[k]) * 1e9 for k in (1, 2, 4)]
     assert shown == pytest.approx([TABLE.values[0], TABLE.lower95[0], TABLE.upper95[0]], rel=5e-4)
@@ -60,6 +61,8 @@ def test_the_bound_on_which_a_parameter_lies_is_named(value, side):
 
 
 def test_the_table_of_the_page_has_start_bounds_and_prior_in_the_unit():
+    header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds", "remark")
+    assert parameter_table(TABLE).header == header
     rock, stress, ratio = parameter_table(TABLE).rows
     assert rock[:2] == ["E_rock", "GPa"]
     assert [float(rock[2]), float(rock[5])] == pytest.approx([12.34, 20.0])
@@ -85,6 +88,7 @@ def test_several_results_share_the_unit_of_the_first():
     results = [("a", example_result()), ("b", replace(example_result(), parameters=other))]
     rows = {row[0]: row[1:] for row in compared_parameters(results).rows}
     assert list(rows) == ["E_rock", "sigma_v", "K0", "nu"]
+    assert compared_parameters(results).header == ("parameter", "unit", "a", "b")
     assert rows["E_rock"] == ["GPa", "12.34 (11.6 to 13.1)", "24.68 (11.6 to 13.1)"]
     assert rows["K0"][2] == rows["nu"][1] == "-"
 

@@ -112,6 +112,8 @@ def test_warnings_have_the_reason_and_what_lies_on_a_bound(result):
 
 
 def test_results_are_compared_by_outcome(result):
+    header = compared_outcomes([]).header
+    assert header[4:] == ("misfit", "readings used", "rms residual (sd)", "in 95 % band")
     first, second = compared_outcomes([("a", result), ("b", small_result(objective=np.nan))]).rows
     expected = np.sqrt(np.mean(np.square([1.0, -1.0, 8.0, 2.0, 1.0, -1.0])))
     assert first == [

@@ -29,6 +29,8 @@ def test_extremes_of_each_structure_at_each_stage_at_which_it_stands_are_shown()
         ["nail", "first", "15", "15", "-", "-"],
         ["nail", "second", "20", "20", "-", "-"],
     ]
+    header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
+    assert force_table(forces()).header == header
     assert force_table(None).text == ""
 
 

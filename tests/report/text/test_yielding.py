@@ -23,6 +23,8 @@ PROOF = Certificate("strongly stationary", 2.34e-7, ACTIVITY)
 
 
 def test_planes_have_their_points_stage_by_stage_and_k_in_megapascals():
+    header = ("plane", "k (MPa)", "heading", "bench", "at a kink", "")
+    assert plane_table(PROOF).header == header
     shear, tension, fault, lining = (list(row) for row in plane_table(PROOF).rows)
     assert shear == ["rock: shear", "5.2", "3", "17", "3", ""]
     assert fault == ["fault: shear", "1.25", "0", "0", "1", ""]  # reached at a kink only

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.fem.faces import FacetPatch, distance_to_faces
+from geoident.fem.solvers.factor_cost import factor_cost
 from geoident.fem.solvers.protocol import LowerPattern
-from geoident.fem.symbolic import factor_cost
-from geoident.model.mesh import Mesh
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -30,22 +28,3 @@ def test_entries_and_operations_are_those_of_a_dense_cholesky_factor(seed):
 def test_nothing_to_factorize_costs_nothing():
     empty = LowerPattern(np.zeros(1, np.int64), np.empty(0, np.int64))
     assert factor_cost(empty, np.empty(0, np.int64)).entries == 0
-
-
-@pytest.mark.parametrize(
-    ("point", "expected"),
-    [((0.2, 0.2, 3.0), 3.0), ((-1.0, 0.5, 0.0), 1.0), ((2.0, 2.0, 0.0), 2**0.5), ((1, 1, 0), 0.0)],
-)
-def test_distance_from_a_square(point, expected):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    square = FacetPatch("quad4", np.array([[0, 1, 2, 3]]), np.array([0]))
-    mesh = Mesh(corners, ())
-    assert distance_to_faces(mesh, (square,), np.array(point)) == pytest.approx(expected)
-
-
-def test_distance_from_a_segment():
-    mesh = Mesh(np.array([[0, 0], [2, 0.0]]), ())
-    line = (FacetPatch("line2", np.array([[0, 1]]), np.array([0])),)
-    for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
-        assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
-    assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
