@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.faces import FaceTable, FacetPatch, distance_to_faces, patches
-from geoident.forward.checks import CaseOnMesh
-from geoident.forward.gauges.observable import best_site
+from geoident.fem.kinematics import kinematics_of
+from geoident.forward.gauges.observable import GaugeSurroundings, best_site
 from geoident.forward.stages import element_number
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
@@ -33,10 +33,15 @@ class Placement:
     distance: float | None
 
 
-def placements(found: CaseOnMesh) -> tuple[Placement, ...]:
-    """Where the points of all gauges stand, each once, in the order of the case."""
-    case, mesh, sequence = found.case, found.mesh, found.sequence
-    outline = _excavation_outline(case, mesh, found.table)
+def placements(ground: GaugeSurroundings, table: FaceTable) -> tuple[Placement, ...]:
+    """Where the points of all gauges stand, each once, in the order of the case.
+
+    Args:
+        ground: case, mesh and stages.
+        table: the faces of the mesh.
+    """
+    case, mesh, sequence = ground.case, ground.mesh, ground.sequence
+    outline, kinematics = _excavation_outline(case, mesh, table), kinematics_of(case.analysis)
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
     for channel in case.channels:
         for point in (channel.first, channel.second):
@@ -44,8 +49,8 @@ def placements(found: CaseOnMesh) -> tuple[Placement, ...]:
                 ends.setdefault((point, channel.zero), []).append(channel.name)
     places = []
     for (point, zero), channels in ends.items():
-        place, _ = found.kinematics.in_section(point)
-        site, _ = best_site(found.locator.sites(place), sequence, case.stage_names.index(zero))
+        place, _ = kinematics.in_section(point)
+        site, _ = best_site(ground.locator.sites(place), sequence, case.stage_names.index(zero))
         if site is not None:
             group = sequence.groups[sequence.group_of[site.element]]
             away = distance_to_faces(mesh, outline, np.asarray(place)) if outline else None
