@@ -68,7 +68,7 @@ class CaseModel(Protocol):
         """What the user should know of how the case was understood."""
 
     def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values by name."""
+        """Parameter values p (n,) by name."""
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""

@@ -39,6 +39,7 @@ DONE = (
     "cli",
     "errors",
     "fem",
+    "forward",
     "identify",
     "io/case",
     "io/docs",

@@ -16,7 +16,7 @@ from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.objective.loss import transformed, weights
+from geoident.identify.objective.loss import robust_scale, transformed, weights
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
     CondensationOptions,
@@ -199,3 +199,9 @@ def test_intervals_of_least_squares_do_not_cover_with_wrong_readings(make_proble
     truth, seeds = np.array([2.0, 0.8]), range(100, 150)
     problems = [make_problem(decay, unknowns(), spoiled(seed), 0.05) for seed in seeds]
     assert np.mean([_inside(problem, truth) for problem in problems]) < 0.3
+
+
+def test_the_scatter_is_the_median_size_of_a_normal_distribution():
+    r = np.array([-3.0, 0.1, 0.2, 90.0, -1.2])
+    assert robust_scale(r) == pytest.approx(1.2 / norm.ppf(0.75))
+    assert np.isnan(robust_scale(np.zeros(0)))

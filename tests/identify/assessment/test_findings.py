@@ -1,0 +1,238 @@
+"""Sentences on what is not determined, and the limits at which they are said."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from geoident.identify.assessment.findings import Direction
+from geoident.identify.assessment.spectrum import SingularDirections, sparse_basis, without
+from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.problem.problem import Problem
+from geoident.model.parameter import Parameter, Prior
+
+Z = norm.ppf(0.975)
+
+
+def assessed(jacobian, sd, parameters, values):
+    J = np.array(jacobian, dtype=float)
+    problem = Problem(None, np.zeros(len(J)), np.broadcast_to(sd, len(J)).copy(), parameters)
+    return assess(problem, np.array(values, dtype=float), J)
+
+
+# Directions
+
+
+@pytest.mark.parametrize(("entry", "named"), [(0.16, True), (0.14, False)])
+def test_entries_below_three_twentieths_of_the_largest_are_not_named(entry, named):
+    found = Direction.of(np.array([-2.0, 2.0 * entry]), ("E", "nu"), (True, True))
+    assert found.names == (("E", "nu") if named else ("E",))
+    assert found.indices == ((0, 1) if named else (0,))
+    assert found.single != named
+    assert found.weights == pytest.approx((1.0, -entry) if named else (1.0,))
+
+
+@pytest.mark.parametrize(
+    ("weight", "relative", "phrase"),
+    [
+        (0.96, True, "scaled by one factor"),
+        (0.94, True, "rising or falling together"),
+        (0.96, False, "rising or falling together"),
+    ],
+)
+def test_parameters_scale_together_where_their_relative_changes_are_alike(weight, relative, phrase):
+    found = Direction.of(np.array([3.0, 3.0 * weight]), ("E", "s"), (True, relative))
+    assert found.phrase() == f"{phrase}, they leave the readings as they are"
+
+
+def test_a_parameter_that_is_not_named_may_have_no_relative_change():
+    found = Direction.of(np.array([1.0, 1.0, 0.0]), ("E", "s", "angle"), (True, True, False))
+    assert found.equal
+
+
+# What singular values say
+
+
+def test_directions_are_sorted_by_how_well_they_are_known():
+    A = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 40.0]])
+    found = SingularDirections.of(A, np.array([True, True, True]))
+    assert pytest.approx([40.0, 3.0, 0.0]) == found.S
+    assert np.abs(found.V[:, 0]) == pytest.approx([0.0, 0.0, 1.0])
+    without_last = SingularDirections.of(A, np.array([True, True, False]))
+    assert pytest.approx([3.0, 0.0]) == without_last.S
+    assert np.all(without_last.V[2] == 0.0)
+
+
+@pytest.mark.parametrize(("part", "determined"), [(1.01, True), (0.99, False)])
+@pytest.mark.parametrize("v", [[1.0, 0.0], [0.6, 0.8]])
+def test_a_direction_is_determined_if_its_interval_is_narrower_than_the_bounds(v, part, determined):
+    """The parameter that moves most spans its bounds: L = 1 / max |v|."""
+    limit = 2.0 * Z * max(v)
+    other = np.array([-v[1], v[0]])
+    A = np.array([part * limit * np.array(v), 1e4 * other])
+    found = SingularDirections.of(A, np.array([True, True]))
+    assert found.undetermined.tolist() == [False, not determined]
+    extent = 1.0 / max(v)
+    if not determined:
+        size = min(1.0 / (part * limit), extent)
+        assert np.linalg.norm(found.undetermined_columns) == pytest.approx(size)
+    assert np.trace(found.determined_covariance) == pytest.approx(
+        1e-8 + (1.0 / (part * limit) ** 2 if determined else 0.0)
+    )
+
+
+def test_an_undetermined_direction_is_no_longer_than_the_bounds():
+    found = SingularDirections.of(np.zeros((1, 2)), np.array([True, True]))
+    assert np.abs(found.undetermined_columns).max(axis=0) == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(("part", "determined"), [(2e-10, True), (0.5e-10, False)])
+def test_what_is_below_rounding_is_not_determined(part, determined):
+    found = SingularDirections.of(np.diag([1e12, 1e12 * part]), np.array([True, True]))
+    assert found.undetermined.tolist() == [False, not determined]
+
+
+def test_the_span_of_one_basis_beside_that_of_another():
+    vectors = np.linalg.qr(np.random.default_rng(0).normal(size=(5, 3)))[0]
+    turned = vectors @ np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    rest = without(turned, vectors[:, :2])
+    assert rest.shape == (5, 1)
+    assert np.abs(rest[:, 0] @ vectors[:, 2]) == pytest.approx(1.0)
+    assert without(turned, np.zeros((5, 0))).shape == (5, 3)
+
+
+def test_every_column_of_a_sparse_basis_has_a_parameter_of_its_own():
+    vectors = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 3)))[0]
+    basis = sparse_basis(vectors)
+    own = [i for i in range(6) if np.count_nonzero(np.abs(basis[i]) > 1e-12) == 1]
+    assert len(own) >= 3
+    assert np.linalg.matrix_rank(np.hstack([vectors, basis])) == 3
+
+
+# What is determined, and at which accuracy no longer
+
+
+LINEAR = (Parameter("a", 0.5, 0.0, 1.0),)
+
+
+@pytest.mark.parametrize(("sd", "determined"), [(0.249, True), (0.261, False)])
+def test_a_parameter_is_determined_if_its_interval_is_no_wider_than_its_bounds(sd, determined):
+    assert (Z * sd < 0.5) == determined
+    found = assessed([[1.0]], sd, LINEAR, [0.5])
+    assert found.determined.tolist() == [determined]
+
+
+@pytest.mark.parametrize(("size", "determined"), [(0.12, True), (0.14, False)])
+def test_a_quarter_of_the_range_may_come_from_what_is_not_determined(size, determined):
+    """The second parameter is free between its bounds and moves the first by ``size`` of them."""
+    q = (*LINEAR, Parameter("b", 0.5, 0.0, 1.0))
+    assert (Z * size < 0.25) == determined
+    found = assessed([[1.0, -size]], 1e-6, q, [0.5, 0.5])
+    assert found.determined.tolist() == [determined, False]
+
+
+@pytest.mark.parametrize(("sd", "from_prior"), [(0.28, False), (0.40, True)])
+def test_a_parameter_hardly_better_known_than_by_its_prior_is_known_from_it(sd, from_prior):
+    """The prior has 0.1; with readings of sd the ratio is 1 / sqrt(1 + (0.1 / sd)^2)."""
+    q = (Parameter("a", 0.5, 0.0, 1.0, prior=Prior(0.5, 0.1)),)
+    assert (1.0 / np.hypot(1.0, 0.1 / sd) >= 0.95) == from_prior
+    found = assessed([[1.0]], sd, q, [0.5])
+    assert found.from_prior.tolist() == [from_prior]
+    assert found.determined.tolist() == [not from_prior]
+
+
+def test_a_parameter_without_bounds_has_a_range_of_ten_references():
+    q = (Parameter("a", 2.0, -np.inf, np.inf),)
+    limit = 0.5 * 10.0 * 2.0 / Z
+    assert assessed([[1.0]], 0.99 * limit, q, [2.0]).determined.tolist() == [True]
+    assert assessed([[1.0]], 1.01 * limit, q, [2.0]).determined.tolist() == [False]
+
+
+@pytest.mark.parametrize(("away", "at_bound"), [(0.5e-12, True), (2e-12, False)])
+def test_a_value_on_a_bound_up_to_rounding_is_on_it(away, at_bound):
+    for value in (away, 1.0 - away):
+        found = assessed([[10.0]], 0.01, LINEAR, [value])
+        assert found.at_bound.tolist() == [at_bound]
+        side = "lower" if value < 0.5 else "upper"
+        said = (
+            f"a lies on its {side} bound: the results for the other parameters hold for that value."
+        )
+        assert found.findings == ((said,) if at_bound else ())
+
+
+def test_a_parameter_that_is_held_is_not_said_to_lie_on_a_bound():
+    held = (Parameter("a", 0.5, 0.5, 0.5), Parameter("b", 0.5, 0.0, 1.0))
+    found = assessed([[1.0, 1.0]], 0.01, held, [0.5, 0.5])
+    assert found.at_bound.tolist() == [True, False]
+    assert found.findings == ()
+
+
+@pytest.mark.parametrize(("value", "beyond"), [(0.21, True), (0.19, False)])
+def test_intervals_that_reach_beyond_a_bound_are_marked(value, beyond):
+    sd = 0.2 / Z
+    for at in (0.4 - value, 0.6 + value):
+        assert assessed([[1.0]], sd, LINEAR, [at]).beyond_bounds.tolist() == [beyond]
+
+
+# Sentences
+
+
+def pair(half, *, sign=1.0):
+    """E and s that scale together (or make up for each other); log E - log s known to ``half``."""
+    q = tuple(Parameter(n, 1.0, 0.01, 100.0, "log") for n in ("E", "s"))
+    return assessed([[1.0 / 8.0, -sign / 2.0]], half / Z, q, [8.0, 2.0]).findings
+
+
+def test_the_ratio_of_what_scales_together_is_said_small_by_large():
+    (text,) = pair(0.1)
+    assert text == (
+        "The readings cannot separate E and s: scaled by one factor, they leave the readings as "
+        f"they are. s / E is determined: 0.25 (95 %: {0.25 * np.exp(-0.1):.4g} to "
+        f"{0.25 * np.exp(0.1):.4g}, SI units)."
+    )
+
+
+def test_the_product_of_what_makes_up_for_each_other_is_said():
+    (text,) = pair(0.1, sign=-1.0)
+    assert text == (
+        "The readings cannot separate E and s: one can make up for the other. E * s is "
+        f"determined: 16 (95 %: {16 * np.exp(-0.1):.4g} to {16 * np.exp(0.1):.4g}, SI units)."
+    )
+
+
+@pytest.mark.parametrize(("half", "said"), [(0.49, True), (0.51, False)])
+def test_a_ratio_is_said_where_it_is_known_to_a_factor_of_one_and_a_half(half, said):
+    assert any("is determined" in text for text in pair(half)) == said
+
+
+@pytest.mark.parametrize(("share", "leans"), [(0.48, False), (0.52, True)])
+def test_what_rests_mainly_on_the_prior_of_another_is_said(share, leans):
+    """a + b is read, with the variance that leaves this share of that of a to the prior of b."""
+    prior = 0.05
+    reading = prior * np.sqrt(1.0 / share - 1.0)
+    q = (
+        Parameter("a", 0.5, 0.0, 1.0),
+        Parameter("b", 0.5, 0.0, 1.0, prior=Prior(0.5, prior)),
+    )
+    found = assessed([[1.0, 1.0]], reading, q, [0.5, 0.5])
+    assert any("The results for a rest mainly on that prior." in t for t in found.findings) == leans
+
+
+def test_two_priors_separate():
+    q = tuple(
+        Parameter(n, 1.0, 0.01, 100.0, "log", prior=Prior(1.0, 0.1, "lognormal")) for n in "ab"
+    )
+    found = assessed([[1.0, 1.0]], 1e-3, q, [1.0, 1.0])
+    assert any("Only the priors of a and b separate them." in text for text in found.findings)
+
+
+# Predictions
+
+
+@pytest.mark.parametrize(("part", "known"), [(0.99, True), (1.01, False)])
+def test_a_prediction_is_determined_while_what_is_not_stays_below_the_rest(part, known):
+    q = (Parameter("a", 0.5, 0.0, 1.0), Parameter("b", 0.5, 0.0, 1.0))
+    found = assessed([[1.0, 0.0]], 0.01, q, [0.5, 0.5])
+    rest = np.hypot(0.01, 0.02)
+    (band,) = predict_band(found, np.array([[1.0, part * rest]]), np.array([0.02]))
+    assert np.isfinite(band) == known
+    assert not known or band == pytest.approx(np.hypot(rest, part * rest))

@@ -1,0 +1,142 @@
+"""The rules of the implicit search one by one, on bars whose answers are known by hand."""
+
+import numpy as np
+import pytest
+from support.plastic_bars import Frame, PlasticBars
+
+from geoident.errors import ModelError
+from geoident.identify.least_squares.acceptance import Iterate
+from geoident.identify.least_squares.descent import Ending
+from geoident.identify.objective.discrepancy import Linearization
+from geoident.identify.problem.problem import History, Problem
+from geoident.identify.yield_limits.implicit import ImplicitSearch, certificate_at, is_better
+from geoident.model.methods import ComplementarityOptions
+from geoident.model.parameter import Parameter
+
+
+def searching(*, n=3, readings=6, lower=0.1, upper=20.0, start=2.0, **options):
+    """Frames of one bar that yields and one that does not, n strengths."""
+    frames = [Frame([1.0, 1.0], [i % n, None], [2.0]) for i in range(readings)]
+    bars = PlasticBars(frames, n)
+    parameters = tuple(Parameter(f"k{i + 1}", start, lower, upper, "log") for i in range(n))
+    measured = bars.readings(np.full(n, 0.8))
+    problem = Problem(bars, measured, np.full(len(measured), 1e-3), parameters)
+    return ImplicitSearch(problem, ComplementarityOptions(**options), lambda entry: None)
+
+
+def of_phi(phi):
+    return Iterate(
+        np.zeros(1), np.zeros(1), Linearization(np.array([np.sqrt(phi)]), np.zeros((1, 1)))
+    )
+
+
+def ending(phi):
+    return Ending(of_phi(phi), "converged", "")
+
+
+@pytest.mark.parametrize(
+    ("phi", "restarts"),
+    [(3.0, 3), (10.3, 3), (10.4, 18), (1e-9, 3), (1e4, 18)],
+)
+def test_restarts_go_on_longer_where_residuals_are_not_explained(phi, restarts):
+    """Six readings of three strengths: phi is 3 +- sqrt(6), three of them to both sides."""
+    assert searching().patience(ending(phi)) == restarts
+
+
+def test_restarts_go_on_longer_where_readings_are_more_exact_than_stated():
+    """40 readings of 2 strengths: 38 +- 8.7."""
+    search = searching(n=2, readings=40)
+    assert search.patience(ending(11.8)) == 3 * 3
+    assert search.patience(ending(12.0)) == 2
+    assert searching(n=1, readings=1).patience(ending(1.0)) == 2
+    assert searching(n=1, readings=1).patience(ending(9.0)) == 3 * 2
+
+
+@pytest.mark.parametrize(("phi", "better"), [(0.9991, False), (0.9989, True)])
+def test_a_thousandth_less_is_no_better(phi, better):
+    assert is_better(of_phi(phi), of_phi(1.0)) == better
+
+
+@pytest.mark.parametrize(
+    ("number", "radius", "stuck"), [(0, 1e-6, False), (1, 1.1e-5, False), (1, 0.9e-5, True)]
+)
+def test_short_steps_go_back_and_forth_over_a_kink(number, radius, stuck):
+    assert searching().stuck(number, radius, 1.0) == stuck
+
+
+def test_the_budget_counts_the_evaluations_of_this_search():
+    search = searching(max_evaluations=2)
+    assert not search.spent()
+    for count in (1, 2):
+        search.evaluator.evaluate(search.scaling.start)
+        assert search.spent() == (count == 2)
+    assert search.stuck(0, 1.0, 1.0)
+
+
+def test_readings_met_to_a_ten_thousandth_are_met_exactly():
+    assert searching().exact == pytest.approx(6 * 1e-8)
+
+
+def test_a_weakened_point_has_its_strengths_half_way_to_the_weak_side():
+    search = searching()
+    point = search.evaluator.evaluate(search.scaling.to_scaled(np.full(3, 0.8)))
+    weak = search.scaling.to_natural(search.weakened(point))
+    assert weak == pytest.approx(np.full(3, np.sqrt(2.0 * 0.1)))
+    endless = searching(lower=0.0)
+    point = endless.evaluator.evaluate(endless.scaling.to_scaled(np.full(3, 0.8)))
+    assert endless.scaling.to_natural(endless.weakened(point)) == pytest.approx(np.full(3, 2.0))
+
+
+def test_an_unreached_plane_is_brought_to_a_millionth_of_where_it_is_reached():
+    """The bars carry 1 each of a load of 2; at a strength of 2 none yields."""
+    search = searching()
+    point = search.evaluator.evaluate(search.scaling.start)
+    assert point.unreached.all()
+    assert point.p == pytest.approx(np.full(3, 1.0 + 2e-6), abs=1e-9)
+    assert np.all(point.p > 1.0)
+
+
+def test_unreached_planes_rise_with_each_step_or_wait():
+    search = searching()
+    point = search.evaluator.evaluate(search.scaling.start)
+    rising, waiting = (descent.propose(point, 1.0) for descent in search.descents)
+    assert rising.d == pytest.approx(np.full(3, 0.5))
+    assert waiting.d == pytest.approx(np.zeros(3))
+    assert rising.length == waiting.length == 0.0
+
+
+def test_a_restart_that_stays_far_off_is_given_up():
+    """After three steps phi must be below ten times the best, and there are twelve at most."""
+    search = searching()
+    seen = []
+
+    class Recorder:
+        def run(self, start, give_up):
+            seen.extend(
+                give_up(number, 1.0, lowest)
+                for number, lowest in ((2, 1e9), (3, 10.1), (3, 9.9), (11, 1.0), (12, 1.0))
+            )
+
+    search.descent = Recorder()
+    start = search.evaluator.evaluate(search.scaling.to_scaled(np.full(3, 0.9)))
+
+    class Around:
+        def around(self, best, unit):
+            return best.x
+
+    scaled = Linearization(start.model.residual / np.sqrt(start.phi), start.model.jacobian)
+    best = type(start)(start.x, start.p, scaled, start.unreached, start.activity)
+    search.restart(Around(), best)
+    assert seen == [False, True, False, False, True]
+
+
+def test_where_no_start_has_a_solution_the_first_says_why():
+    bars = PlasticBars([Frame([1.0], [0], [5.0])], 1)
+    parameters = (Parameter("k1", 1.0, 0.1, 4.0, "log"),)
+    problem = Problem(bars, np.array([1.0]), np.array([1e-3]), parameters)
+    notes = []
+    search = ImplicitSearch(problem, ComplementarityOptions(), lambda e: notes.append(e.note))
+    with pytest.raises(ModelError, match="cannot carry the load"):
+        search.run()
+    assert notes == ["start: no solution", *["rescue: no solution"] * 9]
+    assert certificate_at(problem, np.array([1.0]), History("test", bars, lambda e: None)) is None
