@@ -20,11 +20,11 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
 from geoident.workflow.running.outcome import Finished
 
-Plan = Callable[[Request], Job]
-Run = Callable[[Job, Control], Finished]
+PlanJob = Callable[[Request], Job]
+RunJob = Callable[[Job, Control], Finished]
 
 
-def run_case(case: str, options: Options, *, plan: Plan, run: Run) -> int:
+def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
     """Plan a case, run it, and say what came out.
 
     Args:

@@ -15,7 +15,7 @@ from geoident.errors import ExitCode
 
 CODES = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
 
-_SAID = "Stopping after the running evaluation; once more stops at once.\n"
+_SAID = "Stopping after the current evaluation; a second signal stops at once.\n"
 
 
 class Stopper(Protocol):

@@ -56,5 +56,5 @@ def as_index(mask: Bools) -> Index:
 
 
 def numbers(index: Index, n: int) -> Ints:
-    """A slice or an array of numbers, out of n, as numbers."""
+    """A slice of n, or an array (k,) of numbers, as numbers (k,)."""
     return np.arange(n)[index] if isinstance(index, slice) else index

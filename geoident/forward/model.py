@@ -135,7 +135,7 @@ class StagedModel:
         return inadmissible_numbers(self.case, self.sequence, self.values(p))
 
     def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values by name."""
+        """Parameter values p (n,) by name."""
         return dict(zip(self.names, map(float, p), strict=True))
 
     def count_evaluation(self) -> int:

@@ -68,7 +68,7 @@ class CaseModel(Protocol):
         """What the user should know of how the case was understood."""
 
     def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values by name."""
+        """Parameter values p (n,) by name."""
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
@@ -84,5 +84,8 @@ class CaseModel(Protocol):
     def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        With ``partial`` what stages that collapse leave unknown is NaN.
+        Args:
+            p: (n,) parameters.
+            fields: whether displacements and stresses are wanted.
+            partial: what stages that collapse leave unknown is NaN, instead of an error.
         """

@@ -55,7 +55,7 @@ class Affine:
         return np.asarray(np.any(self.slopes != 0.0, axis=axes))
 
     def terms(self) -> Iterator[tuple[int | None, Floats]]:
-        """a_0 with None, then every a_h that is not zero with its h."""
+        """a_0 (...) with None, then every a_h (...) that is not zero with its h."""
         yield None, self.constant
         for h in np.flatnonzero(self.depends_on):
             yield int(h), self.slopes[..., h]

@@ -72,7 +72,7 @@ class ConstructionSequence:
         return here[self.group_of]
 
     def elements(self, group: int) -> Ints:
-        """Element indices of a group."""
+        """Element indices (k,) of a group."""
         return np.flatnonzero(self.group_of == group)
 
     @cached_property
@@ -199,7 +199,11 @@ def _coverage_faults(case: Case, mesh: Mesh, count: Ints) -> list[Fault]:
 
 
 def element_number(mesh: Mesh, element: int) -> int:
-    """The number under which the user knows an element."""
+    """The number under which the user knows an element.
+
+    Raises:
+        IndexError: there is no such element.
+    """
     for block in mesh.blocks:
         if element < len(block):
             return int(block.numbers[element])

@@ -115,4 +115,4 @@ class TemperatureField:
 
 
 Temperature = Scalar | TemperatureField
-"""Change of temperature since the virgin state or since placing, K."""
+"""Change of temperature since the initial state or since placing, K."""

@@ -37,7 +37,7 @@ class Analysis(Enum):
 
 @dataclass(frozen=True)
 class Source:
-    """Where each key of the case stands in its file, so that later faults can name it."""
+    """Where each key of the case is written in its file, so that later faults can name it."""
 
     file: str = ""
     positions: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
@@ -118,7 +118,7 @@ class Stage:
         build: names of structures that stand from this stage on, free of stress at first.
         dismantle: names of structures that leave.
         water: water in the pores from this stage on; None: as before.
-        temperature: group to change of temperature, counted from the virgin state or from its
+        temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
         independent: a load case on its own: nothing builds on it but stages that name it.
         base: name of the earlier stage on which this one builds; None: the last one before it
@@ -170,7 +170,7 @@ class Case:
         materials: by name.
         groups: element group to material name at stage 0, or None for absent.
         supports: fixed and rolling supports.
-        in_situ: stress of the virgin ground, or None for none.
+        in_situ: in-situ stress, before the first stage, or None for none.
         gravity: (dim,) acceleration vector in m/s2, or None for none.
         loads: loads that act from the beginning, by name.
         stages: construction in its order.
@@ -179,7 +179,7 @@ class Case:
         fit: how to identify.
         source: where the keys stand in the file.
         in_situ_of: element group to its own in-situ stress, where it differs.
-        water: water in the pores of the virgin ground, or None for none.
+        water: water in the pores in the initial state, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         notes: what is to be known of how the readings were understood.
         structures: linings and bolts by name; stages build them.
@@ -208,5 +208,5 @@ class Case:
 
     @property
     def stage_names(self) -> tuple[str, ...]:
-        """Names of all stages, the virgin state first."""
+        """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))

@@ -167,6 +167,7 @@ def numbers_of(elastic: Elastic) -> dict[str, Scalar]:
 
 
 Numbers = Mapping[str, float]
+"""Name of a constant to its value, SI."""
 
 _ANGLES = ("friction", "dilation")
 

@@ -21,9 +21,9 @@ class GaussNewtonOptions:
     """Weighted least squares by a trust region with bounds.
 
     Args:
-        tolerance: relative size of a step, or of the gain it promises, that ends the search.
+        tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
         max_iterations: steps at most.
-        starts: number of starts (the first is the given one, the others spread in the bounds).
+        starts: number of starts (the first is given, the others are spread over the bounds).
     """
 
     tolerance: float = 1e-8
@@ -98,8 +98,8 @@ class ClosedFormOptions:
     Args:
         centre: centre of the opening; without it, that of the round ground that leaves the mesh.
         radius: radius of the opening; without it, likewise.
-        starts: number of starts (the first is the given one, the others spread in the bounds).
-        tolerance: relative size of a step, or of the gain it promises, that ends the search.
+        starts: number of starts (the first is given, the others are spread over the bounds).
+        tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
         max_iterations: steps of a start at most.
     """
 
@@ -118,13 +118,13 @@ class ComplementarityOptions:
         formulation: ``implicit`` solves the stages for every trial, ``full-space`` is a nonlinear
             program in all unknowns (extra full-space), ``global`` proves a bound for small cases
             (extra global).
-        restarts: descents from around the best point at most, in search of a better one.
+        restarts: most descents that start anew around the best point, in search of a better one.
         max_evaluations: analyses of all stages at most.
-        tolerance: relative size of a step, or of the gain it promises, that ends a descent.
-        seed: of the random directions of the restarts.
-        gap: of ``global``: difference between discrepancy and proven bound that is near enough, in
-            parts of the discrepancy (of 1 where it is less).
-        max_regions: of ``global``: boxes of parameters examined at most.
+        tolerance: relative size of a step, or of the reduction it predicts, that ends a descent.
+        seed: seed of the random directions of the restarts.
+        gap: of ``global``: difference between discrepancy and proven bound that ends the search,
+            relative to the discrepancy (to 1 where that is less).
+        max_regions: of ``global``: most boxes of parameters that are examined.
     """
 
     formulation: Literal["implicit", "full-space", "global"] = "implicit"
@@ -167,7 +167,7 @@ class SquaredOptions:
 
 @dataclass(frozen=True)
 class HuberOptions:
-    """Huber's loss: quadratic in the middle, linear outside, so that no reading pulls too hard.
+    """Huber's loss: quadratic for small residuals, linear for large ones: no reading dominates.
 
     Args:
         delta: residual, in standard deviations, from which on a reading counts less. 1.345 loses
@@ -179,7 +179,7 @@ class HuberOptions:
 
 @dataclass(frozen=True)
 class StudentOptions:
-    """The loss of Student's t distribution: the pull of a reading that is far off fades away.
+    """The loss of Student's t distribution: the influence of a reading that is far off vanishes.
 
     Args:
         nu: degrees of freedom; few for many wrong readings, many for nearly least squares.

@@ -11,10 +11,8 @@ from dataclasses import dataclass, fields
 from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
-from geoident.model.ground import Breach, Frame, angles_of
+from geoident.model.ground import Breach, Frame, Numbers, angles_of
 from geoident.model.parameter import Scalar
-
-Numbers = Mapping[str, float]
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""

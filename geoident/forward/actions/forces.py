@@ -32,7 +32,16 @@ HELD_EDGES = "what holds the edges of the model"
 
 
 class Actions:
-    """Nodal forces of everything that acts from outside; what is given is computed once."""
+    """Nodal forces of everything that acts from outside; what is given is computed once.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        table: its faces.
+        locator: finds points in it.
+        sequence: the states of construction.
+        discretization: strain points of the mesh.
+    """
 
     def __init__(
         self,
@@ -62,7 +71,13 @@ class Actions:
         return self._sum(self.parts(state), point)
 
     def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
-        """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water."""
+        """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water.
+
+        Args:
+            state: number of the state.
+            groups: indices of the groups.
+            point: the parameters.
+        """
         return self._sum(self._parts_of_groups(state, groups), point)
 
     def parts(self, state: int) -> Iterator[ForcePart]:

@@ -63,7 +63,14 @@ class WaterForces:
 def face_load(
     mesh: Mesh, load: FaceLoad, faces: Sequence[FacetPatch], kinematics: Kinematics
 ) -> ReadyLoad:
-    """A load on the free faces of the ground."""
+    """A load on the free faces of the ground.
+
+    Args:
+        mesh: the mesh.
+        load: the load.
+        faces: the free faces on which it acts.
+        kinematics: of the analysis.
+    """
     if isinstance(load, Pressure):
         push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
         return ScaledForces([(push, load.value)])
@@ -75,7 +82,13 @@ def face_load(
 
 
 def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
-    """A force at a site, shared by the nodes around it; or on the nodes of a group."""
+    """A force at a site, shared by the nodes around it; or on the nodes of a group.
+
+    Args:
+        mesh: the mesh.
+        load: the force.
+        site: where it acts, or None where it acts on nodes.
+    """
     shares = np.zeros(mesh.n_nodes)
     if isinstance(load.place, str):
         nodes = group_nodes(mesh, load.place)

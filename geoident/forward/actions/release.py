@@ -63,7 +63,13 @@ class PartialRelease:
         return held
 
     def forces(self, state: int, held: Held, point: ParameterPoint) -> Floats | float:
-        """What is still held at a state, (n_dofs, 1 + n + k); 0 if there is nothing."""
+        """What is still held at a state, (n_dofs, 1 + n + k); 0 if there is nothing.
+
+        Args:
+            state: number of the state.
+            held: the forces H_g of the groups that left.
+            point: the parameters.
+        """
         total: Floats | float = 0.0
         release = self._sequence.states[state].release
         for group, support in held.items():

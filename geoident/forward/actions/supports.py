@@ -27,7 +27,7 @@ def fixed_dofs(case: Case, mesh: Mesh) -> Bools:
 
 
 def group_nodes(mesh: Mesh, name: str) -> Ints:
-    """Nodes of a group of facets, nodes or elements (searched in this order)."""
+    """Nodes (k,) of a group of facets, nodes or elements (searched in this order)."""
     if name in mesh.facet_groups:
         return nodes_in(mesh.facets, mesh.facet_groups[name])
     if name in mesh.node_groups:
@@ -65,7 +65,13 @@ def load_key(name: str, since: int) -> KeyPath:
 
 
 def load_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
-    """Loads on groups that the mesh does not have or that no element borders."""
+    """Loads on groups that the mesh does not have or that no element borders.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        table: its faces.
+    """
     faults = []
     for path, load in load_keys(case):
         if isinstance(load, PointForce | Seismic):
@@ -100,14 +106,26 @@ def _place_faults(case: Case, mesh: Mesh, path: KeyPath, load: PointForce | Seis
 
 
 def point_site(locator: Locator, load: PointForce, present: Bools) -> Site | None:
-    """The present element that takes a point force best; None if it acts on nodes or nowhere."""
+    """The present element that takes a point force best; None if it acts on nodes or nowhere.
+
+    Args:
+        locator: finds points.
+        load: the force.
+        present: (n_elements,) which elements are there.
+    """
     if isinstance(load.place, str):
         return None
     return next((s for s in locator.sites(load.place) if present[s.element]), None)
 
 
 def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
-    """Identity in the face table of every facet of a group, -1 where it borders no element."""
+    """Identity (k,) in the face table of every facet of a group, -1 where it borders no element.
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        group: name of the group.
+    """
     found = np.concatenate([table.find(block) for block in mesh.facets])
     return np.asarray(found[mesh.facet_groups[group]])
 
@@ -115,7 +133,14 @@ def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
 def load_patches(
     mesh: Mesh, table: FaceTable, group: str, present: Bools
 ) -> tuple[FacetPatch, ...] | None:
-    """The loaded free faces of the present body; None if a face is not free (inside, or absent)."""
+    """The loaded free faces of the present body; None if a face is not free (inside, or absent).
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        group: name of the group.
+        present: (n_elements,) which elements are there.
+    """
     wanted = np.unique(load_faces(mesh, table, group))
     rows = table.free(present)
     rows = rows[np.isin(table.face[rows], wanted)]
@@ -127,7 +152,15 @@ def load_patches(
 def load_place_faults(
     case: Case, mesh: Mesh, table: FaceTable, locator: Locator, sequence: ConstructionSequence
 ) -> list[Fault]:
-    """Loads that at some stage have no free face or no ground to act on."""
+    """Loads that at some stage have no free face or no ground to act on.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        table: its faces.
+        locator: finds points in it.
+        sequence: the states of construction.
+    """
     faults: dict[KeyPath, Fault] = {}
     for n, state in enumerate(sequence.states):
         present = sequence.present(n)

@@ -23,7 +23,13 @@ NORMAL_COMPONENTS = 3
 
 
 class ThermalStrains:
-    """Thermal strains of all states; given temperature fields are interpolated once."""
+    """Thermal strains of all states; given temperature fields are interpolated once.
+
+    Args:
+        case: the case.
+        sequence: the states of construction.
+        discretization: strain points of the mesh.
+    """
 
     def __init__(
         self, case: Case, sequence: ConstructionSequence, discretization: Discretization
@@ -52,7 +58,13 @@ class ThermalStrains:
         return _changed(current, self._sequence.states[current.base])
 
     def strain(self, state: int, group: int, point: ParameterPoint) -> Dual:
-        """Normal strain (k or 1,) that a state imposes on a group that it warms."""
+        """Normal strain (k or 1,) that a state imposes on a group that it warms.
+
+        Args:
+            state: number of the state.
+            group: index of the group.
+            point: the parameters.
+        """
         current = self._sequence.states[state]
         expansion = point.number(self._case.materials[current.materials[group]].expansion)
         change = self._temperature(state, group, point)

@@ -18,7 +18,13 @@ from geoident.model.mesh import Mesh
 
 
 class PorePressure:
-    """Pore pressure at fixed positions (m, dim), m."""
+    """Pore pressure at fixed positions.
+
+    Args:
+        water: the table and the unit weight.
+        mesh: for a table with topography.
+        positions: (m, dim) m.
+    """
 
     def __init__(self, water: Water, mesh: Mesh, positions: Floats) -> None:
         self._unit_weight = water.unit_weight

@@ -48,7 +48,13 @@ class Topography:
 
 
 class Depths:
-    """Levels of a surface over fixed positions: prepared once, asked for many parameters."""
+    """Levels of a surface over fixed positions: prepared once, asked for many parameters.
+
+    Args:
+        mesh: for a surface with topography.
+        surface: from which depth is counted.
+        positions: (m, dim) m.
+    """
 
     def __init__(self, mesh: Mesh, surface: Surface, positions: Floats) -> None:
         self._surface = surface

@@ -181,6 +181,14 @@ def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Tr
     """Follows a step to near the zero of the slope of Pi, which is monotone.
 
     A full step on which Pi still falls at its end, or has hardly risen, is taken as it is.
+
+    Args:
+        equations: of the stage.
+        trial: where the step begins.
+        d: (n_dofs,) the step.
+
+    Returns:
+        Where it ended, and the share of the step that was made.
     """
     free = d[equations.dofs]
     slope = float(trial.residual @ free)

@@ -13,7 +13,13 @@ from geoident.model.result import FieldSeries
 
 
 class FieldRecorder:
-    """Copies displacements and mean element stresses, state by state."""
+    """Copies displacements and mean element stresses, state by state.
+
+    Args:
+        mesh: the mesh.
+        sequence: the states of construction.
+        discretization: strain points of the mesh.
+    """
 
     def __init__(
         self, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization

@@ -40,7 +40,13 @@ class Tangents(Protocol):
     """Makes factors of stiffness matrices."""
 
     def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
-        """Factor of the elastic K plus changes (q, s, s) of V E at some points (q,)."""
+        """Factor of the elastic K plus changes at some points.
+
+        Args:
+            points: (q,) strain points, ascending.
+            change: (q, s, s) changes of V E there.
+            symmetric: whether they are symmetric matrices.
+        """
 
 
 @dataclass(frozen=True)
@@ -251,7 +257,7 @@ class StageEquations:
 
 
 def flowing(equations: StageEquations, trial: Trial) -> list[tuple[Ground, Projection, Ints]]:
-    """Materials that yield somewhere, with the numbers of the strain points that do."""
+    """Materials that yield somewhere, with the numbers (q,) of the strain points that do."""
     n = equations.operators.n_points
     return [
         (ground, projection, numbers(ground.points, n)[projection.yielded])

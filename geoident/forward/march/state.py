@@ -82,18 +82,34 @@ class Carried:
         return Carried(self.stress[..., part], self.members[:, part])
 
     def clear(self, points: Bools | Ints | slice) -> None:
-        """Strain points that are gone or placed anew carry nothing and have not hardened."""
+        """Points (n_points,), or (k,) by number, that are gone or placed anew carry nothing.
+
+        They have not hardened either.
+        """
         self.stress[:, points] = 0.0
         for multipliers in self.hardened.values():
             multipliers[:, points] = 0.0
 
     def multipliers(self, material: str, points: Index, columns: slice | int) -> Floats | None:
-        """Multipliers so far (y, q, ...) of a material at some points (q,); None for none."""
+        """Multipliers so far (y, q, ...); None for none.
+
+        Args:
+            material: its name.
+            points: (q,) strain points.
+            columns: of what is carried.
+        """
         found = self.hardened.get(material)
         return None if found is None else found[:, points, columns]
 
     def add_multipliers(self, material: str, points: Index, columns: slice, more: Floats) -> None:
-        """Add multipliers (y, q, c) of a material that hardens in c columns at points (q,)."""
+        """Add multipliers of a material that hardens.
+
+        Args:
+            material: its name.
+            points: (q,) strain points.
+            columns: c of what is carried.
+            more: (y, q, c) what is added.
+        """
         if material not in self.hardened:
             shape = (more.shape[0], *self.stress.shape[1:])
             self.hardened[material] = np.zeros(shape)

@@ -52,6 +52,14 @@ class StageSystems:
     """The equations of all states of a sequence, each prepared when it is first needed.
 
     Equal patterns are analysed once, and only if something is solved on them.
+
+    Args:
+        mesh: the mesh.
+        sequence: the states of construction.
+        discretization: strain points of the mesh.
+        fixed: (n_dofs,) degrees of freedom held by supports.
+        solver: factorizes.
+        structures: linings and bolts.
     """
 
     def __init__(
@@ -114,9 +122,15 @@ class StageSystems:
         laws: Mapping[str, Floats],
         values: Mapping[str, float],
     ) -> Floats:
-        """Values of K for the moduli (n_strain, n_strain) of every material.
+        """Values (nnz,) of K at a state.
 
         Structures take theirs from the parameter values.
+
+        Args:
+            system: the equations of the state.
+            state: what is there.
+            laws: material to its moduli (n_strain, n_strain), Pa.
+            values: parameters by name, SI.
         """
         map_of = self.discretization.kinematics.stiffness_map
         maps = {name: map_of(law) for name, law in laws.items()}

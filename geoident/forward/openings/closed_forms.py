@@ -104,9 +104,14 @@ class Strength:
 
 
 def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
-    """The limit of cohesion c (Pa), friction angle phi and dilation angle psi (rad).
+    """The limit of Mohr-Coulomb.
 
     Tresca where both angles are zero.
+
+    Args:
+        cohesion: c, Pa.
+        friction: angle phi, rad.
+        dilation: angle psi, rad.
     """
     sine, N = friction.through(np.sin, np.cos), _slope(friction)
     cosine = friction.through(np.cos, lambda x: -np.sin(x))
@@ -280,7 +285,16 @@ def _lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, 
 
 
 class PlasticState(GroundState):
-    """The ground around a wall that yields, loaded in one direction."""
+    """The ground around a wall that yields, loaded in one direction.
+
+    Args:
+        opening: radius, ground and strength.
+        pressure: inside, Pa.
+        limit: in the direction of loading.
+
+    Raises:
+        BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
+    """
 
     def __init__(self, opening: Opening, pressure: Dual, limit: Strength) -> None:
         super().__init__(opening, pressure)

@@ -58,7 +58,7 @@ class OpeningModel:
         return self.field.notes({p.name: p.start for p in self.case.parameters})
 
     def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values by name."""
+        """Parameter values p (n,) by name."""
         return dict(zip(self.names, map(float, p), strict=True))
 
     def admissible(self, p: Floats) -> str | None:
@@ -114,7 +114,13 @@ class OpeningModel:
     ) -> Floats:
         """Motions since the zeros, (n_states, n_channels, 1 + n), m; NaN where not to be read.
 
-        See `OpeningField.observed` for the arguments.
+        What is raised is that of `OpeningField.observed`.
+
+        Args:
+            values: parameters by name, SI.
+            names: the n of them to differentiate by.
+            wanted: the states that are; None for all.
+            failures: takes what is raised, and the states that it concerns are NaN; None to raise.
         """
         self._evaluations += 1
         observed = self.field.observed(values, names, wanted=wanted, failures=failures)
@@ -132,6 +138,11 @@ class OpeningModel:
 
 class OpeningResponse:
     """Readings of some (channel, stage) pairs in closed form; only those that have one.
+
+    Args:
+        model: the closed form of the case.
+        pairs: channel and stage of every reading.
+        times: when each was read; None for what is known of its stage.
 
     Attributes:
         covered: (g,) which of the pairs have a closed form; the response consists of these.
@@ -219,7 +230,14 @@ def opening_model(case: Case) -> OpeningModel:
 def opening_in_mesh(
     case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
 ) -> OpeningModel | str:
-    """The closed form of a case that has a mesh, or why there is none, a clause."""
+    """The closed form of a case that has a mesh, or why there is none, a clause.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+        circle: what the case says of the opening.
+    """
     if case.analysis is not Analysis.PLANE_STRAIN:
         return NO_SECTION
     found = site_in_mesh(case, mesh, sequence, circle)

@@ -82,7 +82,14 @@ def site_without_mesh(sequence: ConstructionSequence, circle: Circle) -> Opening
 def site_in_mesh(
     case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
 ) -> OpeningSite | str:
-    """The first circular opening that the stages of a case make in its mesh, or why none is."""
+    """The first circular opening that the stages of a case make in its mesh, or why none is.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+        circle: what the case says of the opening.
+    """
     leaving: frozenset[int] = frozenset()
     why = "no stage excavates anything"
     for state in sequence.states[1:]:

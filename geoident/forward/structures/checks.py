@@ -79,7 +79,14 @@ def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
 def structure_place_faults(
     case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
 ) -> list[Fault]:
-    """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
+    """Structures whose nodes or ends lie in no ground at some stage at which they stand.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+        locator: finds points in the mesh.
+    """
     faults = []
     for name, structure in case.structures.items():
         for n, state in enumerate(sequence.states):

@@ -14,7 +14,13 @@ from geoident.model.structures import Beam, Bolts, Structure
 
 
 class MemberRecorder:
-    """Turns the member forces q = (N, M at mid-length, Q) into forces at the ends, by state."""
+    """Turns the member forces q = (N, M at mid-length, Q) into forces at the ends, by state.
+
+    Args:
+        structures: linings and bolts.
+        sequence: the states of construction.
+        values: parameters by name, SI.
+    """
 
     def __init__(
         self, structures: Structures, sequence: ConstructionSequence, values: Values

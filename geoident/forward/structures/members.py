@@ -52,6 +52,12 @@ class Structures:
     """All structures of a case that ever stand.
 
     `structure_checks` has made sure that each finds its nodes and elements.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        sequence: the states of construction.
+        locator: finds points in the mesh.
     """
 
     def __init__(
@@ -80,7 +86,7 @@ class Structures:
         return frozenset(self.key(n) for n, _ in self._in_place(state))
 
     def late_nodes(self) -> Ints:
-        """Nodes of beams, which all couple: to be eliminated last, so that they do not fill in."""
+        """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in."""
         along = [p.members.operator.indices for p in self.parts if isinstance(p.structure, Beam)]
         dofs = np.concatenate([np.empty(0, dtype=np.int64), *along])
         return np.unique(dofs // self._dim)
@@ -93,7 +99,7 @@ class Structures:
         }
 
     def maps(self, state: ConstructionState, values: Values) -> dict[int, Floats]:
-        """Stiffness maps of the structures that stand, by key."""
+        """Stiffness maps (2 dim^2, dim^2) of the structures that stand, by key."""
         return {
             self.key(n): stiffness_map(*_stiffness(part.structure, values), dim=self._dim)
             for n, part in self._in_place(state)
@@ -117,7 +123,7 @@ class Structures:
         return np.asarray(self._transpose @ (self._weight[:, None] * forces))
 
     def clear(self, state: ConstructionState, forces: Floats) -> None:
-        """What does not stand, or is built only now, bears nothing."""
+        """What does not stand, or is built only now, carries no forces (n_rows, k)."""
         for part in self.parts:
             if part.name not in state.structures or part.name in state.built:
                 forces[part.rows] = 0.0
@@ -203,7 +209,13 @@ def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | Non
 
 
 def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
-    """The best present element that holds a point (dim,), m; None if there is none."""
+    """The best present element that holds a point (dim,), m; None if there is none.
+
+    Args:
+        locator: finds points.
+        point: (dim,) m.
+        present: (n_elements,) which elements are there.
+    """
     return next((s for s in locator.sites(point) if present[s.element]), None)
 
 

@@ -59,6 +59,11 @@ def no_stress_left(case: Case, material: Material, values: Mapping[str, float]) 
     """Why the yield planes of a material leave no stress, a sentence, or None if they do.
 
     Where no distance is negative, the stress-free state is inside.
+
+    Args:
+        case: the case.
+        material: one of its materials.
+        values: parameters by name, SI.
     """
     if not any(isinstance(surface, GivenPlanes) for surface in material.yields):
         return None

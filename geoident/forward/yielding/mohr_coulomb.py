@@ -58,7 +58,16 @@ _BETWEEN_SINES = 0.995  # what the smallest ratio may fall between those
 
 
 def mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint, n_strain: int) -> YieldPlanes:
-    """Mohr-Coulomb as a polyhedron, with its cut-off of tension."""
+    """Mohr-Coulomb as a polyhedron, with its cut-off of tension.
+
+    Args:
+        surface: as the case states it.
+        point: the parameters.
+        n_strain: number s of strain components.
+
+    Raises:
+        ValueError: the surface is smooth.
+    """
     if surface.planes is None:
         raise ValueError("the smooth surface is no polyhedron")
     count = surface.planes if n_strain < 6 else ceil(surface.planes / 6)

@@ -85,7 +85,13 @@ def _labelled(surfaces: Sequence[YieldSurface], parts: Sequence[YieldPlanes]) ->
 
 
 def given_planes(surface: GivenPlanes, point: ParameterPoint, n_strain: int) -> YieldPlanes:
-    """The planes of a case, cut to the components of the analysis."""
+    """The planes of a case, cut to the components of the analysis.
+
+    Args:
+        surface: as the case states it.
+        point: the parameters.
+        n_strain: number s of strain components.
+    """
     normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
     distances = stacked([point.number(plane.distance) for plane in surface.planes])
     hardening = point.number(surface.hardening)
@@ -98,7 +104,13 @@ def given_planes(surface: GivenPlanes, point: ParameterPoint, n_strain: int) -> 
 
 
 def drucker_prager(surface: DruckerPrager, point: ParameterPoint, n_strain: int) -> YieldPlanes:
-    """Drucker-Prager's cone with facets, and its cut-off of tension."""
+    """Drucker-Prager's cone with facets, and its cut-off of tension.
+
+    Args:
+        surface: as the case states it.
+        point: the parameters.
+        n_strain: number s of strain components.
+    """
     alpha, k = cone(surface, point)
     deviators = _facets_of_sphere(surface.planes, n_strain, surface.fit)
     trace = np.zeros(n_strain)
@@ -146,6 +158,11 @@ def weak_plane(surface: WeakPlane, point: ParameterPoint, n_strain: int) -> Yiel
 
     In a section the planes stand on it, and two facets are exact. In a solid tau has two
     components, and a polygon of the same size on average takes the place of the circle.
+
+    Args:
+        surface: as the case states it.
+        point: the parameters.
+        n_strain: number s of strain components.
     """
     angle = point.number(surface.friction)
     S, C = angle.sine(), angle.cosine()

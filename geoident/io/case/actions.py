@@ -254,7 +254,7 @@ def build_loads(
     """
     for name, section in sections.items():
         if section.seismic is not None and not gravity:
-            message = "there is no gravity, of which it is a part"
+            message = "a seismic load is a part of the weight, and there is no gravity"
             hint = "Add 'gravity: 9.81 m/s2'."
             context.at(name, "seismic").refuse("no-gravity", message, hint, key=True)
     return {name: section.load(context.at(name)) for name, section in sections.items()}

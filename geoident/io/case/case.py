@@ -71,18 +71,21 @@ class CaseSection(Section):
         "`fit.closed-form` gives, computed by formulas: all that the stages excavate.",
     )
     parameters: dict[ParameterName, ParameterSection] = Field(
-        {}, description="What is identified; elsewhere $NAME stands for it."
+        {}, description="What is identified; $NAME refers to it elsewhere in the case."
     )
     materials: dict[Name, MaterialSection] = Field(min_length=1, description="Materials by name.")
     groups: dict[Name, Name] = Field(
         min_length=1,
-        description="Element group to material in the virgin state, or 'absent'.",
+        description="Element group to its material in the initial state (before the first stage), "
+        "or 'absent'.",
     )
     supports: dict[Name, SupportValue] = Field(
         {}, description="Group to fixed directions: x, [x, y], or fixed for all."
     )
-    in_situ: InSituSection | None = Field(None, description="Stress of the virgin ground.")
-    water: WaterSection | None = Field(None, description="Water in the pores of the virgin ground.")
+    in_situ: InSituSection | None = Field(
+        None, description="In-situ stress of the ground, before the first stage."
+    )
+    water: WaterSection | None = Field(None, description="Water in the pores in the initial state.")
     gravity: Gravity | None = Field(
         None,
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",

@@ -108,7 +108,8 @@ class FitBase(Section):
 
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
-        description="How much a large residual counts: huber and student-t bear wrong readings.",
+        description="How much a large residual counts: huber and student-t are robust against "
+        "wrong readings.",
     )
 
     def chain(self, *, strengths: bool) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from geoident.io.schema.section import Context, Section, Wrongs
 from geoident.io.schema.values import (
     Accuracy,
     Coordinates,
-    Direction,
+    DirectionVector,
     Drift,
     Given,
     Line,
@@ -35,7 +35,7 @@ _Motion = tuple[str, Vector | None, Vector, Vector]
 _AXES = "xyz"
 
 
-class _Gauge(Section):
+class _GaugeBase(Section):
     accuracy: Accuracy = Field(
         description="Standard deviation of one reading.", examples=["0.1 mm"]
     )
@@ -49,15 +49,15 @@ class _Gauge(Section):
     )
     drift: Drift | None = Field(
         None,
-        description="What the gauge gains by itself in time since its zero; needs dates.",
+        description="Drift of the gauge with time since its zero; needs dates.",
         examples=["$drift1"],
     )
     drift_per_stage: Offset | None = Field(
-        None, description="What the gauge gains by itself in every stage since its zero."
+        None, description="Drift of the gauge per stage since its zero."
     )
 
     @model_validator(mode="after")
-    def _one_drift(self) -> _Gauge:
+    def _one_drift(self) -> _GaugeBase:
         if self.drift is not None and self.drift_per_stage is not None:
             wrongs = Wrongs()
             message = "found drift and drift_per_stage; one of them is expected"
@@ -101,7 +101,7 @@ class _Gauge(Section):
         )
 
 
-class ExtensometerSection(_Gauge):
+class ExtensometerSection(_GaugeBase):
     """Change of distance between a head and anchors, positive when they move apart.
 
     One channel per anchor, named GAUGE.ANCHOR.
@@ -127,7 +127,7 @@ class ExtensometerSection(_Gauge):
         return found
 
 
-class ConvergenceSection(_Gauge):
+class ConvergenceSection(_GaugeBase):
     """Change of distance between two points, positive when they move apart."""
 
     kind: Literal["convergence"]
@@ -147,14 +147,14 @@ Reference = Annotated[
 ]
 
 
-class DisplacementSection(_Gauge):
+class DisplacementSection(_GaugeBase):
     """Displacement of a point in a direction, relative to the ground or to another point."""
 
     kind: Literal["displacement"]
     point: Coordinates = Field(description="The point whose motion is read.")
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
     component: Literal["x", "y", "z"] | None = Field(None, description="Coordinate direction.")
-    direction: Direction | None = Field(
+    direction: DirectionVector | None = Field(
         None, description="Direction vector in place of a component; its length does not matter."
     )
 
@@ -187,7 +187,7 @@ class DisplacementSection(_Gauge):
         return None
 
 
-class SettlementSection(_Gauge):
+class SettlementSection(_GaugeBase):
     """Settlement of a point, positive downwards, relative to the ground or to another point."""
 
     kind: Literal["settlement"]

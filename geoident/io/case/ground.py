@@ -16,7 +16,7 @@ from geoident.io.schema.values import (
     Angle,
     Coefficient,
     Density,
-    Direction,
+    DirectionVector,
     Expansion,
     Given,
     Modulus,
@@ -43,7 +43,7 @@ _THREE_AXES = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
 
 
-class _Material(Section):
+class _MaterialBase(Section):
     density: Density | None = Field(
         None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
     )
@@ -58,7 +58,7 @@ class _Material(Section):
     )
 
     @model_validator(mode="after")
-    def _density_not_negative(self) -> _Material:
+    def _density_not_negative(self) -> _MaterialBase:
         if self.density and self.density.parameter is None and self.density.factor < 0:
             wrongs = Wrongs()
             wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
@@ -80,7 +80,7 @@ class _Material(Section):
         return {name: getattr(self, name).scalar for name in names}
 
 
-class IsotropicSection(_Material):
+class IsotropicSection(_MaterialBase):
     """A material: isotropic elasticity by E and nu, or by K and G."""
 
     elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
@@ -100,7 +100,7 @@ class IsotropicSection(_Material):
         return Isotropic(*map(scalar_of, (self.E, self.nu, self.K, self.G)))
 
 
-class _Inclined(_Material):
+class _InclinedBase(_MaterialBase):
     """Where the strata, or the material axes 1 and 2, lie.
 
     In a solid x is east, y north, z up. A plane section is seen looking north: x is east, y up.
@@ -121,7 +121,7 @@ class _Inclined(_Material):
     )
 
 
-class TransverselyIsotropicSection(_Inclined):
+class TransverselyIsotropicSection(_InclinedBase):
     """A material of strata: isotropic in their plane (p), different along their normal (n).
 
     By E_p, nu_p, E_n, nu_np and G_np, or by Love's moduli A, C, F, L, N, which condensation can
@@ -129,7 +129,7 @@ class TransverselyIsotropicSection(_Inclined):
     """
 
     elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")
-    normal: Direction | None = Field(
+    normal: DirectionVector | None = Field(
         None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
     )
     E_p: Modulus | None = Field(None, description="Young's modulus in the plane of the strata.")
@@ -168,7 +168,7 @@ class TransverselyIsotropicSection(_Inclined):
         return LoveModuli(**self._scalars(_LOVE), frame=frame)
 
 
-class OrthotropicSection(_Inclined):
+class OrthotropicSection(_InclinedBase):
     """A material with three planes of symmetry, normal to its axes 1, 2, 3.
 
     nu_ij is -strain along j / strain along i for a stress along i; nu_ij / E_i = nu_ji / E_j.
@@ -189,8 +189,12 @@ class OrthotropicSection(_Inclined):
     rotation: Angle | None = Field(
         None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
-    axis_1: Direction | None = Field(None, description=f"Axis 1 in place of the angles, {_VECTOR}")
-    axis_2: Direction | None = Field(None, description=f"Axis 2, at a right angle to 1, {_VECTOR}")
+    axis_1: DirectionVector | None = Field(
+        None, description=f"Axis 1 in place of the angles, {_VECTOR}"
+    )
+    axis_2: DirectionVector | None = Field(
+        None, description=f"Axis 2, at a right angle to 1, {_VECTOR}"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> OrthotropicSection:
@@ -219,7 +223,7 @@ def _entry(row: str, column: str, missing: str = "") -> Any:
     return Field(None, description=text) if missing else Field(description=text)
 
 
-class AnisotropicSection(_Material):
+class AnisotropicSection(_MaterialBase):
     """A material without symmetry: the upper triangle of its elasticity matrix.
 
     Rows and columns 1 to 6 are xx, yy, zz, xy, yz, xz in the model's axes (z is out of plane in

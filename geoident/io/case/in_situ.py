@@ -43,7 +43,7 @@ _SURFACE = (
 )
 
 
-class _Model(Section):
+class _ModelBase(Section):
     @abstractmethod
     def stress(self, context: Context) -> InSitu:
         """The stress for the model; what cannot be is noted as a fault."""
@@ -71,7 +71,7 @@ class GradientSection(Section):
     xz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
 
 
-class ConstantModel(_Model):
+class ConstantModel(_ModelBase):
     """In-situ stress that is the same everywhere; tension is positive."""
 
     model: Literal["constant"]
@@ -88,7 +88,7 @@ class ConstantModel(_Model):
         return ConstantStress(_components(self, context), held=self.held)
 
 
-class HeimModel(_Model):
+class HeimModel(_ModelBase):
     """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
 
     The vertical is y in 2-D and z in a solid.
@@ -157,7 +157,7 @@ class HeimModel(_Model):
         )
 
 
-class ProfileModel(_Model):
+class ProfileModel(_ModelBase):
     """A stress that changes linearly with depth: at_surface + gradient * depth."""
 
     model: Literal["profile"]

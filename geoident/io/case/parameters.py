@@ -29,10 +29,11 @@ class ParameterSection(Section):
     )
     bounds: Bounds = Field(examples=[["2 GPa", "80 GPa"]])
     scale: Literal["linear", "log"] = Field(
-        "linear", description="log works on the logarithm: right for moduli."
+        "linear", description="log works on the logarithm, as is right for moduli."
     )
     prior: PriorSection | None = Field(
-        None, description="Knowledge from elsewhere; without it all within the bounds is equal."
+        None,
+        description="Prior knowledge; without it all values within the bounds are equally likely.",
     )
 
     @model_validator(mode="after")

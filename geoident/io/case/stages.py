@@ -42,7 +42,7 @@ class StageSection(Section):
     name: Annotated[Name, AfterValidator(_not_reserved)] = Field(
         description="Unique name, to which readings refer."
     )
-    excavate: list[Name] = Field([], description="Element groups that leave.")
+    excavate: list[Name] = Field([], description="Element groups that are excavated.")
     install: dict[Name, Name] = Field(
         {},
         description="Element group to material: enters free of stress (lift, lining, backfill); "
@@ -66,18 +66,20 @@ class StageSection(Section):
     build: list[Name] = Field(
         [],
         description="Names of `structures` (linings, bolts) that stand from this stage on. They "
-        "enter free of stress and bear part of what moves the ground from this stage on.",
+        "are free of stress when they are built, and carry part of what acts from then on.",
         examples=[["lining"]],
     )
     dismantle: list[Name] = Field(
-        [], description="Names of structures that leave; the ground takes over what they bore."
+        [],
+        description="Names of structures that are removed; the ground takes over the forces that "
+        "they carried.",
     )
     water: WaterSection | None = Field(
         None, description="Water in the pores from this stage on; as before if missing."
     )
     temperature: dict[Name, TemperatureSection] = Field(
         {},
-        description="Element group to change of temperature since the virgin state (or since it "
+        description="Element group to change of temperature since the initial state (or since it "
         "was installed), from this stage on; needs the `expansion` of its material.",
         examples=[{"dam": "-8 K"}],
     )
@@ -202,7 +204,7 @@ class _Ground:
         for group in stage.temperature:
             place = (*path, "temperature", group)
             if group not in self.present:
-                self._refuse_absent(place, group, "warmed", key=True)
+                self._refuse_absent(place, group, "heated or cooled", key=True)
                 continue
             material = self.begin.materials.get(self.present[group])
             if material is not None and material.expansion is None:
@@ -225,8 +227,8 @@ class _Ground:
         for group, part in stage.release.items():
             place = (*path, "release", group)
             if group not in stage.excavate and group not in self.partly:
-                message = f"nothing of '{group}' is held that could be released"
-                hint = "Release is told from the stage on that excavates the group."
+                message = f"no stress of '{group}' is held that could be released"
+                hint = "Give 'release' from the stage on that excavates the group."
                 self.faults.add(place, "nothing-held", message, hint, key=True)
             elif part.parameter is None and not 0 <= part.factor <= 1:
                 message = f"'{part.text}' is not between 0 (nothing released) and 1 (all of it)"
@@ -262,9 +264,9 @@ class _Ground:
             place = (*path, "remove", n)
             if name not in self.loads:
                 hint = self.faults.did_you_mean(
-                    name, sorted(self.loads), what="Loads that act then"
+                    name, sorted(self.loads), what="Loads at this stage"
                 )
-                self.faults.add(place, "no-such-load", f"no load '{name}' acts then", hint)
+                self.faults.add(place, "no-such-load", f"no load '{name}' acts at this stage", hint)
             elif name in stage.loads:
                 message = f"the load '{name}' begins and ends in one stage"
                 hint = "A load of the same name replaces it; remove is not needed."
@@ -278,9 +280,9 @@ class _Ground:
             place = (*path, "dismantle", n)
             if name not in self.structures:
                 hint = self.faults.did_you_mean(
-                    name, sorted(self.structures), what="Structures that stand then"
+                    name, sorted(self.structures), what="Structures at this stage"
                 )
-                message = f"no structure '{name}' stands then"
+                message = f"no structure '{name}' exists at this stage"
                 self.faults.add(place, "no-such-structure", message, hint)
             self.structures.discard(name)
         for n, name in enumerate(stage.build):
@@ -289,7 +291,7 @@ class _Ground:
                 hint = self.faults.did_you_mean(name, self.begin.structures, what="Structures")
                 self.faults.add(place, "unknown-structure", f"there is no structure '{name}'", hint)
             elif name in self.structures:
-                message = f"the structure '{name}' stands already"
+                message = f"the structure '{name}' is already built"
                 hint = "To replace it, list it under 'dismantle' too."
                 self.faults.add(place, "built-twice", message, hint)
             self.structures.add(name)
@@ -300,8 +302,6 @@ class _Ground:
             hint = self.faults.did_you_mean(group, sorted(self.known), what="Groups")
             self.faults.add(place, "unknown-group", message, hint, key=key)
             return
-        since = (
-            f": it was excavated in '{self.excavated[group]}'" if group in self.excavated else ""
-        )
-        message = f"'{group}' cannot be {what}, it is not present then{since}"
+        since = f", since '{self.excavated[group]}' excavated it" if group in self.excavated else ""
+        message = f"'{group}' cannot be {what}: it is not present at this stage{since}"
         self.faults.add(place, "absent-group", message, "Check the order of the stages.", key=key)

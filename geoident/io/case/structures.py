@@ -24,7 +24,7 @@ from geoident.model.case import Analysis
 from geoident.model.structures import Beam, Bolts, Structure
 
 
-class _Structure(Section):
+class _StructureBase(Section):
     @abstractmethod
     def structure(self, context: Context) -> Structure:
         """The structure for the model; a fault where the kind of analysis has none."""
@@ -42,7 +42,7 @@ class _Structure(Section):
         wrongs.raise_any()
 
 
-class BeamSection(_Structure):
+class BeamSection(_StructureBase):
     """A lining as a chain of beams on lines of the mesh (plane strain), joined to its nodes.
 
     Corners are rigid, its ends turn freely where they are not clamped, and two structures that
@@ -88,7 +88,7 @@ class BeamSection(_Structure):
         )
 
 
-class BoltSection(_Structure):
+class BoltSection(_StructureBase):
     """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
 
     kind: Literal["bolt"]
@@ -137,7 +137,7 @@ class BoltSection(_Structure):
             message = "'spacing' is missing: the distance between bolts out of plane"
             context.refuse("missing-key", message, "Add 'spacing: 1.5 m'.", key=True)
         elif context.analysis is Analysis.SOLID and self.spacing is not None:
-            message = "'spacing' in a solid, where every bolt stands for itself"
+            message = "'spacing' in a solid, where every bolt is modelled by itself"
             hint = "Remove it, and list all bolts under 'ends'."
             context.at("spacing").refuse("wrong-dimension", message, hint, key=True)
 
@@ -147,7 +147,9 @@ def _place(point: list[Given]) -> list[float]:
 
 
 def _refuse(what: str, where: str, context: Context) -> None:
-    message = f"{what} in {context.analysis.value} analysis; they stand in {where} analysis only"
+    message = (
+        f"{what} in {context.analysis.value} analysis; they are available in {where} analysis only"
+    )
     hint = "Model it by elements: a group with a material, placed by 'install'."
     context.at("kind").refuse("wrong-analysis", message, hint)
 

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from geoident.io.case.frames import attitude, axes_about
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section, require_one_of
-from geoident.io.schema.values import Angle, Count, Direction, Given, Name, Stress, scalar_of
+from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
 from geoident.model.ground import Elastic, Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
@@ -34,12 +34,14 @@ _FIT = (
     "How the planes lie to the smooth surface: inside it, around it, or so that they are of the "
     "same size on average (`best`, if missing)."
 )
-_TENSION = "Largest tensile principal stress; limited by the other strengths alone if missing."
+_TENSION = (
+    "Tensile strength: largest principal stress; if missing, the other strengths alone limit it."
+)
 _COHESION = Field(description="Cohesion.", examples=["1.5 MPa", "$c"])
-_FRICTION = Field(description="Angle of friction, from 0 to below 90 deg.", examples=["35 deg"])
+_FRICTION = Field(description="Friction angle, from 0 to below 90 deg.", examples=["35 deg"])
 
 
-class _Surface(Section):
+class _SurfaceBase(Section):
     """A yield surface: what all kinds have in common."""
 
     @abstractmethod
@@ -61,7 +63,7 @@ class YieldPlaneSection(Section):
     """One plane of a yield surface: normal^T stress <= distance, tension positive."""
 
     name: Name | None = Field(None, description="In tables and reports; 'plane N' if missing.")
-    normal: Direction = Field(
+    normal: DirectionVector = Field(
         description="Unit normal: factors of the stresses xx, yy, xy in 2-D (or xx, yy, zz, xy), "
         "of xx, yy, zz, xy, yz, xz in a solid.",
         examples=[["0.6", "0", "0.8"]],
@@ -102,13 +104,15 @@ class YieldPlaneSection(Section):
         return tuple(full)
 
 
-class PlanesSection(_Surface):
+class PlanesSection(_SurfaceBase):
     """A yield surface given plane by plane; all of them hold, the flow is along their normals."""
 
     type: Literal["planes"] = Field(description="Kind of yield surface.")
     planes: list[YieldPlaneSection] = Field(min_length=1, description="The planes.")
     hardening: Stress | None = Field(
-        None, description="Growth of a distance per plastic strain on its plane; 0 if missing."
+        None,
+        description="Hardening modulus: growth of a distance per plastic strain on its plane; "
+        "0 if missing.",
     )
 
     def surface(self, context: Context) -> GivenPlanes:
@@ -125,7 +129,7 @@ class PlanesSection(_Surface):
         return GivenPlanes(tuple(planes), scalar_of(self.hardening) or Scalar(0.0))
 
 
-class _Coulomb(_Surface):
+class _CoulombBase(_SurfaceBase):
     tension: Stress | None = Field(None, description=_TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
@@ -146,7 +150,7 @@ class _Coulomb(_Surface):
         return self.fit or "best"
 
 
-class TrescaSection(_Coulomb):
+class TrescaSection(_CoulombBase):
     """Tresca: the shear stress is limited, whatever the pressure."""
 
     type: Literal["tresca"] = Field(description="Kind of yield surface.")
@@ -173,7 +177,7 @@ class TrescaSection(_Coulomb):
         return "strength" if self.strength is not None else strength
 
 
-class MohrCoulombSection(_Coulomb):
+class MohrCoulombSection(_CoulombBase):
     """Mohr-Coulomb: smooth (exact in principal stresses), or by `planes`."""
 
     type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
@@ -181,14 +185,16 @@ class MohrCoulombSection(_Coulomb):
     friction: Angle = _FRICTION
     dilation: Angle | None = Field(
         None,
-        description="Angle of dilation, from 0 to that of friction: the flow is associated if "
+        description="Dilation angle, from 0 to the friction angle: the flow is associated if "
         "missing. Only without `planes`.",
     )
 
     def surface(self, context: Context) -> MohrCoulomb:
         """The surface, smooth or by planes."""
         if self.dilation is not None and self.planes is not None:
-            message = "planes flow along their normals, with the angle of friction as dilation"
+            message = (
+                "planes flow along their normals, so their dilation angle is the friction angle"
+            )
             hint = "Leave out 'dilation', or 'planes' for the smooth surface."
             context.at("dilation").refuse("dilation", message, hint)
         return MohrCoulomb(
@@ -201,7 +207,7 @@ class MohrCoulombSection(_Coulomb):
         )
 
 
-class DruckerPragerSection(_Surface):
+class DruckerPragerSection(_SurfaceBase):
     """Drucker-Prager's cone by planes, from the cohesion and friction of Mohr-Coulomb."""
 
     type: Literal["drucker-prager"] = Field(description="Kind of yield surface.")
@@ -226,7 +232,7 @@ class DruckerPragerSection(_Surface):
         return DruckerPrager(*strengths, self.match, tension, self.planes, fit)
 
 
-class WeakPlaneSection(_Surface):
+class WeakPlaneSection(_SurfaceBase):
     """Coulomb's law on planes of one orientation, such as strata or joints.
 
     The planes lie by dip and dip_direction, or by their normal, as those of a
@@ -243,13 +249,13 @@ class WeakPlaneSection(_Surface):
     dip_direction: Angle | None = Field(
         None, description="Azimuth of the line of dip, clockwise from north (y) in a solid."
     )
-    normal: Direction | None = Field(
+    normal: DirectionVector | None = Field(
         None, description="Normal of the planes in x, y, z; its length does not matter."
     )
     cohesion: Stress = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
-    friction: Angle = Field(description="Angle of friction on the planes.", examples=["25 deg"])
+    friction: Angle = Field(description="Friction angle on the planes.", examples=["25 deg"])
     tension: Stress | None = Field(
-        None, description="Largest tensile stress across the planes; cohesion / tan friction else."
+        None, description="Tensile strength across the planes; cohesion / tan(friction) if missing."
     )
     planes: Annotated[int, Count()] = Field(
         16, description="Sides of the polygon in place of the circle of shear stress in a solid."
@@ -360,10 +366,10 @@ def _check_smooth(
         return
     hint = f"Add 'planes: {16 if context.dim == 2 else 96}' to it."
     if not alone:
-        message = "a smooth surface stands alone; here another one holds as well"
+        message = "a smooth surface cannot be combined with another one"
         context.refuse("smooth-surface", message, hint)
     elif not isinstance(elastic, Isotropic):
-        message = "a smooth surface goes with isotropic elasticity only"
+        message = "a smooth surface needs isotropic elasticity"
         context.refuse("smooth-surface", message, hint)
 
 

@@ -43,13 +43,13 @@ def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
 
 
 _PARAMETERS = """\
-# What is to be found; elsewhere $E_rock stands for it. Without parameters nothing can be fitted.
+# What is to be identified; $E_rock refers to it. Without parameters nothing can be fitted.
 parameters: {}
   # E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}
   # K0:     {start: 1.0, bounds: [0.3, 3.0]}
 """
 _IN_SITU = """\
-# Stress of the virgin ground (compression positive here); remove the # of one line.
+# In-situ stress of the ground (compression positive here); remove the # of one line.
 # in_situ: {model: heim, vertical: 8 MPa, K0: 1.0}   # the same everywhere
 # in_situ: {model: heim, unit_weight: 26 kN/m3, surface: 0 m, K0: 0.5}   # growing with depth
 # gravity: 9.81 m/s2   # weight of what is placed; its materials then need a density
@@ -66,7 +66,7 @@ def _head(mesh: MeshSummary, mesh_file: str, title: str) -> str:
     lines = [
         "# yaml-language-server: $schema=case.schema.json",
         "#",
-        f"# A case to be filled in: `geoident check` tells every {BLANK} that is left.",
+        f"# A case to be filled in: `geoident check` lists every {BLANK} that is left.",
         "#",
         f"# The mesh has {mesh.nodes} nodes and {mesh.elements} elements ({kinds}).",
         f"#   {_extent(mesh.low, mesh.high)}",
@@ -127,7 +127,7 @@ def _suggestion(part: PartSummary, mesh: MeshSummary) -> str:
 def _stages(mesh: MeshSummary) -> str:
     names = [name_text(part.name) for part in mesh.groups] or ["GROUP"]
     return (
-        "# Construction, step by step: what is said of one stage happens together.\n"
+        "# Construction, step by step: all changes of one stage happen together.\n"
         f"stages: {BLANK}\n"
         f"  # - {{name: heading, excavate: [{names[-1]}]}}\n"
         f"  # - {{name: lining, install: {{{names[-1]}: MATERIAL}}}}\n"

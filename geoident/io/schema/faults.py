@@ -118,7 +118,7 @@ def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     holder = _node_at(faults.places.data, path[:-1])
     hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
     if key[:1].isdigit():
-        hint = "If a comma stands in a number before it, write a decimal point."
+        hint = "If there is a comma in a number before it, write a decimal point."
     faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
 
 
@@ -163,7 +163,7 @@ def _add_other(
         message = f"found {context['actual_length']} entries; {least}{number} {entries} expected"
         hint = f"Write {least}{number}, or remove the key if it need not be there."
     else:
-        message, hint = error["msg"], "`geoident schema` tells what may stand here."
+        message, hint = error["msg"], "`geoident schema` lists what may stand here."
     faults.add(path, "wrong-kind", message, hint)
 
 

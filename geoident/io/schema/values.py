@@ -393,7 +393,7 @@ Forces = Annotated[list[Force], SharesUnit()]
 LineForces = Annotated[list[LineForce], SharesUnit()]
 TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
 Coefficients = list[Coefficient]
-Direction = list[Annotated[Given, Of(DIMENSIONLESS)]]
+DirectionVector = list[Annotated[Given, Of(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
     Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],

@@ -37,7 +37,7 @@ def format_problem(pattern: str) -> str | None:
         if pattern.count(token) != 1:
             return f"{token} must stand in it once"
     twice = next((token for token in ("hh", "mm", "ss") if pattern.count(token) > 1), None)
-    return f"{twice} stands in it more than once" if twice else None
+    return f"{twice} occurs in it more than once" if twice else None
 
 
 def read_date(text: str, pattern: str = ISO) -> float:

@@ -33,7 +33,7 @@ FAULTS = {
         BENCH,
         "excavate: [bench], release: {«heading: 0.5}, install: {lining: shotcrete}}",
         "stages[1].release.heading",
-        ["nothing of 'heading' is held"],
+        ["no stress of 'heading' is held"],
     ),
     # keys
     "unknown key": ("title:", "«titel:", "titel", ["'titel' is not known", "mean 'title'?"]),
@@ -159,7 +159,7 @@ FAULTS = {
         "[bench]",
         "[bench, «heading]",
         "stages[1].excavate[1]",
-        ["it was excavated in 'heading'"],
+        ["since 'heading' excavated it"],
     ),
     "installed twice": (
         BENCH,

@@ -73,8 +73,9 @@ def test_dismantled_and_built_again(project, built):
         ({"bolt": "{kind: bolt, EA: 1 MN, spacing: 1 m, ends: [[«[3 m], [7, 1 m]]]}"},
          "wrong-dimension", "the end has 1 components; 2 expected"),
         ({"does": "build: [«shel, bolts]"}, "unknown-structure", "there is no structure 'shel'"),
-        ({"does": "build: [shell, «shell]"}, "built-twice", "stands already"),
-        ({"does": "dismantle: [«bolts]"}, "no-such-structure", "no structure 'bolts' stands then"),
+        ({"does": "build: [shell, «shell]"}, "built-twice", "is already built"),
+        ({"does": "dismantle: [«bolts]"}, "no-such-structure",
+         "no structure 'bolts' exists at this stage"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_at_its_place(project, built, change, code, said):

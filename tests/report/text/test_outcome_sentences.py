@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geoident.report.text.result import outcome_sentences
-from tests.support.results import example_result
+from tests.support.results import changed_gauges, example_result
 
 RESULT = example_result(2)
 # (measured - computed) / sd of the readings by stage, from the noise of the example
@@ -23,7 +23,7 @@ def with_used(*stages):
     """The gauges with all readings of some stages used."""
     table = RESULT.gauges
     used = np.isfinite(table.measured) & np.isin(table.stages, stages)
-    return replace(table, used=used)
+    return changed_gauges(table, used=used)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_reading_stands_out_from_three_standard_deviations_on(noise, count):
     table = with_used("bench 2")
     measured = table.computed + 0.0
     measured[0, 2] += noise * 1e-4
-    text = lead(gauges=replace(table, measured=measured, used=table.used & (table.sd > 0)))
+    text = lead(gauges=changed_gauges(table, measured=measured, used=table.used & (table.sd > 0)))
     assert f"{count} 3 standard deviations." in text
 
 
@@ -62,7 +62,7 @@ def test_predicted_readings_count_up_to_the_ends_of_their_band(side, off, inside
     table = RESULT.gauges
     measured = table.measured.copy()
     measured[3, 2] = table.computed[3, 2] + side * off * 1.5e-4
-    text = lead(gauges=replace(table, measured=measured))
+    text = lead(gauges=changed_gauges(table, measured=measured))
     assert f"{inside} of 4 predicted readings lie within their 95 % bands." in text
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Reading
+from geoident.model.parameter import Prior
 from geoident.report.text.gauges import (
     fit_table,
     influence_table,
@@ -18,7 +19,8 @@ from geoident.report.text.gauges import (
     scored,
 )
 from geoident.report.text.parameters import parameter_table, prior_interval
-from tests.support.results import CHANNELS, STAGES, example_result
+from tests.support.cases import displacement
+from tests.support.results import CHANNELS, STAGES, changed_gauges, example_result
 
 RESULT = example_result(2)
 NOISE = 1e-4 * np.array([[0, 1, -1], [0, -1, 1], [0, 8, 1], [0, 2, -1], [-1, 1, 0]])  # m
@@ -76,14 +78,16 @@ def test_predictions_stand_between_the_ends_of_their_bands():
 def test_a_prediction_holds_up_to_the_ends_of_its_band(side, off, where):
     measured = RESULT.gauges.measured.copy()
     measured[1, 2] = COMPUTED[1, 2] + side * off * BAND_SD
-    table = prediction_table(replace(RESULT, gauges=replace(RESULT.gauges, measured=measured)))
+    table = prediction_table(
+        replace(RESULT, gauges=changed_gauges(RESULT.gauges, measured=measured))
+    )
     assert [row[-1] for row in table.rows] == ["inside", where, *["inside"] * 2, "not determined"]
 
 
 def test_a_prediction_without_a_reading_is_neither_inside_nor_outside():
     measured = RESULT.gauges.measured.copy()
     measured[:, 2] = np.nan
-    unread = replace(RESULT, gauges=replace(RESULT.gauges, measured=measured))
+    unread = replace(RESULT, gauges=changed_gauges(RESULT.gauges, measured=measured))
     assert [row[-2:] for row in rows(prediction_table(unread))] == [
         *[["-", ""]] * 4,
         ["-", "not determined"],
@@ -126,7 +130,7 @@ def test_what_is_neither_used_nor_predicted_is_said():
     """Without predictions the residuals of the last stage count in the gauge's deviation."""
     bad = np.zeros((5, 3), dtype=bool)
     bad[3, 2] = True
-    plain = replace(RESULT, prediction=None, gauges=replace(RESULT.gauges, bad=bad))
+    plain = replace(RESULT, prediction=None, gauges=changed_gauges(RESULT.gauges, bad=bad))
     last = [row for row in rows(reading_table(plain)) if row[1] == STAGES[2]]
     assert [row[-2:] for row in last] == [
         ["-1.0", "not used"],
@@ -147,7 +151,7 @@ def test_outliers_come_with_the_farthest_first():
     measured = RESULT.gauges.measured.copy()
     measured[0, 1] = COMPUTED[0, 1] - 9e-4  # used: nine times the sd of the gauge
     measured[3, 2] = COMPUTED[3, 2] + 6e-4  # predicted: four times the sd of the prediction
-    found = outliers(replace(RESULT, gauges=replace(RESULT.gauges, measured=measured)))
+    found = outliers(replace(RESULT, gauges=changed_gauges(RESULT.gauges, measured=measured)))
     assert [(one.channel, one.stage, one.used) for one in found] == [
         ("EX-1.a2", "bench 1", True),
         ("EX-1.a8", "bench 1", True),
@@ -158,17 +162,25 @@ def test_outliers_come_with_the_farthest_first():
 
 def test_lengths_have_a_decimal_more_than_the_best_gauge():
     for sd, text in ((1e-4, "0.40"), (1e-5, "0.400"), (3e-5, "0.400"), (1e-3, "0.40")):
-        table = replace(RESULT.gauges, sd=np.where(np.isfinite(RESULT.gauges.sd), sd, np.nan))
+        table = changed_gauges(
+            RESULT.gauges, sd=np.where(np.isfinite(RESULT.gauges.sd), sd, np.nan)
+        )
         row = rows(fit_table(replace(RESULT, gauges=table)))[1]
         assert row[3] == text
+
+
+def row_of(channel, stage):
+    """Row of a reading in the long table."""
+    readings = RESULT.gauges.readings
+    return list(zip(readings.channel, readings.stage, strict=True)).index((channel, stage))
 
 
 def test_influence_names_the_parameter_that_changes_most():
     """In the example the change is 0.1, 0 and 0.05 of the residual; its square is the distance."""
     assert RESULT.diagnostics is not None
     influence = RESULT.diagnostics.influence.copy()
-    influence[3, 1] = [0.3, 0.0, -0.4]
-    influence[0, 1] = [0.0, np.inf, 0.0]
+    influence[row_of("CV-1", "bench 1")] = [0.3, 0.0, -0.4]
+    influence[row_of("EX-1.a2", "bench 1")] = [0.0, np.inf, 0.0]
     found = replace(RESULT.diagnostics, influence=influence)
     table = rows(influence_table(replace(RESULT, diagnostics=found)))
     assert table[:2] == [
@@ -194,10 +206,11 @@ def test_interval_of_a_prior_has_95_of_100_draws():
         ("normal", 8e6 + 1e6 * draws),
         ("lognormal", 8e6 * np.exp(draws / 8)),
     ):
-        interval = prior_interval(f"{kind}(8e+06, 1e+06)")
+        interval = prior_interval(Prior(8e6, 1e6, kind))
         assert interval == pytest.approx(np.quantile(values, [0.025, 0.975]), rel=3e-3)
 
 
 def test_a_reading_without_a_value_is_an_empty_cell():
-    text = readings_csv([Reading("EX, 1", "a", 0.0123), Reading("CV", "a", None)])
+    channels = [displacement(name, (), ()) for name in ("EX, 1", "CV")]
+    text = readings_csv([Reading("EX, 1", "a", 0.0123), Reading("CV", "a", None)], channels)
     assert text == 'gauge,stage,value,unit\n"EX, 1",a,12.3,mm\nCV,a,,mm\n'
