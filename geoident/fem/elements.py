@@ -111,7 +111,7 @@ class ReferenceElement:
         if not self.apex.any():
             return 1.0
         w = 1.0 - xi[:, 2:]
-        powers = np.where(self.apex > 0, self.apex + more, 0)
+        powers = self.apex + more
         return np.asarray(np.where(w == 0, powers == 0, np.where(w == 0, 1.0, w) ** -powers))
 
 

@@ -5,8 +5,8 @@ nodal forces, thermal stresses, forces held by partial release and rigidities of
 these comes with its exact derivatives. They are evaluated at a few parameter vectors spread over
 the bounds; where a derivative by h is not the same at all of them, the part is not affine in h.
 Which parameter it changes with is found by moving one at a time: if only another one, k, does it,
-the part contains the product of h and k. A kink
-nearer to a bound than the outermost of these vectors is not seen.
+the part contains the product of h and k. A kink that only lies nearer to a bound than the outermost
+of these vectors, 2 % of the way, is not seen.
 
 Products over stages, of a modulus and the stress that the stages before left, are no obstacle: the
 displacements are unknowns of their own (theory 4.1). The products that remain within one stage are

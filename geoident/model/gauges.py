@@ -15,12 +15,12 @@ from geoident.model.parameter import Scalar
 
 @dataclass(frozen=True)
 class Channel:
-    """One relative displacement: direction . (u(second) - u(first)), zeroed at a stage.
+    """What one gauge reads, zeroed at a stage: mostly direction . (u(second) - u(first)).
 
     Args:
         name: name under which readings are given.
         gauge: name of the gauge it belongs to.
-        kind: ``extensometer``, ``convergence``, ``displacement`` or ``settlement``.
+        kind: of the gauge; says what is read (`forward.gauges.observable.OBSERVABLES`).
         first: (dim,) coordinates of the reference point in m; None for fixed ground.
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.forward.gauges.observable import GaugeSurroundings
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
@@ -93,7 +94,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         groups=_groups(case, staged) if staged else (),
         stages=_stages(case, model, readings),
         gauges=_gauges(case, readings),
-        places=_places(case, staged) if staged else (),
+        places=_places(staged) if staged else (),
         readings=_readings(case, readings),
         parameters=tuple(parameter.name for parameter in case.parameters),
         methods=tuple(method_name(options) for options in case.fit.methods),
@@ -154,10 +155,12 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
     )
 
 
-def _places(case: Case, model: StagedModel) -> tuple[PlaceSummary, ...]:
+def _places(model: StagedModel) -> tuple[PlaceSummary, ...]:
+    found = model.on_mesh
+    ground = GaugeSurroundings(found.case, found.mesh, found.locator, found.sequence)
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(case, model.mesh, model.sequence)
+        for p in placements(ground, found.table)
     )
 
 

@@ -95,17 +95,29 @@ def test_faces_are_outward_and_their_nodes_are_those_of_their_kind(kind):
         assert normal @ (corners.mean(axis=0) - on[0]) < 0
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_simplices_fill_the_cell(kind):
-    shape = CELLS[kind].shape
-    corners = np.array(shape.corners, float)
-    volumes = [
-        abs(np.linalg.det(corners[list(s[1:])] - corners[s[0]])) / (6 if shape.dim == 3 else 2)
-        for s in shape.simplices
-    ]
-    exact = {"tri": 1 / 2, "quad": 4, "tet": 1 / 6, "hex": 8, "wedge": 1, "pyramid": 4 / 3}
-    assert sum(volumes) == pytest.approx(exact[shape.name])
-    assert min(volumes) > 0
+SIZES = {"line": 2, "tri": 1 / 2, "quad": 4, "tet": 1 / 6, "hex": 8, "wedge": 1, "pyramid": 4 / 3}
+
+
+def sizes(points, simplices):
+    """Signed lengths, areas or volumes of simplices."""
+    edges = [points[list(s[1:])] - points[s[0]] for s in simplices]
+    return [np.linalg.det(e) / {1: 1, 2: 2, 3: 6}[points.shape[1]] for e in edges]
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "line2", "line3"])
+def test_simplices_and_flat_pieces_fill_the_cell(kind):
+    """Corners alone, and for lines and surfaces all nodes; none the other way round."""
+    cell = CELLS[kind]
+    corners = np.array(cell.shape.corners, float)
+    nodes = np.vstack([corners, *((corners[a] + corners[b]) / 2 for a, b in cell.edges)])
+    exact = SIZES[cell.shape.name]
+    found = sizes(corners, cell.shape.simplices)
+    assert sum(map(abs, found)) == pytest.approx(exact)
+    if cell.dim < 3:
+        pieces = sizes(nodes, cell.flat_pieces)
+        assert sum(pieces) == pytest.approx(exact)
+        assert min(pieces) > 0
+        assert set(np.ravel(cell.flat_pieces)) == set(range(cell.n_nodes))
 
 
 @pytest.mark.parametrize(
@@ -125,6 +137,12 @@ def test_distance_from_a_segment():
     for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
         assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
     assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
+
+
+def test_distance_from_a_segment_without_length():
+    mesh = Mesh(np.array([[1.0, 2.0], [1.0, 2.0]]), ())
+    point = FacetPatch("line2", np.array([[0, 1]]), np.array([0]))
+    assert distance_to_faces(mesh, (point,), np.array([4.0, 6.0])) == pytest.approx(5.0)
 
 
 def test_distance_from_faces_of_both_kinds():

@@ -7,11 +7,14 @@ import pytest
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from geoident.fem.faces import face_table
+from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import FieldSeries
+from geoident.report.drawing.case import _solid_figure
 from geoident.report.drawing.scene import Scene, gauge_planes, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
 from geoident.report.drawing.solid import surface_figure
+from tests.support.cases import make_case, material, rollers
 from tests.support.meshes import KINDS_2D, KINDS_3D, box, mixed_box
 from tests.support.results import example_result, grid_mesh
 
@@ -183,3 +186,19 @@ def test_the_surface_of_solids_of_all_kinds_is_drawn_face_by_face():
         (drawn,) = [c for c in figure.axes[-2].collections if isinstance(c, Poly3DCollection)]
         if opened is None:
             assert len(drawn.get_array()) == len(table.free(present[-1]))
+
+
+def test_faces_of_all_kinds_hide_each_other_in_the_picture_of_a_case():
+    """Those of each kind in a collection of their own would all lie over those of the others."""
+    mesh = mixed_box(1)
+    case = make_case(
+        mesh,
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(3),
+        stages=(Stage("nothing"),),
+    )
+    axes = _solid_figure(case, mesh).axes[0]
+    (faces,) = [c for c in axes.collections if isinstance(c, Poly3DCollection)]
+    table = face_table(mesh)
+    assert len(faces.get_facecolor()) == len(table.free(np.ones(mesh.n_elements, dtype=bool)))

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.faces import FacetPatch, distance_to_faces, face_table, patches
+from geoident.fem.faces import FaceTable, FacetPatch, distance_to_faces, patches
 from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator
-from geoident.forward.gauges.observable import best_site
-from geoident.forward.stages import ConstructionSequence, element_number
+from geoident.forward.gauges.observable import GaugeSurroundings, best_site
+from geoident.forward.stages import element_number
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 
@@ -34,39 +33,38 @@ class Placement:
     distance: float | None
 
 
-def placements(case: Case, mesh: Mesh, sequence: ConstructionSequence) -> tuple[Placement, ...]:
+def placements(ground: GaugeSurroundings, table: FaceTable) -> tuple[Placement, ...]:
     """Where the points of all gauges stand, each once, in the order of the case.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
+        ground: case, mesh and stages.
+        table: the faces of the mesh.
     """
-    locator, outline = Locator(mesh), excavation_outline(case, mesh)
+    case, mesh, sequence = ground.case, ground.mesh, ground.sequence
+    outline, kinematics = _excavation_outline(case, mesh, table), kinematics_of(case.analysis)
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
     for channel in case.channels:
         for point in (channel.first, channel.second):
             if point is not None:
                 ends.setdefault((point, channel.zero), []).append(channel.name)
-    found = []
+    places = []
     for (point, zero), channels in ends.items():
-        place, _ = kinematics_of(case.analysis).in_section(point)
-        site, _ = best_site(locator.sites(place), sequence, case.stage_names.index(zero))
+        place, _ = kinematics.in_section(point)
+        site, _ = best_site(ground.locator.sites(place), sequence, case.stage_names.index(zero))
         if site is not None:
             group = sequence.groups[sequence.group_of[site.element]]
             away = distance_to_faces(mesh, outline, np.asarray(place)) if outline else None
             number = element_number(mesh, site.element)
-            found.append(Placement(tuple(channels), point, number, group, away))
-    return tuple(found)
+            places.append(Placement(tuple(channels), point, number, group, away))
+    return tuple(places)
 
 
-def excavation_outline(case: Case, mesh: Mesh) -> tuple[FacetPatch, ...]:
+def _excavation_outline(case: Case, mesh: Mesh, table: FaceTable) -> tuple[FacetPatch, ...]:
     """Faces between what is ever excavated and the ground that stays."""
     dug = np.zeros(mesh.n_elements, dtype=bool)
     for stage in case.stages:
         for name in stage.excavate:
             dug[mesh.groups[name]] = True
-    table = face_table(mesh)
     outer, edge = table.free(dug), table.free(np.ones_like(dug))
     inside = ~np.isin(table.face[outer], table.face[edge])
     return patches(mesh, table, outer[inside])

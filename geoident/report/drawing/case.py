@@ -126,18 +126,25 @@ def _draw_surface(axes: Any, mesh: Mesh, parts: tuple[Part, ...], *, alpha: floa
         owner[part.elements] = k
     table = face_table(mesh)
     colours = np.array([part.colour for part in parts]).reshape(-1, 3)
+    polygons: list[Floats] = []
+    shades = [np.empty((0, 3))]
     for patch in patches(mesh, table, table.free(owner >= 0)):
-        corners = patch.nodes[:, : CELLS[patch.kind].n_corners]
-        shade = colours[owner[patch.element]] * _light(mesh.points[corners])[:, None]
-        axes.add_collection3d(
-            Poly3DCollection(
-                mesh.points[corners],
-                facecolors=np.c_[shade, np.full(len(shade), alpha)],
-                edgecolors=(*_EDGE, 0.4),
-                linewidths=0.15,
-                rasterized=True,
-            )
+        corners = mesh.points[patch.nodes[:, : CELLS[patch.kind].n_corners]]
+        polygons += list(corners)
+        shades.append(colours[owner[patch.element]] * _light(corners)[:, None])
+    if not polygons:
+        return
+    shade = np.concatenate(shades)
+    # One collection, since matplotlib sorts by depth only within each.
+    axes.add_collection3d(
+        Poly3DCollection(
+            polygons,
+            facecolors=np.c_[shade, np.full(len(shade), alpha)],
+            edgecolors=(*_EDGE, 0.4),
+            linewidths=0.15,
+            rasterized=True,
         )
+    )
 
 
 def _light(corners: Floats) -> Floats:
