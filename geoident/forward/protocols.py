@@ -84,5 +84,8 @@ class CaseModel(Protocol):
     def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        With ``partial`` what stages that collapse leave unknown is NaN.
+        Args:
+            p: (n,) parameters.
+            fields: whether displacements and stresses are wanted.
+            partial: what stages that collapse leave unknown is NaN, instead of an error.
         """

@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Certificate
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.units import UNITS, shown_unit
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -175,6 +176,23 @@ class GaugeTable:
     def bad(self) -> Bools:
         """(n_channels, n_stages) the reading is known to be wrong."""
         return self._wide[3]
+
+    @property
+    def shown_units(self) -> tuple[str, ...]:
+        """The unit of each channel, in which `in_units` gives its readings."""
+        pairs = zip(self.units, self.dimensions, strict=True)
+        return tuple(shown_unit(unit, dimension) for unit, dimension in pairs)
+
+    @property
+    def common_unit(self) -> str | None:
+        """The unit of all channels; None where they have several."""
+        units = set(self.shown_units)
+        return units.pop() if len(units) == 1 else None
+
+    def in_units(self, values: Floats) -> Floats:
+        """SI values (n_channels, ...) in the units in which people want to see them."""
+        size = np.array([UNITS[unit][1] for unit in self.shown_units], dtype=np.float64)
+        return np.asarray(values / size.reshape(-1, *(1,) * (values.ndim - 1)))
 
     def place(self, row: int) -> tuple[int, int] | None:
         """Row and column of a reading in the wide tables; None if its channel is not there."""

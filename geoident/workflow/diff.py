@@ -90,21 +90,25 @@ def _parameters(table: ParameterTable) -> Numbers:
 def _readings(table: GaugeTable) -> Numbers:
     columns = {"measured": table.measured, "sd": table.sd, "computed": table.computed}
     for quantity, column in columns.items():
-        yield from _lengths("readings", quantity, table, column)
+        yield from _of_channels("readings", quantity, table, column)
 
 
 def _predictions(gauges: GaugeTable, table: Prediction) -> Numbers:
     mean = np.where(np.isfinite(table.sd), table.mean, np.nan)  # else it is not determined
     columns = {"mean": mean, "lower95": table.lower95, "upper95": table.upper95}
     for quantity, column in columns.items():
-        yield from _lengths("predictions", quantity, gauges, column)
+        yield from _of_channels("predictions", quantity, gauges, column)
 
 
-def _lengths(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> Numbers:
-    """What a column (n_channels, n_stages), m, holds, stage by stage."""
+def _of_channels(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> Numbers:
+    """What a column (n_channels, n_stages), SI, holds, stage by stage."""
     for j, i in np.argwhere(np.isfinite(column).T):
         item = f"{gauges.channels[i]}, {gauges.stages[j]}"
-        yield Place(table, item, quantity), Amount(float(column[i, j]), "length", "mm")
+        yield Place(table, item, quantity), _amount(gauges, i, float(column[i, j]))
+
+
+def _amount(gauges: GaugeTable, row: int, value: float) -> Amount:
+    return Amount(value, gauges.dimensions[row], gauges.units[row])
 
 
 def _grid(result: Result) -> Numbers:

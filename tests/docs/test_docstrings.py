@@ -33,24 +33,6 @@ ARRAYS = re.compile(
 TERM = r"(?:\.{2,3}|[A-Za-z_][\w']*|\d+)(?:(?: ?[-+*/^] ?| )[\w']+)*"
 SHAPE = re.compile(rf"\((?:{TERM},|{TERM}(?:, {TERM})+|\.\.\.)\)")
 MANY = 3
-DONE = (
-    "__",
-    "api",
-    "cli",
-    "errors",
-    "fem",
-    "forward",
-    "identify",
-    "io/case",
-    "io/docs",
-    "io/mesh",
-    "io/schema",
-    "io/text",
-    "model",
-    "report",
-    "units",
-    "workflow",
-)
 
 
 @dataclass(frozen=True)
@@ -186,9 +168,13 @@ def lacking(r):
 
 @pytest.mark.parametrize("what", ["shapes", "Args", "Raises"])
 def test_docstrings_say(what):
-    held = [r for r in everything() if r.place.startswith(DONE)]
-    assert held
-    assert [r.place for r in held if what in lacking(r)] == []
+    assert [r.place for r in everything() if what in lacking(r)] == []
+
+
+def test_few_are_exempt():
+    """Nearly all docstrings say it themselves, and not only those of a few routines."""
+    assert len(everything()) > 1000
+    assert sum(bool(r.missing) for r in everything() if not r.command) < 15
 
 
 @pytest.mark.parametrize(

@@ -112,8 +112,20 @@ def wide_gauges(
     return GaugeTable(channels, stages, computed, first, second, table, **{**about, **(more or {})})
 
 
+_COLUMNS = {"measured": "value", "sd": "sd", "used": "used", "bad": "bad", "computed": "computed"}
+
+
 def changed_gauges(table: GaugeTable, **changes) -> GaugeTable:
-    """The same with other wide arrays or names, one reading for every number."""
+    """The same with other wide arrays or names; of one reading for every number.
+
+    Readings keep their rows: one whose number becomes NaN is a blank one.
+    """
+    if changes.keys() <= _COLUMNS.keys():
+        places = [table.place(k) for k in range(len(table.readings))]
+        at = tuple(np.array(places).T)
+        columns = {_COLUMNS[name]: array[at] for name, array in changes.items()}
+        computed = changes.get("computed", table.computed)
+        return replace(table, readings=replace(table.readings, **columns), computed=computed)
     names = ("channels", "stages", "measured", "computed", "sd", "used", "first", "second", "bad")
     return wide_gauges(**{name: changes.get(name, getattr(table, name)) for name in names})
 

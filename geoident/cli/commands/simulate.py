@@ -70,14 +70,14 @@ def _say(simulated: Simulated, case: str, options: Options) -> None:
     from geoident.report.text.json import dumps, simulation_object
     from geoident.workflow.running.outputs import write_text
 
-    readings = simulated.readings
+    readings, channels = simulated.readings, simulated.case.channels
     file = None if options.output in (None, "-") else options.output
     if file is not None:
-        text, inputs = readings_csv(readings), simulated.files_read
+        text, inputs = readings_csv(readings, channels), simulated.files_read
         write_text(text, file, force=options.force, inputs=inputs)
     if options.as_json:
-        click.echo(dumps(simulation_object(readings, case=case, output=file)))
+        click.echo(dumps(simulation_object(readings, channels, case=case, output=file)))
     elif file is not None:
         click.echo(file)
     else:
-        click.echo(readings_csv(readings), nl=False)
+        click.echo(readings_csv(readings, channels), nl=False)

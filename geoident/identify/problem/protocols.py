@@ -34,7 +34,13 @@ class AffineElastic(Response, Protocol):
         """Why the equations are not affine in the parameters, a sentence, or None if they are."""
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
-        """Condensed equations at p for the measured readings (g,) of standard deviation sd (g,)."""
+        """Condensed equations at p (theory 4.1).
+
+        Args:
+            p: (n,) parameters.
+            measured: (g,) readings, SI.
+            sd: (g,) their standard deviations, SI.
+        """
 
 
 class OpeningForm(Response, Protocol):

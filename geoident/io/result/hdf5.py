@@ -207,7 +207,7 @@ class TableWriter:
     Args:
         parent: where the group is made.
         name: name of the group.
-        axes: name of every dimension to its coordinates, texts or numbers.
+        axes: name of every dimension to its coordinates (k,), texts or numbers.
     """
 
     def __init__(
@@ -223,7 +223,13 @@ class TableWriter:
     ) -> None:
         """Writes one dataset with one dimension name for each of its axes.
 
-        Truth values are written as int8; ``unit`` becomes an attribute.
+        Truth values are written as int8.
+
+        Args:
+            name: of the dataset.
+            data: (...) numbers, truth values or texts.
+            *dims: names of its axes.
+            unit: of the numbers, an attribute; empty for none.
         """
         array = data if isinstance(data, np.ndarray) else texts(data)
         if array.dtype == np.bool_:

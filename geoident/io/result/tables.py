@@ -39,7 +39,7 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     Args:
         file: the result.
         table: the parameters.
-        singular: singular values of the information matrix, or None.
+        singular: (k,) singular values of the information matrix, or None.
     """
     axes: dict[str, Sequence[str] | Floats] = {
         "parameter": table.names,
@@ -76,7 +76,7 @@ def _of_priors(priors: Sequence[Prior | None], name: str) -> Floats:
 
 
 def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
-    """The table, and the singular values or None."""
+    """The table, and the singular values (k,) or None."""
     group = TableReader(file, "parameters")
     names = group.texts("name")
     n = len(names)
@@ -128,7 +128,14 @@ def _read_singular(group: TableReader) -> Floats | None:
 def write_sensitivity(
     file: h5py.File, sensitivity: Floats, gauges: GaugeTable, names: tuple[str, ...]
 ) -> None:
-    """Writes ``/sensitivity``: (n_channels, n_stages, n) SI per SI unit of the parameter."""
+    """Writes ``/sensitivity``.
+
+    Args:
+        file: the result.
+        sensitivity: (n_channels, n_stages, n) derivatives, SI per SI unit of the parameter.
+        gauges: channels and stages.
+        names: of the n parameters.
+    """
     axes = {"gauge": gauges.channels, "stage": gauges.stages, "parameter": names}
     out = TableWriter(file, "sensitivity", axes)
     unit = f"{reading_unit(gauges)} per SI unit of the parameter"
@@ -143,7 +150,13 @@ def read_sensitivity(file: h5py.File, n: int) -> Floats:
 
 
 def write_prediction(file: h5py.File, prediction: Prediction, gauges: GaugeTable) -> None:
-    """Writes ``/prediction``, SI."""
+    """Writes ``/prediction``, SI.
+
+    Args:
+        file: the result.
+        prediction: what to write.
+        gauges: channels and stages.
+    """
     axes = {"gauge": gauges.channels, "stage": gauges.stages}
     out = TableWriter(file, "prediction", axes)
     for name in _PREDICTION_ARRAYS:
@@ -158,7 +171,13 @@ def read_prediction(file: h5py.File, gauges: GaugeTable) -> Prediction:
 
 
 def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[str, ...]) -> None:
-    """Writes ``/history``, one row an iteration."""
+    """Writes ``/history``, one row an iteration.
+
+    Args:
+        file: the result.
+        history: what to write.
+        names: of the n parameters.
+    """
     rows = np.arange(len(history), dtype=np.int64)
     out = TableWriter(file, "history", {"iteration": rows, "parameter": names})
     out.add("method", [row.method for row in history], "iteration")

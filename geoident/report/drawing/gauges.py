@@ -22,7 +22,6 @@ from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
     MEASURED,
-    MM,
     SMALL,
     Picture,
     colour,
@@ -59,10 +58,10 @@ class Instrument:
 def instruments(table: GaugeTable) -> tuple[Instrument, ...]:
     """The channels by gauge: those of an extensometer are named ``gauge.anchor``."""
     rows: dict[str, list[int]] = {}
-    for row, channel in enumerate(table.channels):
-        rows.setdefault(channel.partition(".")[0], []).append(row)
+    for row, gauge in enumerate(table.gauges):
+        rows.setdefault(gauge, []).append(row)
     return tuple(
-        Instrument(name, tuple(own), tuple(table.channels[r].partition(".")[2] for r in own))
+        Instrument(name, tuple(own), tuple(table.channels[r][len(name) + 1 :] for r in own))
         for name, own in rows.items()
     )
 
@@ -163,7 +162,8 @@ def draw_computed(axes: Axes, result: Result, row: int, paint: str) -> None:
     axes.plot(x[later], computed[later], "--", color=paint, lw=1.2)
     if result.prediction is None:
         return
-    low, high = MM * result.prediction.lower95[row], MM * result.prediction.upper95[row]
+    ends95 = (result.prediction.lower95, result.prediction.upper95)
+    low, high = (result.gauges.in_units(end)[row] for end in ends95)
     known = np.isfinite(low) & np.isfinite(high)
     ends = np.where(known, low, np.nan), np.where(known, high, np.nan)
     axes.fill_between(x, *ends, color=paint, alpha=0.22, lw=0)
@@ -172,8 +172,9 @@ def draw_computed(axes: Axes, result: Result, row: int, paint: str) -> None:
 
 
 def _computed(result: Result) -> Floats:
-    """(n_channels, n_stages) computed readings, mm; NaN where a prediction is not determined."""
-    return np.where(unknown(result), np.nan, MM * result.gauges.computed)
+    """(n_channels, n_stages) computed, in units; NaN where a prediction is not determined."""
+    gauges = result.gauges
+    return np.where(unknown(result), np.nan, gauges.in_units(gauges.computed))
 
 
 def draw_measured(axes: Axes, table: GaugeTable, row: int, paint: str, dots: str) -> None:
@@ -195,8 +196,8 @@ def draw_measured(axes: Axes, table: GaugeTable, row: int, paint: str, dots: str
 
 def _draw_dots(axes: Axes, x: Any, table: GaugeTable, place: Any, **style: Any) -> None:
     """Readings at an index of the table over x, with the half width of their 95 % interval."""
-    error = np.nan_to_num(NORMAL_95 * MM * table.sd[place])
-    axes.errorbar(x, MM * table.measured[place], yerr=error, ms=3.2, lw=0.7, **style)
+    error = np.nan_to_num(NORMAL_95 * table.in_units(table.sd)[place])
+    axes.errorbar(x, table.in_units(table.measured)[place], yerr=error, ms=3.2, lw=0.7, **style)
 
 
 def unknown(result: Result) -> Bools:
@@ -293,7 +294,7 @@ def _draw_profile(axes: Axes, result: Result, gauge: Instrument, stages: Sequenc
     axes.axhline(0, color=FAINT, lw=0.5, zorder=0)
     axes.set_title(short(gauge.name, 16))
     axes.set_xlabel("depth from head (m)")
-    axes.set_ylabel("extension (mm)")
+    axes.set_ylabel(f"extension ({result.gauges.shown_units[gauge.rows[0]]})")
     axes.set_xlim(left=0)
     axes.grid()
 
@@ -325,6 +326,10 @@ def compared_figure(results: Sequence[tuple[str, Result]], channels: Sequence[st
     return figure
 
 
+def _gauge_of(result: Result, channel: str) -> str:
+    return result.gauges.gauges[result.gauges.channels.index(channel)]
+
+
 def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
     stages = tuple(dict.fromkeys(stage for result in results for stage in result.gauges.stages))
     read = False
@@ -341,5 +346,5 @@ def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
     stage_ticks(axes, stages)
     axes.set_title(short(channel, 24))
     owner = next(result for result in results if channel in result.gauges.channels)
-    axes.set_ylabel(gauge_quantity(owner, channel.partition(".")[0]), fontsize=SMALL)
+    axes.set_ylabel(gauge_quantity(owner, _gauge_of(owner, channel)), fontsize=SMALL)
     axes.grid(axis="y")

@@ -79,7 +79,7 @@ def _draw_channel(axes: Axes, result: Result, row: int) -> None:
     draw_computed(axes, result, row, COMPUTED)
     draw_measured(axes, result.gauges, row, MEASURED, "o")
     axes.set_title(short(result.gauges.channels[row], 24))
-    axes.set_ylabel("mm")
+    axes.set_ylabel(result.gauges.shown_units[row])
     stage_ticks(axes, result.gauges.stages)
     axes.grid(axis="y")
 
@@ -108,5 +108,5 @@ def _busiest(result: Result) -> list[int]:
     gauges: dict[str, int] = {}
     for row in np.argsort(-moved.max(axis=1, initial=0.0), kind="stable"):
         if moved[row].max(initial=0.0) > 0:
-            gauges.setdefault(table.channels[row].partition(".")[0], int(row))
+            gauges.setdefault(table.gauges[row], int(row))
     return list(gauges.values())[:_PANELS]

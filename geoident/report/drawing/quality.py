@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.result import GaugeTable, Iteration, ParameterTable, Result
 from geoident.report.drawing.gauges import unknown
 from geoident.report.drawing.style import (
@@ -17,7 +17,6 @@ from geoident.report.drawing.style import (
     DIVERGING,
     FAINT,
     MEASURED,
-    MM,
     SMALL,
     Picture,
     colour,
@@ -52,13 +51,35 @@ def _one_to_one_picture(result: Result) -> Picture:
 
 
 def one_to_one_figure(result: Result) -> Figure:
-    """Computed over measured readings, mm, equal scales."""
-    figure = Figure(figsize=(4.8, 4.9))
-    axes = figure.subplots()
+    """Computed over measured readings, equal scales, a panel for each unit."""
+    units = _units_read(result)
+    figure = Figure(figsize=(4.8 * len(units), 4.9))
+    for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
+        _draw_one_to_one(axes, result, unit)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _units_read(result: Result) -> list[str]:
+    """Units of the readings that have a computed counterpart."""
+    both = np.asarray(_both(result).any(axis=1))
+    shown = result.gauges.shown_units
+    return list(
+        dict.fromkeys(unit for unit, any_ in zip(shown, both.tolist(), strict=True) if any_)
+    )
+
+
+def _both(result: Result) -> Bools:
+    """(n_channels, n_stages) measured, and computed or predicted."""
+    known = np.isfinite(result.gauges.computed) & ~unknown(result)
+    return np.asarray(known & np.isfinite(result.gauges.measured))
+
+
+def _draw_one_to_one(axes: Axes, result: Result, unit: str) -> None:
     table = result.gauges
-    computed = np.where(unknown(result), np.nan, MM * table.computed)
-    measured = MM * table.measured
-    both = np.isfinite(measured) & np.isfinite(computed)
+    computed, measured = table.in_units(table.computed), table.in_units(table.measured)
+    alike = np.array([name == unit for name in table.shown_units], dtype=np.bool_)
+    both = _both(result) & alike[:, None]
     for used, face, label in ((True, MEASURED, "used"), (False, "white", "not used or predicted")):
         here = both & (table.used == used)
         if here.any():
@@ -75,11 +96,10 @@ def one_to_one_figure(result: Result) -> Figure:
     values = np.concatenate([measured[both], computed[both]])
     ends = _widened(float(values.min()), float(values.max()))
     axes.plot(ends, ends, "-", color=COMPUTED, lw=1, zorder=0, label="computed = measured")
-    axes.set(xlim=ends, ylim=ends, xlabel="measured (mm)", ylabel="computed (mm)")
+    names = [f"{name} ({unit})" if unit else name for name in ("measured", "computed")]
+    axes.set(xlim=ends, ylim=ends, xlabel=names[0], ylabel=names[1])
     axes.set_aspect("equal")
     axes.grid()
-    figure.legend(loc="outside upper center", ncols=3)
-    return figure
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from geoident.report.text.gauges import (
     influence_title,
     outliers,
     reading_table,
+    unit_title,
 )
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
@@ -96,7 +97,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             _figures(pictures.quality),
         ),
         _section(yielding.TITLE, _yield_planes(result)),
-        _section("Readings (mm)", table(reading_table(result))),
+        _section(unit_title("Readings", result.gauges), table(reading_table(result))),
         _section(structures.TITLE, table(structures.force_table(result.members))),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from geoident.model.result import Result
+from geoident.model.result import GaugeTable, Result
 from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.layout import (
     TextTable,
@@ -19,6 +19,7 @@ from geoident.report.text.layout import (
     sections,
     sentence,
 )
+from geoident.units import in_unit, shown_unit
 
 
 def case_title(result: Result) -> str:
@@ -40,14 +41,28 @@ def gauge_quantity(result: Result, gauge: str) -> str:
     given = found if isinstance(found, dict) else {}
     component = given.get("component")
     along = f" {component}" if isinstance(component, str) else ""
-    return _QUANTITIES.get(given.get("kind", ""), f"displacement{along} (mm)")
+    unit, dimension = _unit_of_gauge(result.gauges, gauge)
+    length = dimension == "length"
+    name, direction = _QUANTITIES.get(given.get("kind", ""), (f"displacement{along}", ""))
+    what = ", ".join(word for word in (unit, direction) if word)
+    name = name if length else dimension
+    return f"{name} ({what})" if what else name
 
 
 _QUANTITIES = {
-    "extensometer": "extension (mm)",
-    "convergence": "change of length (mm)",
-    "settlement": "settlement (mm, downwards)",
+    "extensometer": ("extension", ""),
+    "convergence": ("change of length", ""),
+    "settlement": ("settlement", "downwards"),
 }
+"""Kind of a gauge of lengths: what it measures, and in which direction it counts."""
+
+
+def _unit_of_gauge(gauges: GaugeTable, gauge: str) -> tuple[str, str]:
+    """Unit and dimension of the channels of a gauge."""
+    if gauge not in gauges.gauges:
+        return "mm", "length"
+    row = gauges.gauges.index(gauge)
+    return gauges.shown_units[row], gauges.dimensions[row]
 
 
 @lru_cache(maxsize=8)
@@ -117,11 +132,18 @@ def _events(stage: StageSummary) -> str:
 
 
 def _gauges(summary: CaseSummary) -> str:
-    rows = [
-        [g.name, g.kind, g.zero, number(1e3 * g.accuracy), str(g.used), str(g.unused)]
-        for g in summary.gauges
+    """A line for every channel; the unit of the accuracies in the header if all have the same."""
+    units = [shown_unit(g.unit, g.dimension) for g in summary.gauges]
+    unit = units[0] if len(set(units)) == 1 else ""
+    accuracies = [
+        number(in_unit(g.accuracy, g.unit, g.dimension)) + ("" if unit else f" {own}".rstrip())
+        for g, own in zip(summary.gauges, units, strict=True)
     ]
-    header = ("name", "kind", "zero", "accuracy mm", "used", "not used")
+    rows = [
+        [g.name, g.kind, g.zero, accuracy, str(g.used), str(g.unused)]
+        for g, accuracy in zip(summary.gauges, accuracies, strict=True)
+    ]
+    header = ("name", "kind", "zero", f"accuracy {unit}".rstrip(), "used", "not used")
     return TextTable(header, rows, right="lllrrr").text
 
 

@@ -1,7 +1,8 @@
 """Results as tables for spreadsheets: every table of a result, as CSV.
 
-Numbers stand in the units in which the user wrote them, readings in mm, with the unit in a column
-or in the header, to 12 digits. An empty cell is a value that does not exist or is not determined.
+Numbers stand in the units in which the user wrote them, lengths that were read in mm, with the unit
+in a column or in the header, to 12 digits. An empty cell is a value that does not exist or is not
+determined.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from geoident.units import in_unit, shown_unit
 
 CsvCell = str | int | float | bool
 CsvRow = tuple[CsvCell, ...]
-_MM = 1e3  # mm in a metre
 _KILO = 1e3
 
 
@@ -116,14 +116,14 @@ def _correlation(result: Result) -> CsvTable:
 def _gauges(result: Result) -> CsvTable:
     table = result.gauges
     residual = table.measured - table.computed
-    columns = (table.measured, table.computed, residual, table.sd)
+    columns = [table.in_units(c) for c in (table.measured, table.computed, residual, table.sd)]
     known = np.isfinite(table.measured) | np.isfinite(table.computed)
     rows: list[CsvRow] = [
         (
             table.channels[i],
             table.stages[j],
-            *(_MM * float(column[i, j]) for column in columns),
-            "mm",
+            *(float(column[i, j]) for column in columns),
+            table.shown_units[i],
             float(residual[i, j] / table.sd[i, j]),
             bool(table.used[i, j]),
         )
@@ -158,13 +158,14 @@ def _prediction(result: Result) -> CsvTable:
     if table is None:
         return CsvTable(header, ())
     mean = np.where(np.isfinite(table.sd), table.mean, math.nan)  # else it is not determined
-    columns = (mean, table.sd, table.lower95, table.upper95, gauges.measured)
+    read = (mean, table.sd, table.lower95, table.upper95, gauges.measured)
+    columns = [gauges.in_units(column) for column in read]
     rows: list[CsvRow] = [
         (
             gauges.channels[i],
             gauges.stages[j],
-            *(_MM * float(column[i, j]) for column in columns),
-            "mm",
+            *(float(column[i, j]) for column in columns),
+            gauges.shown_units[i],
         )
         for i, j in by_stage(np.isfinite(table.mean))
     ]
@@ -203,22 +204,23 @@ def _sensitivity(result: Result) -> CsvTable:
     values, table = result.sensitivity, result.parameters
     if values is None:
         return CsvTable(header, ())
+    shown = result.gauges.in_units(values)
     rows: list[CsvRow] = [
         (
             result.gauges.channels[i],
             result.gauges.stages[j],
             table.names[q],
-            _MM * float(values[i, j, q]) / _shown(table, q, 1.0),
-            _mm_per_unit(table, q),
+            float(shown[i, j, q]) / _shown(table, q, 1.0),
+            _per_unit(result.gauges.shown_units[i], _unit(table, q)),
         )
         for j, i, q in np.argwhere(np.isfinite(values).transpose(1, 0, 2)).tolist()
     ]
     return CsvTable(header, tuple(rows))
 
 
-def _mm_per_unit(table: ParameterTable, i: int) -> str:
-    unit = _unit(table, i)
-    return f"mm/({unit})" if "/" in unit else f"mm/{unit}" if unit else "mm"
+def _per_unit(reading: str, unit: str) -> str:
+    """The unit of a reading by that of a parameter."""
+    return f"{reading}/({unit})" if "/" in unit else f"{reading or 1}/{unit}" if unit else reading
 
 
 def _structures(result: Result) -> CsvTable:

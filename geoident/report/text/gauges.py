@@ -1,6 +1,7 @@
 """Readings beside what the model says of them: tables, residuals, predictions, influence.
 
-Readings in mm. Residuals are measured minus computed, in standard deviations.
+Readings stand in the units of their channels; residuals are measured minus computed, in standard
+deviations.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.gauges import Reading
+from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Diagnostics, GaugeTable, Prediction, Result
 from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.parameters import NOT_DETERMINED
+from geoident.units import in_unit, shown_unit
 
 OUTLIER = 3.0
 """Standard deviations beyond which a reading is named."""
@@ -27,27 +29,69 @@ MOST_INFLUENTIAL = 5
 """Readings in the table of influence."""
 
 
-def readings_csv(readings: Sequence[Reading]) -> str:
-    """Readings as a case reads them: ``gauge,stage,value,unit``, in mm; no value, an empty cell.
+def readings_csv(readings: Sequence[Reading], channels: Sequence[Channel]) -> str:
+    """Readings as a case reads them: ``gauge,stage,value,unit``; no value, an empty cell.
 
-    >>> print(readings_csv([Reading("EX1", "bench 1", 0.0123)]), end="")
+    Args:
+        readings: of the channels.
+        channels: know in which unit they are shown.
+
+    >>> tape = Channel("CV", "CV", "convergence", (0.0,), (4.0,), (1.0,), 1e-4, "virgin")
+    >>> print(readings_csv([Reading("CV", "bench 1", 0.0123)], [tape]), end="")
     gauge,stage,value,unit
-    EX1,bench 1,12.3,mm
+    CV,bench 1,12.3,mm
     """
+    units = {channel.name: (channel.unit, channel.dimension) for channel in channels}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["gauge", "stage", "value", "unit"])
     for reading in readings:
-        value = "" if reading.value is None else f"{1e3 * reading.value:.12g}"
-        writer.writerow([reading.channel, reading.stage, value, "mm"])
+        unit = units[reading.channel]
+        value = "" if reading.value is None else f"{in_unit(reading.value, *unit):.12g}"
+        writer.writerow([reading.channel, reading.stage, value, shown_unit(*unit)])
     return text.getvalue()
 
 
-def in_mm(value: float, result: Result) -> str:
-    """A length in m as millimetres, with a decimal more than the best gauge can read."""
-    known = result.gauges.sd[result.gauges.sd > 0.0]
-    best = float(known.min()) if known.size else 1e-4
-    return decimals(1e3 * value, min(6, max(2, 1 - math.floor(math.log10(1e3 * best) + 1e-9))))
+def reading_text(gauges: GaugeTable, row: int, value: float) -> str:
+    """A value of a channel in its unit, with a decimal more than the best gauge can read.
+
+    Args:
+        gauges: all of them.
+        row: of the channel.
+        value: SI.
+    """
+    unit = gauges.units[row], gauges.dimensions[row]
+    alike = [name == gauges.shown_units[row] for name in gauges.shown_units]
+    known = gauges.sd[alike][gauges.sd[alike] > 0.0]
+    best = in_unit(float(known.min()), *unit) if known.size else 0.1
+    places = min(6, max(2, 1 - math.floor(math.log10(best) + 1e-9)))
+    return decimals(in_unit(value, *unit), places)
+
+
+def unit_title(title: str, gauges: GaugeTable, *more: str) -> str:
+    """The title of a table of readings, with their unit if all have the same.
+
+    Args:
+        title: of the table.
+        gauges: whose readings it has.
+        more: what else stands in brackets.
+    """
+    said = "; ".join(word for word in (gauges.common_unit, *more) if word)
+    return f"{title} ({said})" if said else title
+
+
+def _unit_cell(gauges: GaugeTable, row: int) -> list[str]:
+    """The unit of a channel for a column of its own, where the title cannot say it."""
+    return [] if gauges.common_unit is not None else [gauges.shown_units[row]]
+
+
+def _reading_table(
+    gauges: GaugeTable, header: Sequence[str], rows: Sequence[Sequence[str]], right: str
+) -> TextTable:
+    """A table of readings; its third column is `_unit_cell` where the title cannot say it."""
+    if gauges.common_unit is None:
+        header, right = [*header[:2], "unit", *header[2:]], f"{right[:2]}l{right[2:]}"
+    return TextTable(header, rows, right=right)
 
 
 def by_stage(shown: Bools) -> list[tuple[int, int]]:
@@ -59,7 +103,7 @@ def fit_title(result: Result) -> str:
     """How many readings were used, and the misfit."""
     used = np.count_nonzero(result.gauges.used)
     phi = "" if math.isnan(result.objective) else f", misfit {number(result.objective)}"
-    return f"Readings (mm; {used} used{phi})"
+    return unit_title("Readings", result.gauges, f"{used} used{phi}")
 
 
 def fit_table(result: Result) -> TextTable:
@@ -69,11 +113,13 @@ def fit_table(result: Result) -> TextTable:
     rows = []
     for i, j in by_stage(shown):
         measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
-        lengths = [in_mm(length, result) for length in (measured, computed, measured - computed)]
+        three = (measured, computed, measured - computed)
+        texts = [reading_text(gauges, i, value) for value in three]
         in_sd = decimals((measured - computed) / float(gauges.sd[i, j]), 1)
-        rows.append([gauges.channels[i], gauges.stages[j], *lengths, in_sd, _use(gauges, i, j)])
+        names = [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i)]
+        rows.append([*names, *texts, in_sd, _use(gauges, i, j)])
     header = ("gauge", "stage", "measured", "computed", "residual", "in sd", "")
-    return TextTable(header, rows, right="llrrrrl")
+    return _reading_table(gauges, header, rows, "llrrrrl")
 
 
 def _has_prediction(result: Result) -> Bools:
@@ -89,16 +135,22 @@ def _use(gauges: GaugeTable, i: int, j: int) -> str:
     return "" if gauges.used[i, j] else "not used"
 
 
+def prediction_title(result: Result) -> str:
+    """What the table of predictions shows."""
+    unit = result.gauges.common_unit
+    return f"Predictions ({unit}, 95 % band)" if unit else "Predictions (95 % band)"
+
+
 def prediction_table(result: Result) -> TextTable:
     """Predicted readings with their bands, and the readings where there are any."""
     header = ("gauge", "stage", "predicted", "from", "to", "measured", "")
     prediction = result.prediction
     if prediction is None:
         return TextTable(header, ())
-    places = by_stage(_has_prediction(result))
-    return TextTable(
-        header, [_prediction_row(result, prediction, i, j) for i, j in places], right="llrrrrl"
-    )
+    rows = [
+        _prediction_row(result, prediction, *place) for place in by_stage(_has_prediction(result))
+    ]
+    return _reading_table(result.gauges, header, rows, "llrrrrl")
 
 
 def _prediction_row(result: Result, prediction: Prediction, i: int, j: int) -> list[str]:
@@ -108,8 +160,8 @@ def _prediction_row(result: Result, prediction: Prediction, i: int, j: int) -> l
     cells = (float(prediction.mean[i, j]), low, high) if known else (math.nan,) * 3
     measured = float(gauges.measured[i, j])
     inside = _mark(measured, low, high) if known else NOT_DETERMINED
-    texts = [in_mm(cell, result) for cell in (*cells, measured)]
-    return [gauges.channels[i], gauges.stages[j], *texts, inside]
+    texts = [reading_text(gauges, i, cell) for cell in (*cells, measured)]
+    return [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i), *texts, inside]
 
 
 def _mark(measured: float, low: float, high: float) -> str:
@@ -124,7 +176,7 @@ def reading_table(result: Result) -> TextTable:
     residual = standardized(result)
     rows = [_reading_row(result, i, j, float(residual[i, j])) for i, j in by_stage(shown)]
     header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
-    return TextTable(header, rows, right="llrrrrrl")
+    return _reading_table(result.gauges, header, rows, "llrrrrrl")
 
 
 def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
@@ -135,14 +187,15 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
         state, determined = "predicted", bool(np.isfinite(prediction.sd[i, j]))
         if determined:
             ends = (prediction.lower95[i, j], prediction.upper95[i, j])
-            band = " to ".join(in_mm(float(end), result) for end in ends)
+            band = " to ".join(reading_text(gauges, i, float(end)) for end in ends)
     return [
         gauges.channels[i],
         gauges.stages[j],
-        in_mm(measured, result),
-        in_mm(computed, result) if determined else NOT_DETERMINED,
+        *_unit_cell(gauges, i),
+        reading_text(gauges, i, measured),
+        reading_text(gauges, i, computed) if determined else NOT_DETERMINED,
         band,
-        in_mm(measured - computed, result) if determined else "-",
+        reading_text(gauges, i, measured - computed) if determined else "-",
         decimals(in_sd, 1),
         "known to be wrong" if gauges.bad[i, j] else state,
     ]
@@ -215,7 +268,7 @@ def influence_title(found: Diagnostics | None) -> str:
     if found is None:
         return ""
     scale = number(found.scale, 2)
-    title = f"Most influential readings (residuals have {scale} of the stated standard deviation)"
+    title = f"Most influential readings (residuals have {scale} of the stated deviation)"
     if found.loss != "squared":
         title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
     return title

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError
-from geoident.model.gauges import Reading
+from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.gauges import by_stage, diagnostics_object
@@ -118,6 +118,7 @@ def gauges_list(result: Result) -> list[dict[str, Any]]:
             "sd": gauges.sd[i, j],
             "used": bool(gauges.used[i, j]),
             "bad": bool(gauges.bad[i, j]),
+            "unit": si_unit(gauges.dimensions[i]),
         }
         for i, j in by_stage(known)
     ]
@@ -144,6 +145,7 @@ def _prediction(result: Result, prediction: Prediction, i: int, j: int) -> dict[
         "upper95": prediction.upper95[i, j],
         "measured": result.gauges.measured[i, j],
         "determined": determined,
+        "unit": si_unit(result.gauges.dimensions[i]),
     }
 
 
@@ -156,15 +158,17 @@ def grid_object(grid: Grid) -> dict[str, Any]:
 
 
 def simulation_object(
-    readings: Sequence[Reading], *, case: str, output: str | None
+    readings: Sequence[Reading], channels: Sequence[Channel], *, case: str, output: str | None
 ) -> dict[str, Any]:
-    """Readings of the model, m.
+    """Readings of the model, SI.
 
     Args:
         readings: of the model.
+        channels: of the case.
         case: path of the case.
         output: path of the file that was written, or None.
     """
+    dimensions = {channel.name: channel.dimension for channel in channels}
     return {
         "case": case,
         "kind": "simulate",
@@ -172,7 +176,12 @@ def simulation_object(
         "exit_code": 0,
         "output": output,
         "readings": [
-            {"gauge": reading.channel, "stage": reading.stage, "value": reading.value, "unit": "m"}
+            {
+                "gauge": reading.channel,
+                "stage": reading.stage,
+                "value": reading.value,
+                "unit": si_unit(dimensions[reading.channel]),
+            }
             for reading in readings
         ],
     }

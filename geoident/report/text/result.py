@@ -1,7 +1,7 @@
 """A result in words: tables for a terminal, sentences for the page.
 
-Pure functions of a result. Numbers stand in the units in which the user wrote them; readings in mm.
-What is not determined is said in words, never shown as a number.
+Pure functions of a result. Numbers stand in the units in which the user wrote them, readings in
+those of their channels. What is not determined is said in words, never shown as a number.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from geoident.report.text.gauges import (
     influence_title,
     outliers,
     prediction_table,
+    prediction_title,
     rms,
     scored,
 )
@@ -64,7 +65,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
         section(influence_title(result.diagnostics), influence_table(result).text),
-        section("Predictions (mm, 95 % band)", prediction_table(result).text),
+        section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
         section("Scan", grid_text(result)),
         section("Notes", bullets(result.notes)),

@@ -28,7 +28,13 @@ class Monitor(Protocol):
         """A line for those who asked for more."""
 
     def stage(self, name: str, number: int, total: int) -> None:
-        """A stage of an evaluation is computed, one of ``total``; 0 is the virgin state."""
+        """A stage of an evaluation is computed.
+
+        Args:
+            name: of the stage.
+            number: of the stage; 0 is the virgin state.
+            total: number of the last one.
+        """
 
     def step(self, iteration: Iteration) -> None:
         """One iteration of an identifier is done."""

@@ -43,7 +43,13 @@ class Log(Protocol):
         """What was kept for this kind of evaluation at p (n,), or None."""
 
     def add(self, kind: str, p: Floats, arrays: Arrays) -> None:
-        """Keep an evaluation."""
+        """Keep an evaluation.
+
+        Args:
+            kind: of evaluation.
+            p: (n,) where.
+            arrays: (...) what was found, by name.
+        """
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import lognorm, norm
 
-from geoident.model.parameter import Parameter
+from geoident.model.parameter import Parameter, Prior
 from geoident.model.result import Counts, Grid, Iteration
 from geoident.report.text.parameters import (
     compared_parameters,
@@ -43,7 +43,7 @@ def test_an_unknown_unit_is_shown_in_si():
 
 
 def test_what_is_not_determined_has_words_for_a_number():
-    alone = replace(TABLE, priors=("", "", ""))
+    alone = replace(TABLE, priors=(None, None, None))
     assert "sigma_v  as its prior" in parameters_text(TABLE)
     assert "sigma_v  not determined" in parameters_text(alone)
     for text in (parameters_text(TABLE), parameters_text(alone)):
@@ -75,12 +75,12 @@ def test_the_table_of_the_page_has_start_bounds_and_prior_in_the_unit():
 
 
 def test_intervals_of_priors_hold_95_percent():
-    low, high = prior_interval("normal(8e+06, 1e+06)")
+    low, high = prior_interval(Prior(8e6, 1e6))
     assert norm(8e6, 1e6).cdf([low, high]) == pytest.approx([0.025, 0.975], rel=1e-9)
-    low, high = prior_interval("lognormal(8e+06, 1e+06)")
+    low, high = prior_interval(Prior(8e6, 1e6, "lognormal"))
     median = lognorm(s=1e6 / 8e6, scale=8e6)  # sd of the logarithm: sd over median
     assert median.cdf([low, high]) == pytest.approx([0.025, 0.975], rel=1e-9)
-    assert prior_interval("") is None
+    assert prior_interval(None) is None
 
 
 def test_several_results_share_the_unit_of_the_first():

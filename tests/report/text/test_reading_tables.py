@@ -19,6 +19,7 @@ from geoident.report.text.gauges import (
     scored,
 )
 from geoident.report.text.parameters import parameter_table, prior_interval
+from tests.support.cases import displacement
 from tests.support.results import CHANNELS, STAGES, changed_gauges, example_result
 
 RESULT = example_result(2)
@@ -210,5 +211,6 @@ def test_interval_of_a_prior_has_95_of_100_draws():
 
 
 def test_a_reading_without_a_value_is_an_empty_cell():
-    text = readings_csv([Reading("EX, 1", "a", 0.0123), Reading("CV", "a", None)])
+    channels = [displacement(name, (), ()) for name in ("EX, 1", "CV")]
+    text = readings_csv([Reading("EX, 1", "a", 0.0123), Reading("CV", "a", None)], channels)
     assert text == 'gauge,stage,value,unit\n"EX, 1",a,12.3,mm\nCV,a,,mm\n'

@@ -15,7 +15,7 @@ from geoident.report.text.result import (
     summary_text,
     warnings,
 )
-from tests.support.results import example_result, small_result
+from tests.support.results import changed_gauges, example_result, small_result
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_what_was_identified_from_which_readings(result):
     assert sentence(one, "identified").startswith("1 parameter was")
     single = result.gauges.used.copy()
     single[:, 0] = False
-    later = replace(result, gauges=replace(result.gauges, used=single))
+    later = replace(result, gauges=changed_gauges(result.gauges, used=single))
     assert "from 5 readings (bench 1)" in sentence(later, "identified")
     assert not any("identified" in text for text in outcome_sentences(small_result()))
 
@@ -78,7 +78,7 @@ def test_residuals_are_said_in_the_stated_standard_deviation(result, far, words)
     in_sd[: len(far)] = far
     measured = gauges.measured.copy()
     measured[gauges.used] = gauges.computed[gauges.used] + 1e-4 * in_sd
-    given = replace(result, gauges=replace(gauges, measured=measured))
+    given = replace(result, gauges=changed_gauges(gauges, measured=measured))
     expected = np.sqrt(np.mean(in_sd**2))
     assert rms(given) == pytest.approx(expected)
     said = sentence(given, "root mean square")
@@ -88,7 +88,7 @@ def test_residuals_are_said_in_the_stated_standard_deviation(result, far, words)
 
 def test_nothing_is_said_of_residuals_or_predictions_where_there_are_none(result):
     unused = np.zeros_like(result.gauges.used)
-    none = replace(result, gauges=replace(result.gauges, used=unused), prediction=None)
+    none = replace(result, gauges=changed_gauges(result.gauges, used=unused), prediction=None)
     assert not any("root mean" in text or "95 % bands" in text for text in outcome_sentences(none))
 
 
@@ -96,7 +96,7 @@ def test_predictions_are_scored(result):
     assert sentence(result, "bands") == "4 of 4 predicted readings lie within their 95 % bands."
     measured = result.gauges.measured.copy()
     measured[0, 2] = 1.0
-    off = replace(result, gauges=replace(result.gauges, measured=measured))
+    off = replace(result, gauges=changed_gauges(result.gauges, measured=measured))
     assert sentence(off, "bands").startswith("3 of 4 ")
 
 

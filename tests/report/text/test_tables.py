@@ -21,6 +21,7 @@ from geoident.report.text.json import (
     result_object,
     simulation_object,
 )
+from tests.support.cases import displacement
 from tests.support.results import example_result, small_result
 
 NAN = np.nan
@@ -154,7 +155,8 @@ def test_plans_and_simulations_are_in_si_units(result):
     assert (found["readings"], found["singular_values"]) == (42, [3.0, 0.5])
     assert found["parameters"]["K0"]["value"] == 3.0
     readings = [Reading("CV", "end", 0.0125), Reading("EX", "end", None)]
-    made = simulation_object(readings, case="c", output=None)
+    channels = [displacement(name, (), ()) for name in ("CV", "EX")]
+    made = simulation_object(readings, channels, case="c", output=None)
     assert [(r["value"], r["unit"]) for r in made["readings"]] == [(0.0125, "m"), (None, "m")]
 
 
