@@ -139,6 +139,12 @@ def test_distance_from_a_segment():
     assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
 
 
+def test_distance_from_a_segment_without_length():
+    mesh = Mesh(np.array([[1.0, 2.0], [1.0, 2.0]]), ())
+    point = FacetPatch("line2", np.array([[0, 1]]), np.array([0]))
+    assert distance_to_faces(mesh, (point,), np.array([4.0, 6.0])) == pytest.approx(5.0)
+
+
 def test_distance_from_faces_of_both_kinds():
     mesh = mixed_box(1)
     table = face_table(mesh)
