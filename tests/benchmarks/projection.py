@@ -21,9 +21,16 @@ import piqp
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.hardening import harden
-from support.plastic import coulomb, definite, isotropic, random_planes
+from support.plastic import (
+    Planes,
+    coulomb,
+    definite,
+    isotropic,
+    polyhedral,
+    principal,
+    random_planes,
+)
 
-from geoident.fem.yielding.law import Planes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
 
@@ -95,7 +102,7 @@ def polyhedron(count: int, size: int, points: int, ratio: float = 0.0) -> None:
     law_planes = harden(planes, elasticity, ratio) if ratio else planes
     name = f"{count} planes, s = {size}" + (f", hardening {ratio:g}" if ratio else "")
     trial = rng.normal(size=(size, points))
-    _, outside, again = line(name, lambda: PolyhedralLaw(elasticity, law_planes), trial)
+    _, outside, again = line(name, lambda: polyhedral(elasticity, law_planes), trial)
     other = by_piqp(elasticity, planes, outside[:, :SAMPLE]) * outside.shape[1]
     print(f" {other / again:9.0f}")
 
@@ -106,7 +113,7 @@ def smooth(size: int, points: int, dilation: float | None) -> None:
     elasticity = isotropic(1.3, 0.9, size)
     trial = np.random.default_rng(size).normal(size=(size, points))
     name = f"Mohr-Coulomb, s = {size}" + ("" if dilation is None else ", no dilation")
-    line(name, lambda: PrincipalLaw(elasticity, planes), trial)
+    line(name, lambda: principal(elasticity, planes), trial)
     print()
 
 

@@ -6,9 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.meshes import KINDS, box, mixed_box
+from support.meshes import KINDS, box, gaping_box, mixed_box
 
-from geoident.fem.faces import FaceKeys, FacetPatch, distance_to_faces, face_table, patches
+from geoident.fem.faces import (
+    FaceKeys,
+    FacetPatch,
+    distance_to_faces,
+    face_table,
+    nonconforming,
+    patches,
+)
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
 
@@ -77,6 +84,14 @@ def test_a_mixed_mesh_ends_at_the_faces_of_its_box_only(order):
     assert {block.kind[:3] for block in mesh.blocks} == {"wed", "hex", "pyr", "tet"}
 
 
+def test_quadrilaterals_that_lie_against_triangles_are_found():
+    mesh = gaping_box()
+    table = face_table(mesh)
+    np.testing.assert_allclose(nonconforming(mesh, table), [[0.5, 0.5, 0.5]])
+    for good in (mixed_box(1), mixed_box(2), box("hex8", (2, 1, 1)), box("quad4", (2, 2))):
+        assert nonconforming(good, face_table(good)).shape == (0, good.dim)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_faces_are_outward_and_their_nodes_are_those_of_their_kind(kind):
     cell = CELLS[kind]
@@ -137,6 +152,12 @@ def test_distance_from_a_segment():
     for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
         assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
     assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
+
+
+def test_distance_from_a_segment_without_length():
+    mesh = Mesh(np.array([[1.0, 2.0], [1.0, 2.0]]), ())
+    point = FacetPatch("line2", np.array([[0, 1]]), np.array([0]))
+    assert distance_to_faces(mesh, (point,), np.array([4.0, 6.0])) == pytest.approx(5.0)
 
 
 def test_distance_from_faces_of_both_kinds():

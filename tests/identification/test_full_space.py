@@ -175,6 +175,26 @@ def test_losses_and_priors_are_those_of_the_discrepancy() -> None:
     assert found.status == "converged"
 
 
+def test_a_program_that_is_not_solved_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("geoident.identify.yield_limits.full_space._MOST_STEPS", 1)
+    found = full_space(two_layers((3, 2), (4.5,), start=(1.2, 1.3)), FULL, silent)
+    assert found.status == "not-converged"
+    assert "was not solved (Maximum_Iterations_Exceeded): use the formulation" in found.reason
+
+
+@pytest.mark.parametrize(("part", "agree"), [(0.9995, True), (0.99, False)])
+def test_the_model_must_confirm_the_discrepancy_of_the_program(part: float, agree: bool) -> None:
+    """All that is read is zero; the model answers with a part of what the program computes."""
+    problem = two_layers((3, 2), (4.5,), start=(1.2, 1.3), seed=None)
+    off = replace(problem, measured=np.zeros_like(problem.measured))
+    model = off.response
+    plain = model.readings
+    model.readings = lambda p: part**0.5 * plain(p)  # type: ignore[method-assign]
+    found = full_space(off, FULL, silent)
+    assert (found.status == "converged") == agree
+    assert agree or "The model gives a discrepancy of" in found.reason
+
+
 def test_the_observer_ends_it_with_the_best_point_so_far() -> None:
     problem = two_layers((4, 3), (4.5,), start=(1.2, 1.3))
     found = full_space(problem, FULL, lambda entry: "enough" if entry.number >= 12 else None)

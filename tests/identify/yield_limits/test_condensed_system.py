@@ -1,4 +1,4 @@
-"""Condensing a system of vectors that is known by hand: a bar that yields beside an elastic one.
+"""Systems of vectors made dense, or a nonlinear program: a bar that yields beside an elastic one.
 
 With the elongation u, the force sigma of the bar that yields and its plastic elongation lam,
 
@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
+from geoident.identify.objective.loss import transformed
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
@@ -23,7 +25,9 @@ from geoident.identify.yield_limits.condensed_system import (
     determined_unknowns,
     sizes_of_kinds,
 )
+from geoident.identify.yield_limits.nonlinear_program import nonlinear_program
 from geoident.model.equations import Bilinear, BilinearSystem
+from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 
 PARAMETERS = (Parameter("k", 2.0, 1.0, 5.0, prior=Prior(4.0, 2.0)), Parameter("H", 1.0, 0.0, 3.0))
@@ -108,3 +112,76 @@ def test_what_cannot_be_condensed_is_said():
     assert "no convex energy" in why
     fixed = replace(given.slacks, by_x=sp.csr_array([[0.0, -1.0, -0.1]]))
     assert "no convex energy" in (condensing_obstacle(replace(given, slacks=fixed)) or "")
+
+
+# The nonlinear program in the full space
+
+
+def evaluated(program, z, mu):
+    """Objective and constraints at z, by casadi."""
+    function = casadi.Function(
+        "program", [program.variables, program.mu], [program.objective, program.constraints]
+    )
+    objective, constraints = function(z, mu)
+    return float(objective), np.array(constraints).ravel()
+
+
+def program_of(loss=None, priors=(None, None)):
+    parameters = tuple(replace(q, prior=p) for q, p in zip(PARAMETERS, priors, strict=True))
+    loss = SquaredOptions() if loss is None else loss
+    return nonlinear_program(
+        Problem(None, np.array([1.5]), np.array([0.1]), parameters, loss), bars()
+    )
+
+
+def test_the_program_starts_at_the_elastic_answer_in_numbers_of_the_order_of_one():
+    """u = 2 and sigma = 4 at the start; the sizes of k = 2 and H = 1 in 1..5 and 0..3."""
+    program = program_of()
+    assert program.reference.tolist() == [2.0, 1.0]
+    assert program.start == pytest.approx([1.0, 1.0, 1.0, 1.0, 0.0])
+    assert program.lower.tolist() == [0.5, 0.0, -np.inf, -np.inf, -np.inf]
+    assert program.upper.tolist() == [2.5, 3.0, np.inf, np.inf, np.inf]
+    _, g = evaluated(program, program.start, 0.0)
+    assert g[:2] == pytest.approx([0.0, 0.0], abs=1e-15)
+
+
+def test_a_parameter_near_zero_is_measured_by_a_tenth_of_its_width():
+    def reference(*parameters):
+        problem = Problem(None, np.array([1.5]), np.array([0.1]), parameters)
+        return nonlinear_program(problem, bars()).reference.tolist()
+
+    first = Parameter("k", 0.1, 0.0, 5.0)
+    assert reference(first, Parameter("H", 0.0, -np.inf, 3.0)) == [0.5, 1.0]
+    assert reference(replace(first, start=-0.7, lower=-1.0), PARAMETERS[1]) == [0.7, 1.0]
+    assert reference(first, Parameter("H", 2.0, 2.0, 2.0)) == [0.5, 2.0]
+
+
+def test_the_constraints_are_the_equations_over_their_sizes():
+    """Equilibrium by its largest terms, 3 * 2 + 4 = 10; the law of the bar by its force, 4."""
+    z = np.array([1.5, 0.5, 1.1, 0.7, 0.3])  # k = 3, H = 0.5, u = 2.2, sigma = 2.8, lam = 0.6
+    _, g = evaluated(program_of(), z, 1e-3)
+    assert g[0] == pytest.approx((2.8 + 3.0 * 2.2 - 10.0) / 10.0)
+    assert g[1] == pytest.approx((2.8 - 2.0 * (2.2 - 0.6)) / 4.0)
+    a, b = (3.0 - 2.8 + 0.5 * 0.6) / 4.0, 0.3
+    assert g[2] == pytest.approx(a + b - np.sqrt(a**2 + b**2 + 2e-3))
+
+
+@pytest.mark.parametrize("loss", [SquaredOptions(), HuberOptions(2.0), StudentOptions(3.0)])
+@pytest.mark.parametrize("u", [1.1, 1.05])
+def test_the_objective_is_the_discrepancy(loss, u):
+    """The reading is u + 0.5; residuals of 2 and of 12 standard deviations."""
+    priors = (Prior(4.0, 2.0), Prior(0.4, 0.1, "lognormal"))
+    z = np.array([1.5, 0.5, u / 2.0, 0.7, 0.3])
+    found, _ = evaluated(program_of(loss, priors), z, 0.0)
+    f, _ = transformed(loss, np.array([(u + 0.5 - 1.5) / 0.1]))
+    prior = ((3.0 - 4.0) / 2.0) ** 2 + (np.log(0.5 / 0.4) * 0.4 / 0.1) ** 2
+    assert found == pytest.approx(float(f @ f) + prior)
+
+
+@pytest.mark.parametrize("u", [0.3, 2.4])
+def test_a_large_residual_counts_as_the_loss_says(u):
+    z = np.array([1.5, 0.5, u / 2.0, 0.7, 0.3])
+    for loss in (HuberOptions(2.0), StudentOptions(3.0)):
+        found, _ = evaluated(program_of(loss), z, 0.0)
+        f, _ = transformed(loss, np.array([(u + 0.5 - 1.5) / 0.1]))
+        assert found == pytest.approx(float(f @ f))

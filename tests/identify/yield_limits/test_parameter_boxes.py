@@ -1,0 +1,205 @@
+"""Bounds of the discrepancy in boxes of parameters, on a bar that yields beside an elastic one.
+
+In scaled numbers s = k - 4 + 1.2 lam and v = 2 + 0.4 lam, so lam = max(0, (4 - k) / 1.2): for a
+reading of 2.4 with 0.1 the best k is 2.8, and phi = 16 where nothing yields.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoident.identify.yield_limits.condensed_system import CondensedSystem
+from geoident.identify.yield_limits.mixed_program import solve_box
+from geoident.identify.yield_limits.parameter_boxes import (
+    EnergyInequality,
+    ParameterBox,
+    examined,
+    form_of,
+    shortest,
+)
+
+ONE = np.array([0])
+
+
+def bar(*, products=None, prior=None):
+    """The system; a prior (mean, sd) of k is one more misfit."""
+    misfit, by_p, by_lam = [-4.0], [[0.0]], [[4.0]]
+    if prior is not None:
+        mean, sd = prior
+        misfit, by_p, by_lam = [*misfit, -mean / sd], [*by_p, [1.0 / sd]], [*by_lam, [0.0]]
+    return CondensedSystem(
+        slack=np.array([-4.0]),
+        slack_by_p=np.array([[1.0]]),
+        slack_by_lam=np.array([[1.2]]),
+        misfit=np.array(misfit),
+        misfit_by_p=np.array(by_p),
+        misfit_by_lam=np.array(by_lam),
+        products=products or {},
+        lower=np.array([1.0]),
+        upper=np.array([5.0]),
+        reference=np.ones(1),
+        work=np.array([2.0]),
+        multiplier_size=np.ones(1),
+    )
+
+
+def box(lower, upper, bound=0.0):
+    return ParameterBox(np.array([lower]), np.array([upper]), bound, ONE)
+
+
+def form(system):
+    return form_of(system.work[:, None] * system.slack_by_lam)
+
+
+def test_a_box_is_cut_across_its_longest_edge():
+    whole = ParameterBox(np.array([0.0, 1.0]), np.array([1.0, 4.0]), 7.0, np.array([3, 5]))
+    assert whole.size == 3.0
+    below, above = whole.halves()
+    assert (below.lower.tolist(), below.upper.tolist()) == ([0.0, 1.0], [1.0, 2.5])
+    assert (above.lower.tolist(), above.upper.tolist()) == ([0.0, 2.5], [1.0, 4.0])
+    assert below.bound == above.bound == 7.0
+    assert below.kept.tolist() == above.kept.tolist() == [3, 5]
+
+
+@pytest.mark.parametrize(("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (1.0, 2.2, 4.0)])
+def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
+    """At k = 3.4, lam is 0.5 and v = 2.2; at k = 2.2, lam is 1.5 and v = 2.6."""
+    system = bar()
+    found = examined(system, form(system), box(lower, upper), best=20.0)
+    assert found is not None
+    assert found.kept.tolist() == [0]
+    assert found.bound <= bound * (1 + 1e-9)
+    if lower > 2.8:  # one pair: the energy says all that complementarity does
+        assert found.bound == pytest.approx(bound, rel=1e-3)
+
+
+def test_a_plane_that_is_reached_nowhere_in_a_box_is_dropped():
+    system = bar()
+    found = examined(system, form(system), box(4.01, 5.0), best=20.0)
+    assert found is not None
+    assert found.kept.size == 0
+    assert found.bound == pytest.approx(16.0, rel=1e-4)
+    reached = examined(system, form(system), box(3.99, 5.0), best=20.0)
+    assert reached is not None
+    assert reached.kept.tolist() == [0]
+
+
+def test_a_box_without_anything_below_the_best_is_empty():
+    system = bar()
+    assert examined(system, form(system), box(3.4, 5.0), best=3.9) is None
+    assert examined(system, form(system), box(3.4, 5.0), best=4.1) is not None
+
+
+def test_a_box_shrinks_to_where_something_better_may_be():
+    """A prior of 3 +- 0.1 on k: below phi = 4 only within 0.2 of it."""
+    system = bar(prior=(3.0, 0.1))
+    found = examined(system, form(system), box(1.0, 5.0, bound=0.5), best=4.0)
+    assert found is not None
+    assert found.lower[0] == pytest.approx(2.8, abs=2e-3)
+    assert found.upper[0] <= 3.2 + 2e-3
+    assert found.bound >= 0.5
+
+
+def test_the_energy_counts_the_weakest_parameters_of_a_box():
+    system = replace(bar(), slack_by_p=np.array([[-1.0]]))
+    energy = EnergyInequality(system, None, np.array([1.0]), np.array([3.0]))
+    assert energy.linear == pytest.approx([2.0 * (-4.0 - 3.0)])
+    energy = EnergyInequality(bar(), None, np.array([1.0]), np.array([3.0]))
+    assert energy.linear == pytest.approx([2.0 * (-4.0 + 1.0)])
+    assert energy.root.T @ energy.root == pytest.approx(np.array([[2.4]]))
+    harder = EnergyInequality(
+        bar(products={0: np.array([[0.5]])}), None, np.array([2.0]), np.array([3.0])
+    )
+    assert harder.root.T @ harder.root == pytest.approx(np.array([[2.0 * (1.2 + 2.0 * 0.5)]]))
+
+
+def test_a_form_is_convex_and_exact_or_says_that_it_is_not():
+    A = np.array([[2.0, 1.0], [1.0, 2.0]])
+    found = form_of(A)
+    assert found.convex
+    assert found.exact.all()
+    assert found.root.T @ found.root == pytest.approx(A)
+    assert found.carried @ found.root == pytest.approx(A)
+    turned = form_of(np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]))
+    assert turned.exact.tolist() == [False, True, True]
+    assert form_of(np.diag([1.0, -2e-9])).convex is False
+    assert form_of(np.diag([1.0, -0.5e-9])).convex is True
+    only = found.only(ONE)
+    assert only.root.shape == (2, 1)
+    assert only.carried.shape == (1, 2)
+
+
+def test_nothing_follows_where_the_energy_is_not_convex():
+    system = replace(bar(), slack_by_lam=np.array([[-1.2]]))
+    energy = EnergyInequality(system, None, np.array([4.5]), np.array([5.0]))
+    assert np.isneginf(energy.lowest()).all()
+    assert energy.reachable().tolist() == [True]
+
+
+def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
+    """Two planes that share stresses: W s = W q + T R lam in the ball of diameter y."""
+    system = CondensedSystem(
+        slack=np.array([-3.0, 2.0]),
+        slack_by_p=np.zeros((2, 1)),
+        slack_by_lam=np.array([[2.0, -1.0], [-1.0, 2.0]]),
+        misfit=np.zeros(1),
+        misfit_by_p=np.zeros((1, 1)),
+        misfit_by_lam=np.zeros((1, 2)),
+        products={},
+        lower=np.zeros(1),
+        upper=np.ones(1),
+        reference=np.ones(1),
+        work=np.ones(2),
+        multiplier_size=np.ones(2),
+    )
+    energy = EnergyInequality(system, None, np.zeros(1), np.ones(1))
+    y = shortest(energy.root.T, -energy.linear)
+    T = energy.form.carried
+    exact = energy.linear + 0.5 * (T @ y - np.linalg.norm(T, axis=1) * np.linalg.norm(y))
+    assert energy.lowest() == pytest.approx(exact, rel=1e-6)
+    assert energy.lowest()[1] <= 2.0 - 1.5  # lam is 1.5, which takes 1.5 from the second
+
+
+def test_the_shortest_vector_above_bounds():
+    assert shortest(np.array([[3.0, 4.0]]), np.array([50.0])) == pytest.approx([6.0, 8.0])
+    assert shortest(np.eye(2), np.array([-1.0, -2.0])) == pytest.approx([0.0, 0.0])
+    assert shortest(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0])) is None
+    assert shortest(np.eye(2), np.array([1e9, -1.0])) == pytest.approx([1e9, 0.0])
+
+
+# Branch and bound over pairs
+
+
+def test_the_best_point_of_a_box_is_found_exactly():
+    system = bar()
+    found = solve_box(system, box(1.0, 5.0), form(system), best=16.5, gap=1e-6)
+    assert found.complete
+    assert found.p == pytest.approx([2.8], abs=1e-3)
+    assert 0.0 <= found.bound <= 1e-5
+
+
+def test_complementarity_holds_in_the_best_point():
+    """Beside it, on both sides, and where nothing yields."""
+    system = bar()
+    for lower, upper, best_p, phi in ((3.4, 3.9, 3.4, 4.0), (1.0, 2.2, 2.2, 4.0)):
+        found = solve_box(system, box(lower, upper), form(system), best=17.0, gap=1e-6)
+        assert found.p == pytest.approx([best_p], abs=1e-3)
+        assert found.bound == pytest.approx(phi, rel=1e-3)
+    found = solve_box(system, box(4.1, 5.0), form(system), best=17.0, gap=1e-6)
+    assert found.bound == pytest.approx(16.0, rel=1e-4)
+
+
+def test_a_box_without_anything_better_is_done_with():
+    system = bar()
+    found = solve_box(system, box(3.4, 3.9), form(system), best=3.9, gap=1e-6)
+    assert (found.bound, found.p, found.complete) == (np.inf, None, True)
+
+
+def test_products_of_parameters_and_multipliers_count():
+    """s = k - 4 + (1.2 + 0.2 k) lam: the reading of 2.4 (lam = 1) is met at k = 7/3."""
+    system = bar(products={0: np.array([[0.2]])})
+    found = solve_box(system, box(1.0, 5.0), None, best=16.5, gap=1e-6)
+    assert found.p == pytest.approx([2.8 / 1.2], abs=2e-3)
