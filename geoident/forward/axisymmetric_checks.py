@@ -78,7 +78,7 @@ def _seismic_faults(case: Case) -> list[Fault]:
 
 def _stress_faults(case: Case, path: KeyPath, model: InSitu) -> Iterator[Fault]:
     """Horizontal stresses that differ, and shear."""
-    if not model.is_alike_horizontally:
+    if not model.has_equal_ratios:
         message = "the horizontal in-situ stresses of an axisymmetric analysis are equal (rr = tt)"
         yield _fault(case, (*path, "K0"), message, f"give one K0, or {_SOLID}")
     for key, components in model.tensors.items():

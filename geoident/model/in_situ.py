@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from geoident.model.parameter import Scalar
 
@@ -24,20 +25,34 @@ Components = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 class _Stress(ABC):
     """What every in-situ stress knows of itself."""
 
+    held: bool | None
+
     @property
     @abstractmethod
     def tensors(self) -> Mapping[str, Components]:
         """The stresses that it is made of as they are given, by their keys below its own."""
 
     @property
-    def is_alike_horizontally(self) -> bool:
+    def has_equal_ratios(self) -> bool:
         """Whether its ratios are the same in all horizontal directions."""
         return True
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether it is the same everywhere: it does not grow with depth."""
+        return False
+
+    @property
+    def is_held(self) -> bool:
+        """Whether tractions on the edges of the model hold it (see the module)."""
+        return self.is_uniform if self.held is None else self.held
 
 
 @dataclass(frozen=True)
 class ConstantStress(_Stress):
     """In-situ stress the same everywhere, tension positive, Pa."""
+
+    surface: ClassVar[None] = None
 
     components: Components
     held: bool | None = None
@@ -46,6 +61,11 @@ class ConstantStress(_Stress):
     def tensors(self) -> Mapping[str, Components]:
         """The stress itself."""
         return {"": self.components}
+
+    @property
+    def is_uniform(self) -> bool:
+        """Always."""
+        return True
 
 
 @dataclass(frozen=True)
@@ -81,9 +101,14 @@ class HeimStress(_Stress):
         return {} if self.tectonic is None else {"tectonic": self.tectonic}
 
     @property
-    def is_alike_horizontally(self) -> bool:
+    def has_equal_ratios(self) -> bool:
         """Whether one K0 holds along and across."""
         return self.K0_across in (None, self.K0)
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether a vertical stress is given, not the weight of the ground."""
+        return self.vertical is not None
 
 
 @dataclass(frozen=True)

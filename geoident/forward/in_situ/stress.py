@@ -8,7 +8,8 @@ a kink there, and the derivative by the level is one-sided.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import (
-    Components,
     ConstantStress,
     HeimStress,
     InSitu,
@@ -55,7 +55,7 @@ class InSituStress:
         zones = [(case.in_situ, ~own)]
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
         self._zones = [
-            (_stress_of(model, mesh, positions[here]), np.flatnonzero(here))
+            (_STRESSES[type(model)](model, mesh, positions[here]), np.flatnonzero(here))
             for model, here in zones
             if model is not None and here.any()
         ]
@@ -76,13 +76,7 @@ def edges_held(model: InSitu | None) -> bool:
     A stress that is the same everywhere can't vanish at the surface: the ground that continues
     beyond the edges of the model holds it.
     """
-    if model is None:
-        return False
-    if model.held is not None:
-        return model.held
-    return isinstance(model, ConstantStress) or (
-        isinstance(model, HeimStress) and model.vertical is not None
-    )
+    return model is not None and model.is_held
 
 
 def in_situ_models(case: Case) -> Iterator[tuple[KeyPath, InSitu]]:
@@ -98,7 +92,7 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     wanted: list[tuple[KeyPath, Surface]] = [
         ((*path, "surface"), model.surface)
         for path, model in in_situ_models(case)
-        if not isinstance(model, ConstantStress) and model.surface is not None
+        if model.surface is not None
     ]
     waters: list[tuple[KeyPath, Water | None]] = [(("water",), case.water)]
     waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(case.stages)]
@@ -130,13 +124,22 @@ def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
     ]
 
 
+class _StressAtPositions(Protocol):
+    """A stress at m positions; `n_outside` of them lie beyond the footprint of its surface."""
+
+    n_outside: int
+
+    def components(self, point: ParameterPoint) -> list[Dual]:
+        """xx, yy, zz, xy, yz, xz, each (m,) or the same everywhere, Pa."""
+
+
 class _Uniform:
     """Stress that is the same at all positions."""
 
     n_outside = 0
 
-    def __init__(self, components: Components) -> None:
-        self._components = components
+    def __init__(self, model: ConstantStress, mesh: Mesh, positions: Floats) -> None:
+        self._components = model.components
 
     def components(self, point: ParameterPoint) -> list[Dual]:
         """xx, yy, zz, xy, yz, xz."""
@@ -198,12 +201,11 @@ class _Profile:
         ]
 
 
-def _stress_of(model: InSitu, mesh: Mesh, positions: Floats) -> _Uniform | _Heim | _Profile:
-    if isinstance(model, ConstantStress):
-        return _Uniform(model.components)
-    if isinstance(model, HeimStress):
-        return _Heim(model, mesh, positions)
-    return _Profile(model, mesh, positions)
+_STRESSES: Mapping[type, Callable[..., _StressAtPositions]] = {
+    ConstantStress: _Uniform,
+    HeimStress: _Heim,
+    ProfileStress: _Profile,
+}
 
 
 def _turned(

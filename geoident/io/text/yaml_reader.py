@@ -110,7 +110,13 @@ class _Builder:
     faults: list[Fault] = field(default_factory=list)
 
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Node:
-        """The node that an event begins."""
+        """The node that an event begins.
+
+        Args:
+            event: its first event.
+            events: those that follow, of which those of the node are taken.
+            path: keys that lead to it.
+        """
         self.values[path] = _position(event)
         self._check_limits(event, path)
         if isinstance(event, yaml.ScalarEvent):
@@ -185,7 +191,18 @@ class _Builder:
             raise InputError(self.faults)
 
     def refuse(self, event: yaml.Event, path: KeyPath, code: str, message: str, hint: str) -> None:
-        """Note a fault at an event."""
+        """Note a fault at an event.
+
+        Args:
+            event: where it is.
+            path: keys that lead there.
+            code: short stable name of the kind of fault.
+            message: what was found and what is expected.
+            hint: the likely remedy.
+
+        Raises:
+            InputError: there are too many faults to go on.
+        """
         location = Location(self.file, *_position(event))
         self.faults.append(Fault(code, message, hint, location, format_path(path)))
         if len(self.faults) > _MOST_FAULTS:

@@ -202,3 +202,19 @@ def test_condensation_finds_a_released_part_of_a_given_stress():
         condensed = response.condense(p, measured, np.full(4, 1e-4))
         p = np.linalg.lstsq(condensed.matrix * truth, condensed.vector)[0] * truth
     np.testing.assert_allclose(p, truth, rtol=1e-9)
+
+
+def test_a_released_part_of_ground_that_has_moved_is_multiplied_by_its_moduli():
+    """What is held of the stress then contains modulus times strain."""
+    parameters = (Parameter("part", 0.4, 0.05, 0.95), Parameter("E", E, 1e8, 1e11))
+    held = {"core": Scalar(1.0, "part")}
+    staged = _staged(
+        _tunnel(2),
+        ZERO,
+        parameters=parameters,
+        materials={"rock": material("rock", Scalar(1.0, "E"), NU)},
+        stages=(Stage("ring", excavate=("ring",)), Stage("open", excavate=("core",), release=held)),
+        channels=(displacement("a", (5.0, 1.0), (1.0, 0.0)),),
+    )
+    said = "what 'core' still holds at stage 'open' contains the product of part and E, and both "
+    assert staged.response([("a", "open")]).obstacle() == said + "are free"

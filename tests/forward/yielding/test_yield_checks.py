@@ -161,7 +161,7 @@ def test_condensation_is_told_that_the_ground_yields():
     def obstacle(*surfaces):
         staged = model(
             box("quad4", (2, 2)),
-            materials={"rock": yielding(*surfaces)},
+            materials={"rock": yielding(*surfaces), "spare": yielding(SOUND)},
             groups={"all": "rock"},
             supports=rollers(2),
         )
