@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.in_situ import surface_of
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coefficient,
     Coefficients,
@@ -60,9 +60,7 @@ class FallSection(Section):
     @model_validator(mode="after")
     def _some_length(self) -> FallSection:
         if [x.factor for x in self.start] == [x.factor for x in self.end]:
-            faults = SectionFaults()
-            faults.add(("to",), "zero-length", "the line begins and ends at one point")
-            faults.raise_any()
+            refuse(("to",), "zero-length", "the line begins and ends at one point")
         return self
 
     def line(self, context: Context) -> HeadLine:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Accuracy,
     Coordinates,
@@ -59,10 +59,8 @@ class _GaugeBase(Section):
     @model_validator(mode="after")
     def _one_drift(self) -> _GaugeBase:
         if self.drift is not None and self.drift_per_stage is not None:
-            faults = SectionFaults()
             message = "found drift and drift_per_stage; one of them is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-            faults.raise_any()
+            refuse((), "wrong-pair", message, "Give exactly one of them.")
         return self
 
     def channel_names(self, name: str) -> list[str]:

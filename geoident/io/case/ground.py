@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from geoident.io.case.frames import attitude, axes_about, axes_along
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.yielding import YieldSections, build_yields
-from geoident.io.schema.section import Context, Section, SectionFaults, require_one_of
+from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -60,9 +60,7 @@ class _MaterialBase(Section):
     @model_validator(mode="after")
     def _density_not_negative(self) -> _MaterialBase:
         if self.density and self.density.parameter is None and self.density.factor < 0:
-            faults = SectionFaults()
-            faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
-            faults.raise_any()
+            refuse(("density",), "out-of-range", f"'{self.density.text}' is negative")
         return self
 
     @abstractmethod

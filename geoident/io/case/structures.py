@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     AxialStiffness,
     BendingStiffness,
@@ -35,11 +35,9 @@ class _StructureBase(Section):
         given = [key for key in keys if getattr(self, key) is not None]
         if any(sorted(way) == given for way in ways):
             return
-        faults = SectionFaults()
         expected = ", or ".join(" and ".join(way) for way in ways)
         message = f"found {' and '.join(given) or 'no stiffness'}; {expected} is expected"
-        faults.add((), "wrong-pair", message, "Give the stiffness in one of these ways.")
-        faults.raise_any()
+        refuse((), "wrong-pair", message, "Give the stiffness in one of these ways.")
 
 
 class BeamSection(_StructureBase):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
@@ -125,6 +125,22 @@ class SectionFaults:
             raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": self.found})
 
 
+def refuse(path: KeyPath, code: str, message: str, hint: str = "") -> NoReturn:
+    """Refuse a section for one fault.
+
+    Args:
+        path: of the key, from the section on.
+        code: short stable name of the kind of fault.
+        message: what was found and what is expected.
+        hint: the likely remedy.
+
+    Raises:
+        PydanticCustomError: always.
+    """
+    fault = SectionFault(path, code, message, hint)
+    raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": [fault]})
+
+
 def require_one_of(
     section: Section, ways: Sequence[Sequence[str]], expected: str, hint: str
 ) -> None:
@@ -142,7 +158,5 @@ def require_one_of(
     known = dict.fromkeys(name for way in ways for name in way)
     given = [name for name in known if getattr(section, name) is not None]
     if given not in [list(way) for way in ways]:
-        faults = SectionFaults()
         message = f"found {' and '.join(given) or 'no constants'}; {expected} expected"
-        faults.add((), "wrong-pair", message, hint)
-        faults.raise_any()
+        refuse((), "wrong-pair", message, hint)
