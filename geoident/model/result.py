@@ -251,7 +251,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How each reading bears on the answer; NaN where it was not used.
+    """The influence of each reading; NaN where it was not used.
 
     The arrays have an entry for each of the k readings, or in the wide view (see `wide`) one for
     each channel and stage. Readings of a channel in one stage are removed together: ``distance``
@@ -440,7 +440,7 @@ class Result:
         case_resolved: the same with overrides applied, as YAML.
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
-        diagnostics: how each reading of ``gauges.readings`` bears on the answer of a fit, or None.
+        diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
     """

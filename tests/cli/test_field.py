@@ -55,7 +55,7 @@ def test_the_reading_that_bears_most_and_those_far_off_are_named(wrong, run_json
     (found,) = run_json("fit", "case.yaml", *HUBER)
     far = [sentence for sentence in found["findings"] if "far from the model" in sentence]
     assert "S at second" in far[0]
-    assert any("bears most on the answer" in sentence for sentence in found["findings"])
+    assert any("most influential reading" in sentence for sentence in found["findings"])
     worst = max(found["diagnostics"]["readings"], key=lambda r: abs(r["standardized"]))
     assert (worst["gauge"], worst["stage"]) == ("S", "second")
     assert worst["weight"] < 0.1
