@@ -169,6 +169,22 @@ def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
     )
 
 
+def nonconforming(mesh: Mesh, table: FaceTable) -> Floats:
+    """Centres (k, dim), m, of quadrilaterals against which other elements have triangles.
+
+    Such neighbours share corners but not a face, so a gap can open between them.
+    """
+    rows = table.free(np.ones(mesh.n_elements, dtype=bool))
+    centres = [np.empty((0, mesh.dim))]
+    for patch in patches(mesh, table, rows):
+        corners = patch.nodes[:, : CELLS[patch.kind].n_corners]
+        if corners.shape[1] == 4:
+            triangles = (np.delete(corners, corner, axis=1) for corner in range(4))
+            against = np.any([table.keys.find(three) >= 0 for three in triangles], axis=0)
+            centres.append(mesh.points[corners[against]].mean(axis=1))
+    return np.concatenate(centres)
+
+
 def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats) -> float:
     """Distance of a point from the nearest of some faces, m; their edges count as straight.
 

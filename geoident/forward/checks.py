@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
-from geoident.fem.faces import FaceTable, face_table
+from geoident.fem.faces import FaceTable, face_table, nonconforming
 from geoident.fem.kinematics import Kinematics, kinematics_of
 from geoident.fem.location import Locator, format_point
 from geoident.fem.mechanism import LooseBody, loose_body
@@ -132,10 +132,25 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
         )
     if any(state.water is not None for state in sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
+    notes += _conformity_notes(found)
     notes += _odd_notes(case, sequence, in_tension=in_tension)
     notes += yield_notes(case)
     notes += structure_notes(case, found.mesh, sequence, found.fixed)
     return notes
+
+
+def _conformity_notes(found: CaseOnMesh) -> list[str]:
+    """Where elements touch without sharing a face."""
+    centres = nonconforming(found.mesh, found.table)
+    if not len(centres):
+        return []
+    n = len(centres)
+    faces = f"{n} quadrilateral faces lie" if n > 1 else "1 quadrilateral face lies"
+    return [
+        f"{faces} against triangles, {'the first ' if n > 1 else ''}near "
+        f"{format_point(centres[0])}: elements that do not share whole faces can part there; "
+        "put pyramids between hexahedra and tetrahedra, as gmsh does"
+    ]
 
 
 def imbalance_notes(imbalance: float) -> list[str]:

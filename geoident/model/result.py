@@ -12,6 +12,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.certificate import Certificate
+from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.units import UNITS, shown_unit
@@ -77,52 +78,6 @@ class ParameterTable:
     dimensions: tuple[str, ...]
     covariance: Floats
     correlation: Floats
-
-
-@dataclass(frozen=True)
-class ReadingTable:
-    """All readings of a case, one entry of every column each, in the order of the files.
-
-    Values are in the SI unit of the dimension of their channel. n is the number of parameters.
-
-    Args:
-        channel: k names of channels.
-        gauge: k names of the gauges to which they belong.
-        stage: k names of stages.
-        time: (k,) when each was taken, seconds since 1970; NaN where only the stage is known.
-        value: (k,) what was read; NaN where the field sheet is blank.
-        sd: (k,) standard deviation: its own, or that of its channel.
-        used: (k,) it took part in the identification.
-        bad: (k,) it is known to be wrong.
-        reason: k texts, why it is not used; empty for one that is.
-        computed: (k,) the model at the time of the reading; NaN where it says nothing.
-        sensitivity: (k, n) derivatives of ``computed``, SI, or None.
-    """
-
-    channel: tuple[str, ...]
-    gauge: tuple[str, ...]
-    stage: tuple[str, ...]
-    time: Floats
-    value: Floats
-    sd: Floats
-    used: Bools
-    bad: Bools
-    reason: tuple[str, ...]
-    computed: Floats
-    sensitivity: Floats | None = None
-
-    def __len__(self) -> int:
-        return len(self.channel)
-
-    @property
-    def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Channel and stage of each reading."""
-        return tuple(zip(self.channel, self.stage, strict=True))
-
-    @property
-    def unused(self) -> Ints:
-        """(m,) rows of the readings that are not used."""
-        return np.flatnonzero(~self.used)
 
 
 @dataclass(frozen=True)
@@ -251,7 +206,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How each reading bears on the answer; NaN where it was not used.
+    """The influence of each reading; NaN where it was not used.
 
     The arrays have an entry for each of the k readings, or in the wide view (see `wide`) one for
     each channel and stage. Readings of a channel in one stage are removed together: ``distance``
@@ -440,7 +395,7 @@ class Result:
         case_resolved: the same with overrides applied, as YAML.
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
-        diagnostics: how each reading of ``gauges.readings`` bears on the answer of a fit, or None.
+        diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
     """

@@ -17,7 +17,7 @@ from geoident.model.comparison import Amount, Comparison, Difference, Place, Tol
 from geoident.model.result import GaugeTable, ParameterTable, Prediction, Result
 from geoident.units import DIMENSIONLESS
 
-Numbers = Iterator[tuple[Place, Amount]]
+NamedAmounts = Iterator[tuple[Place, Amount]]
 
 
 def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
@@ -65,7 +65,7 @@ def same(first: Amount | None, second: Amount | None, tolerance: Tolerance) -> b
     return math.isfinite(size) and abs(first.value - second.value) <= allowed
 
 
-def numbers(result: Result) -> Numbers:
+def numbers(result: Result) -> NamedAmounts:
     """All numbers of a result that people act on, those that are not known left out."""
     if math.isfinite(result.objective):
         yield Place("objective", "", "objective"), _pure(result.objective)
@@ -77,7 +77,7 @@ def numbers(result: Result) -> Numbers:
         yield from _grid(result)
 
 
-def _parameters(table: ParameterTable) -> Numbers:
+def _parameters(table: ParameterTable) -> NamedAmounts:
     value = np.where(table.determined, table.values, np.nan)
     columns = {"value": value, "sd": table.sd, "lower95": table.lower95, "upper95": table.upper95}
     for i, name in enumerate(table.names):
@@ -87,20 +87,20 @@ def _parameters(table: ParameterTable) -> Numbers:
                 yield Place("parameters", name, quantity), amount
 
 
-def _readings(table: GaugeTable) -> Numbers:
+def _readings(table: GaugeTable) -> NamedAmounts:
     columns = {"measured": table.measured, "sd": table.sd, "computed": table.computed}
     for quantity, column in columns.items():
         yield from _of_channels("readings", quantity, table, column)
 
 
-def _predictions(gauges: GaugeTable, table: Prediction) -> Numbers:
+def _predictions(gauges: GaugeTable, table: Prediction) -> NamedAmounts:
     mean = np.where(np.isfinite(table.sd), table.mean, np.nan)  # else it is not determined
     columns = {"mean": mean, "lower95": table.lower95, "upper95": table.upper95}
     for quantity, column in columns.items():
         yield from _of_channels("predictions", quantity, gauges, column)
 
 
-def _of_channels(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> Numbers:
+def _of_channels(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> NamedAmounts:
     """What a column (n_channels, n_stages), SI, holds, stage by stage."""
     for j, i in np.argwhere(np.isfinite(column).T):
         item = f"{gauges.channels[i]}, {gauges.stages[j]}"
@@ -111,7 +111,7 @@ def _amount(gauges: GaugeTable, row: int, value: float) -> Amount:
     return Amount(value, gauges.dimensions[row], gauges.units[row])
 
 
-def _grid(result: Result) -> Numbers:
+def _grid(result: Result) -> NamedAmounts:
     grid = result.grid
     if grid is None:
         return

@@ -11,8 +11,9 @@ from geoident.forward.protocols import Survey
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Diagnostics, ReadingTable, Result
+from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
@@ -21,16 +22,9 @@ from geoident.workflow.running.diagnosis import (
     diagnostics_table,
     remarks,
 )
-from geoident.workflow.running.estimate import (
-    Setup,
-    evaluation_log,
-    prepare,
-    problem_of,
-    search,
-    total,
-)
+from geoident.workflow.running.estimate import Setup, total
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, keep, tell_readings, write
+from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
@@ -51,14 +45,14 @@ MISFIT = 3.0
 
 
 @dataclass(frozen=True)
-class Found:
+class Estimate:
     """What a search found, and what the model says there.
 
     Args:
         outcome: of the identifiers.
         assessment: how well the parameters are known.
         readings: with what the model says of each.
-        diagnostics: how each of them bears on the parameters.
+        diagnostics: the influence of each of them on the parameters.
         survey: the model at the parameters.
         counts: of all.
     """
@@ -78,17 +72,14 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job)
-    setup = prepare(job)
-    tell_readings(setup, control)
-    with evaluation_log(job, control) as log:
-        problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
-        return write(job, _result(job, setup, _look(setup, problem, outcome)))
+
+    def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
+        return _result(job, setup, _look(setup, problem, outcome))
+
+    return searched(job, control, result)
 
 
-def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
+def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Estimate:
     """One survey of the model at the end of the search says everything else."""
     before = setup.model.counts
     survey = setup.model.survey(outcome.values, fields=True, partial=True)
@@ -96,10 +87,10 @@ def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Found:
     assessment = assess_robustly(problem, outcome.values, *at_used(readings))
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     counts = total(problem.response.counts, before, setup.model.counts)
-    return Found(outcome, assessment, readings, diagnostics, survey, counts)
+    return Estimate(outcome, assessment, readings, diagnostics, survey, counts)
 
 
-def _result(job: Job, setup: Setup, found: Found) -> Result:
+def _result(job: Job, setup: Setup, found: Estimate) -> Result:
     case, survey = job.inputs.case, found.survey
     gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
@@ -150,14 +141,14 @@ def _result(job: Job, setup: Setup, found: Found) -> Result:
     )
 
 
-def _status(found: Found) -> str:
+def _status(found: Estimate) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
     return "not-determined" if _undetermined(found).any() else "converged"
 
 
-def _scatter(found: Found) -> float:
-    """Scatter of all residuals in accuracies: a few far off count, unless the loss bears them."""
+def _scatter(found: Estimate) -> float:
+    """Root mean square of the residuals in accuracies; 0 if the loss is robust to a few far off."""
     if found.diagnostics.loss != "squared":
         return 0.0
     used = int(np.isfinite(found.diagnostics.standardized).sum())
@@ -165,15 +156,15 @@ def _scatter(found: Found) -> float:
     return float(np.sqrt(found.outcome.objective / freedom))
 
 
-def _undetermined(found: Found) -> Bools:
+def _undetermined(found: Estimate) -> Bools:
     """Parameters (n,) that neither readings nor priors determine."""
     return ~(found.assessment.determined | found.assessment.from_prior)
 
 
-def _reason(found: Found, names: tuple[str, ...]) -> str:
+def _reason(found: Estimate, names: tuple[str, ...]) -> str:
     loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
     off = max(found.diagnostics.scale, _scatter(found))
-    misfit = f" The model does not meet the readings: they are {off:.0f} times as far off as their "
-    misfit += "accuracy says (see the findings)."
+    misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
+    misfit += "the stated accuracies (see the findings)."
     return found.outcome.reason + also + (misfit if off > MISFIT else "")

@@ -8,8 +8,9 @@ from pathlib import Path
 from geoident.errors import UsageError
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
+from geoident.io.text.text_file import STDIN
 from geoident.model.result import Result
-from geoident.workflow.running.inputs import STDIN, files_of_result
+from geoident.workflow.running.inputs import files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""

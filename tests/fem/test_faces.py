@@ -6,9 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.meshes import KINDS, box, mixed_box
+from support.meshes import KINDS, box, gaping_box, mixed_box
 
-from geoident.fem.faces import FaceKeys, FacetPatch, distance_to_faces, face_table, patches
+from geoident.fem.faces import (
+    FaceKeys,
+    FacetPatch,
+    distance_to_faces,
+    face_table,
+    nonconforming,
+    patches,
+)
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
 
@@ -75,6 +82,14 @@ def test_a_mixed_mesh_ends_at_the_faces_of_its_box_only(order):
         on = np.isclose(x, 0, atol=1e-12) | np.isclose(x, 1, atol=1e-12)
         assert np.all(on.all(axis=1).any(axis=1))
     assert {block.kind[:3] for block in mesh.blocks} == {"wed", "hex", "pyr", "tet"}
+
+
+def test_quadrilaterals_that_lie_against_triangles_are_found():
+    mesh = gaping_box()
+    table = face_table(mesh)
+    np.testing.assert_allclose(nonconforming(mesh, table), [[0.5, 0.5, 0.5]])
+    for good in (mixed_box(1), mixed_box(2), box("hex8", (2, 1, 1)), box("quad4", (2, 2))):
+        assert nonconforming(good, face_table(good)).shape == (0, good.dim)
 
 
 @pytest.mark.parametrize("kind", KINDS)

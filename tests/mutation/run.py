@@ -7,7 +7,8 @@
 Slow: the default tests run once to see which test reaches which line (about twice their time), then
 every change is tried on the tests that reach its line (seconds if one fails, minutes if none does).
 It works on a copy in `build/mutation`, so the tree can be edited meanwhile; a run that was stopped
-goes on where it was when the same command is given again.
+goes on where it was when the same command is given again. Lines that run only in a process that a
+test starts are not seen.
 
 A change that survives is read: either a test is missing, or the code means the same with it. The
 latter are written down in `equivalent.toml`, with the reason, and counted apart.
@@ -42,6 +43,7 @@ PACKAGES = {"identify": 40, "forward": 40, "fem": 25, "workflow": 15, "report": 
 """How many changes are tried in each package without `--sample`."""
 PICTURES = re.compile(r"/report/(drawing/(?!scene|sheets)|(.*/)?(html|svg|page|figures)\.py)")
 """Modules of `report` without arithmetic that a test could judge: layout and markup."""
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider")
 FIRST = 10.0
 """Seconds of quick tests that a change meets before the others are begun."""
 
@@ -115,17 +117,9 @@ class Bench:
     def _count(self) -> None:
         """Run the default tests and keep which lines each reaches."""
         print("Running the tests once to see what each reaches ...", flush=True)
-        options = [
-            "-q",
-            "-p",
-            "reached",
-            "-p",
-            "no:cacheprovider",
-            "--continue-on-collection-errors",
-        ]
         log = self.folder / "reached.log"
         with log.open("w") as stream:
-            command = [sys.executable, "-m", "pytest", *options]
+            command = [*PYTEST, "-p", "reached", "--continue-on-collection-errors"]
             code = subprocess.run(command, cwd=self.tree, stdout=stream, check=False).returncode
         if code > 1:
             raise SystemExit(f"the tests do not run: see {log}")
@@ -158,18 +152,7 @@ class Bench:
         names = self.folder / "tests.txt"
         names.write_text("".join(f"{test}\n" for test in tests))
         seconds = sum(self._selection.seconds[test] for test in tests)
-        command = shlex.join(
-            [
-                sys.executable,
-                "-m",
-                "pytest",
-                "-xq",
-                "--tb=no",
-                "-p",
-                "no:cacheprovider",
-                f"@{names}",
-            ]
-        )
+        command = shlex.join([*PYTEST, "-x", "--tb=no", f"@{names}"])
         outcome, output = run_tests(command, 60.0 + 5.0 * seconds)
         if outcome is TestOutcome.SURVIVED:
             return ""
@@ -206,6 +189,13 @@ def _equivalent() -> dict[tuple[str, str, str], str]:
     return {(one["file"], one["was"], one["became"]): one["reason"] for one in listed["change"]}
 
 
+def _reason(verdict: Verdict, reasons: dict[tuple[str, str, str], str]) -> str:
+    """Why a change means the same; of a line with which any change does, `became` is a star."""
+    file = verdict.mutant.module.removeprefix("geoident/")
+    found = reasons.get((file, verdict.was, verdict.became))
+    return found or reasons.get((file, verdict.was, "*"), "")
+
+
 def _kept(path: Path) -> list[Verdict]:
     """Verdicts of a file of results."""
     lines = path.read_text().splitlines() if path.exists() else []
@@ -217,14 +207,12 @@ def _summary(verdicts: list[Verdict]) -> str:
     """Shares by package, and the survivors."""
     reasons = _equivalent()
 
-    def known(verdict: Verdict) -> str:
-        file = verdict.mutant.module.removeprefix("geoident/")
-        return reasons.get((file, verdict.was, verdict.became), "")
-
     lines = ["", "package    tried  equivalent  caught  survived   caught of those not equivalent"]
     for package in [*dict.fromkeys(v.package for v in verdicts), "all"]:
         some = [v for v in verdicts if package in (v.package, "all")]
-        count = Counter("caught" if v.caught else "known" if known(v) else "alive" for v in some)
+        count = Counter(
+            "caught" if v.caught else "known" if _reason(v, reasons) else "alive" for v in some
+        )
         share = 100 * count["caught"] / max(count["caught"] + count["alive"], 1)
         lines.append(
             f"{package:10} {len(some):5} {count['known']:11} {count['caught']:7}"
@@ -234,8 +222,8 @@ def _summary(verdicts: list[Verdict]) -> str:
         where = f"{verdict.mutant.module}:{verdict.mutant.line}"
         lines += ["", f"{where}  {verdict.mutant.definition}  ({verdict.tests} tests)"]
         lines += [f"  - {verdict.was}", f"  + {verdict.became}"]
-        if known(verdict):
-            lines.append(f"  the same: {known(verdict)}")
+        if reason := _reason(verdict, reasons):
+            lines.append(f"  the same: {reason}")
     return "\n".join(lines)
 
 

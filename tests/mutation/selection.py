@@ -1,4 +1,4 @@
-"""The tests that can see a change: those that reach its lines, the quick ones first."""
+"""The tests that can see a change: those that reach its lines, near and quick ones first."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from pathlib import Path
 
 from coverage import CoverageData
 from reached import DATA, SECONDS
+
+QUICK = 1.0
+"""Seconds up to which a test of the same room goes before those of others."""
 
 
 class Selection:
@@ -28,7 +31,7 @@ class Selection:
         self._sources: dict[str, _Source] = {}
 
     def tests(self, module: str, line: int) -> list[str]:
-        """The tests that reach a line of a module, in the order of their time.
+        """The tests that reach a line of a module, those of its room first, then the quick ones.
 
         What runs when the module is imported (constants, heads of functions and classes) runs in
         whatever test imports it first. It is seen by the tests that reach the functions where its
@@ -40,7 +43,13 @@ class Selection:
             found = self._naming(name) if name else set()
         if not found:
             found = set().union(*self._source(module).tests.values())
-        return sorted(found, key=lambda test: (self.seconds[test], test))
+        near = (f"{module}::", module.replace("geoident/", "tests/", 1).rpartition("/")[0] + "/")
+
+        def order(test: str) -> tuple[bool, float, str]:
+            quick = test.startswith(near) and self.seconds[test] < QUICK
+            return not quick, self.seconds[test], test
+
+        return sorted(found, key=order)
 
     def _source(self, module: str) -> _Source:
         if module not in self._sources:

@@ -259,6 +259,18 @@ def mixed_box(order: int, *, distortion: float = 0.0) -> Mesh:
     return with_outer_faces(mesh)
 
 
+def gaping_box() -> Mesh:
+    """Two cubes side by side along x, a hexahedron and six tetrahedra without pyramids between."""
+    grid = box("hex8", (2, 1, 1))
+    first, second = grid.blocks[0].nodes
+    tets = _split(second[None], "tet4")
+    blocks = (
+        ElementBlock("hex8", first[None], np.array([1])),
+        ElementBlock("tet4", tets, np.arange(2, 8)),
+    )
+    return with_outer_faces(Mesh(grid.points, blocks, groups={"all": np.arange(7)}))
+
+
 def _elevate_all(
     points: np.ndarray, cells: dict[str, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -48,18 +48,18 @@ def test_readings_that_go_the_other_way_are_told_from_bad_ones(tmp_path):
         "bounds: [0.2, 4]", "bounds: [0.9, 4]"
     )
     found = _fit(tmp_path, "\n".join([rows[0], *turned]) + "\n", every_stage)
-    assert any("go the other way than the model" in finding for finding in found["findings"])
+    assert any("have the opposite sign of the computed" in finding for finding in found["findings"])
 
 
 def test_a_model_that_does_not_meet_the_readings_says_so_at_once(tmp_path):
     good = _fit(tmp_path, READINGS)
-    assert "does not meet" not in good["reason"]
+    assert "does not fit" not in good["reason"]
     other = tmp_path / "other"
     other.mkdir()
     bent = READINGS.replace("CV,first,-0.598", "CV,first,-0.2").replace(
         "S,first,-0.1226", "S,first,0.9"
     )
-    assert "does not meet the readings" in _fit(other, bent)["reason"]
+    assert "does not fit the readings" in _fit(other, bent)["reason"]
 
 
 ON_TOP = "S:  {kind: settlement, point: [1 m, 4 m]"

@@ -17,7 +17,7 @@ from support.trench import CASE, READINGS, write_case
 
 ACCURACY = 0.01e-3
 QUANTILE = norm.ppf(0.975)
-MISFIT = "The model does not meet the readings"
+MISFIT = "The model does not fit the readings"
 
 
 def _computed(case: Path, E: float, K0: float) -> np.ndarray:
@@ -112,6 +112,6 @@ def test_from_three_accuracies_of_scatter_on_the_model_does_not_meet_the_reading
     case.write_text(CASE.replace("accuracy: 0.01 mm", f"accuracy: {accuracy:.12g} mm"))
     reason = json.loads(run_command("fit", str(case), "--json", "-q").stdout)["reason"]
     assert (MISFIT in reason) == (times > 3.0)
-    assert (f"they are {times:.0f} times as far off as their accuracy says" in reason) == (
+    assert (f"the residuals are {times:.0f} times as large as the stated accuracies" in reason) == (
         times > 3
     )

@@ -254,7 +254,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
 def _read_readings(
     file: h5py.File, root: _Attributes, sensitivity: Floats | None, n: int
 ) -> tuple[GaugeTable, Diagnostics | None]:
-    """The readings, and how each bears on the answer; of both formats."""
+    """The readings, and the influence of each; of both formats."""
     diagnosed = "diagnostics" in root.text("contents").split()
     if root.text("format") == WIDE_FORMAT:
         gauges = reading_tables.gauges_of_wide(file, sensitivity)

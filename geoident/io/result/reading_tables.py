@@ -2,7 +2,7 @@
 
 ``/readings`` has one entry a reading (axis ``reading``): ``channel``, ``gauge``, ``stage``,
 ``time``, ``value``, ``sd``, ``used``, ``bad``, ``reason``, ``computed``, ``residual``,
-``dimension``, ``unit``; of a fit also how it bears on the answer and its ``sensitivity``. Values
+``dimension``, ``unit``; of a fit also its influence and its ``sensitivity``. Values
 are in the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by
 channel and stage, for who wants tables; they are written and, since format 2, not read.
 
@@ -18,11 +18,11 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.gauges import ReadingTable
 from geoident.model.result import (
     DIAGNOSTIC_COLUMNS,
     Diagnostics,
     GaugeTable,
-    ReadingTable,
 )
 from geoident.units import DIMENSIONS
 
@@ -37,7 +37,7 @@ def write_readings(
     Args:
         file: the result.
         gauges: with the k readings.
-        found: how each of them bears on the answer, or None.
+        found: the influence of each of them, or None.
         names: of the n parameters.
     """
     table = gauges.readings
@@ -149,7 +149,7 @@ def write_diagnostics(
 
     Args:
         file: the result.
-        found: how each reading bears on the answer.
+        found: the influence of each reading.
         gauges: with the readings.
         names: of the n parameters.
     """
@@ -165,7 +165,7 @@ def write_diagnostics(
 
 
 def read_diagnostics(file: h5py.File, n: int) -> Diagnostics:
-    """How each reading bears on the answer; n is the number of parameters."""
+    """The influence of each reading; n is the number of parameters."""
     about, table = TableReader(file, "diagnostics"), TableReader(file, "readings")
     k = len(table.texts("channel"))
     return Diagnostics(

@@ -1,4 +1,4 @@
-"""How each reading bears on a fit: tables and sentences from `identify.diagnostics`."""
+"""The influence of each reading on a fit: tables and sentences."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ReadingTable
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable
 
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
 
 AGAINST = 0.6
-"""Share of the clear readings that go the other way than the model from which on it is said."""
+"""Share of the clear readings of the opposite sign from which on it is said."""
 
 WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
@@ -80,7 +81,7 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
 
 
 def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
-    """Sentences on readings that are far off or bear most, and on the stated accuracies.
+    """Sentences on readings that are far off or most influential, and on the stated accuracies.
 
     Args:
         found: the diagnostics of each reading.
@@ -90,7 +91,7 @@ def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -
     found = found.wide(gauges)
     sentences = [
         *_against(gauges),
-        *_bears_most(found, gauges, parameters),
+        *_most_influential(found, gauges, parameters),
         *_far_off(found, gauges),
         *_scatter(found),
     ]
@@ -98,19 +99,22 @@ def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -
 
 
 def _against(gauges: GaugeTable) -> list[str]:
-    """Most readings go the other way than the model: their sign is wrong, or that of the stress."""
+    """Most readings have the opposite sign of the computed: their sign or the stress is wrong."""
     clear = gauges.used & (np.minimum(np.abs(gauges.measured), np.abs(gauges.computed)) > gauges.sd)
     against = clear & (gauges.measured * gauges.computed < 0.0)
     total, count = np.count_nonzero(clear), np.count_nonzero(against)
     if total < 3 or count <= AGAINST * total:
         return []
     return [
-        f"{count} of {total} readings go the other way than the model: check their sign (positive: "
-        "the two points move apart; a settlement: downwards) and that of the in-situ stress."
+        f"{count} of {total} readings have the opposite sign of the computed ones: check their "
+        "sign (positive: the two points move apart; a settlement: downwards) and that of the "
+        "in-situ stress."
     ]
 
 
-def _bears_most(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> list[str]:
+def _most_influential(
+    found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]
+) -> list[str]:
     """The reading whose removal changes the answer most."""
     if np.count_nonzero(np.isfinite(found.standardized)) < 2:
         return []
@@ -126,7 +130,7 @@ def _bears_most(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str
         return []
     moved = f"{parameters[k]} would be {abs(change[k]):.2g} of its standard deviations "
     moved += "lower" if change[k] > 0.0 else "higher"
-    return [f"The reading that bears most on the answer is {name}: without it {moved}."]
+    return [f"The most influential reading is {name}: without it {moved}."]
 
 
 def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
@@ -146,6 +150,7 @@ def _scatter(found: Diagnostics) -> list[str]:
     if not found.scale > SCATTER:
         return []
     return [
-        f"The residuals scatter {found.scale:.1f} times as much as the accuracies of the gauges "
-        "say: the accuracies are too good, or the model is not; the intervals are too narrow then."
+        f"The residuals are {found.scale:.1f} times as large as the stated accuracies: the gauges "
+        "are less accurate than stated, or the model does not describe the ground; the intervals "
+        "are then too narrow."
     ]

@@ -30,7 +30,7 @@ from geoident.model.certificate import Activity
 from geoident.model.equations import BilinearSystem
 from geoident.model.result import Counts
 
-Arrays = Mapping[str, Floats]
+EvaluationArrays = Mapping[str, Floats]
 
 _ACTIVITY = ("points", "biactive", "distances", "reached", "slopes")
 _NAMES = ("planes", "stages")
@@ -39,10 +39,10 @@ _NAMES = ("planes", "stages")
 class Log(Protocol):
     """Where evaluations are kept: `io.result.checkpoint.EvaluationLog`, or a toy in tests."""
 
-    def find(self, kind: str, p: Floats) -> Arrays | None:
+    def find(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """What was kept for this kind of evaluation at p (n,), or None."""
 
-    def add(self, kind: str, p: Floats, arrays: Arrays) -> None:
+    def add(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
         """Keep an evaluation.
 
         Args:
@@ -111,7 +111,13 @@ class Remembered:
         return np.array(known["v"]), np.array(known["dv_dp"])
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
-        """Condensed equations at p for the measured readings (g,), the same in the whole run."""
+        """Condensed equations at p for readings that are the same in the whole run.
+
+        Args:
+            p: (n,) parameters, SI.
+            measured: (g,) readings, SI.
+            sd: (g,) their standard deviations, SI.
+        """
         known = self._recall("condense", p)
         if known is None:
             known = self._compute("condense", p, lambda: self._condense(p, measured, sd))
@@ -146,11 +152,11 @@ class Remembered:
         assert isinstance(inner, ComplementaritySystem)
         return inner.system()
 
-    def _evaluate(self, p: Floats) -> Arrays:
+    def _evaluate(self, p: Floats) -> EvaluationArrays:
         v, dv_dp = self._inner.evaluate(p)
         return {"v": v, "dv_dp": dv_dp}
 
-    def _condense(self, p: Floats, measured: Floats, sd: Floats) -> Arrays:
+    def _condense(self, p: Floats, measured: Floats, sd: Floats) -> EvaluationArrays:
         found = self._inner.condense(p, measured, sd)
         return {
             "v": found.readings,
@@ -159,14 +165,16 @@ class Remembered:
             "vector": found.vector,
         }
 
-    def _recall(self, kind: str, p: Floats) -> Arrays | None:
+    def _recall(self, kind: str, p: Floats) -> EvaluationArrays | None:
         known = self._log.find(kind, p)
         if known is not None and (kind, p.tobytes()) not in self._seen:
             self._seen.add((kind, p.tobytes()))
             self._spend(known["cost"])
         return known
 
-    def _compute(self, kind: str, p: Floats, work: Callable[[], Arrays]) -> Arrays:
+    def _compute(
+        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
+    ) -> EvaluationArrays:
         self._before()
         before = self._inner.counts
         try:
@@ -191,7 +199,7 @@ class Remembered:
         )
 
 
-def _stored(found: Activity) -> Arrays:
+def _stored(found: Activity) -> EvaluationArrays:
     """The planes as arrays of numbers, names as code points."""
     numbers = {name: np.asarray(getattr(found, name), dtype=float) for name in _ACTIVITY}
     texts = {name: _code("\n".join(getattr(found, name))) for name in _NAMES}
@@ -202,7 +210,7 @@ def _code(text: str) -> Floats:
     return np.array([ord(letter) for letter in text], dtype=np.float64)
 
 
-def _restored(known: Arrays) -> Activity:
+def _restored(known: EvaluationArrays) -> Activity:
     """The planes that `_stored` made arrays of."""
     texts = {name: "".join(chr(int(code)) for code in known[name]) for name in _NAMES}
     planes, stages = (tuple(texts[name].split("\n")) for name in _NAMES)

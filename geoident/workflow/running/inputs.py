@@ -17,13 +17,12 @@ from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
+from geoident.io.text.text_file import STDIN
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.result import GaugeTable, Result
 from geoident.workflow.running.readings import readings_of
-
-STDIN = "-"
 
 NO_READINGS = "readings=[]"
 """Override for a case whose readings are not asked for; their file need not be there."""

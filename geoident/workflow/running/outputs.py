@@ -18,7 +18,7 @@ from geoident.errors import OutputError, UsageError
 from geoident.io.result.file import read_identity
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
-from geoident.workflow.running.inputs import STDIN
+from geoident.io.text.text_file import STDIN
 
 
 class Standing(Enum):

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import gmsh
 import numpy as np
 from support.cases import material, model, rollers
+from support.meshes import gaping_box, mixed_box
 
 from geoident.fem.faces import face_table
 from geoident.fem.kinematics import SOLID
@@ -157,3 +158,22 @@ def test_a_pressure_acts_on_triangles_and_quadrilaterals():
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     np.testing.assert_allclose(force, [12.0, 12.0, area], rtol=1e-9)
     assert 0.95 * np.pi < area < np.pi
+
+
+def test_hexahedra_against_tetrahedra_are_said():
+    def notes(mesh):
+        staged = model(
+            mesh,
+            materials={"rock": material("rock", 4e9, 0.25)},
+            groups=dict.fromkeys(mesh.groups, "rock"),
+            supports=rollers(3),
+            stages=(Stage("nothing"),),
+        )
+        return [note for note in staged.notes if "triangles" in note]
+
+    (note,) = notes(gaping_box())
+    assert note.startswith(
+        "1 quadrilateral face lies against triangles, near (0.5, 0.5, 0.5) m: elements that do"
+    )
+    assert "put pyramids between hexahedra and tetrahedra" in note
+    assert notes(mixed_box(1)) == []

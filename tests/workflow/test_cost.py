@@ -1,0 +1,81 @@
+"""The memory that `check` tells, against what Python was seen to take."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from support.cases import model, rollers
+from support.meshes import box, regroup
+
+from geoident.forward.model import StagedModel
+from geoident.model.case import Material, Stage
+from geoident.model.ground import Isotropic
+from geoident.model.in_situ import ConstantStress
+from geoident.model.parameter import Parameter, Scalar
+from geoident.workflow.running import cost
+
+START = {"E": 8e9, "nu": 0.3, "sx": -9e6, "sy": -6e6}
+
+
+def excavation(free: int) -> StagedModel:
+    """A hole in a square of 1,600 quads, dug in two stages, with so many unknown parameters."""
+    names = list(START)[:free]
+
+    def number(name: str) -> Scalar:
+        return Scalar(1.0, name) if name in names else Scalar(START[name])
+
+    def half(side: int):
+        return lambda c: (
+            (abs(c[:, 0] - 4) < 1) & (abs(c[:, 1] - 4) < 1) & (side * (c[:, 0] - 4) > 0)
+        )
+
+    mesh = regroup(box("quad8", (40, 40), size=(8.0, 8.0)), left=half(-1), right=half(1))
+    stress = (number("sx"), number("sy"), Scalar(-7e6), *[Scalar(0.0)] * 3)
+    return model(
+        mesh,
+        parameters=tuple(
+            Parameter(name, START[name], *sorted((START[name] / 1.5, START[name] * 1.5)))
+            for name in names
+        ),
+        materials={
+            "rock": Material("rock", Isotropic(E=number("E"), nu=number("nu")), Scalar(0.0))
+        },
+        groups=dict.fromkeys(("rock", "left", "right"), "rock"),
+        supports=rollers(2),
+        in_situ=ConstantStress(stress, True),
+        stages=(Stage("left", excavate=("left",)), Stage("right", excavate=("right",))),
+    )
+
+
+@pytest.mark.parametrize("free", [1, 4])
+def test_memory_beside_the_factor_is_what_an_evaluation_takes(free):
+    """All that numpy takes is counted by Python; the factor of splu, in C, is not."""
+    staged = excavation(free)
+    told = cost.estimate_cost(staged, solver="splu")
+    arrays = told.memory - 120e6 - 24.0 * told.factor_entries
+    p = np.array(list(START.values())[:free])
+    tracemalloc.start()
+    try:
+        staged.survey(p, fields=False)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.55 * arrays < peak < arrays
+
+
+def test_operations_are_those_of_all_stages_and_entries_those_of_the_largest():
+    """Without the first half there is less to factorize; time grows with the operations."""
+    staged = excavation(1)
+    both = cost.estimate_cost(staged, solver="splu")
+    each = [
+        cost.factor_cost(s.pattern.lower, s.pattern.dofs // 2)
+        for s in map(staged.systems.__getitem__, (1, 2))
+    ]
+    assert both.factor_flops == sum(one.flops for one in each)
+    assert both.factor_entries == max(one.entries for one in each)
+    quick = cost.estimate_cost(staged, solver="cholmod")
+    saved = both.factor_flops / 3e9 - both.factor_flops / 25e9
+    assert both.seconds - quick.seconds == pytest.approx(saved, rel=1e-9)
+    assert both.memory - quick.memory == pytest.approx((24.0 - 8.0) * both.factor_entries)
