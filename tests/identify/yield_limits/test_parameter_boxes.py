@@ -139,6 +139,15 @@ def test_nothing_follows_where_the_energy_is_not_convex():
     assert energy.reachable().tolist() == [True]
 
 
+@pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.zeros((2, 2))])
+def test_nor_where_a_part_is_not_or_where_there_is_none(M):
+    two = replace(
+        bar(), slack=np.ones(2), slack_by_p=np.zeros((2, 1)), slack_by_lam=M, work=np.ones(2)
+    )
+    energy = EnergyInequality(two, None, np.zeros(1), np.ones(1))
+    assert np.isneginf(energy.lowest()).all()
+
+
 def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
     """Two planes that share stresses: W s = W q + T R lam in the ball of diameter y."""
     system = CondensedSystem(
