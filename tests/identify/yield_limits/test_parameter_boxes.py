@@ -64,9 +64,11 @@ def test_a_box_is_cut_across_its_longest_edge():
     assert below.kept.tolist() == above.kept.tolist() == [3, 5]
 
 
-@pytest.mark.parametrize(("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (1.0, 2.2, 4.0)])
+@pytest.mark.parametrize(
+    ("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (2.9, 3.0, 1.0 / 9.0), (1.0, 2.2, 4.0)]
+)
 def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
-    """At k = 3.4, lam is 0.5 and v = 2.2; at k = 2.2, lam is 1.5 and v = 2.6."""
+    """At k = 3.4, lam is 0.5 and v = 2.2; at 2.9, v = 2.367; at 2.2, lam is 1.5 and v = 2.6."""
     system = bar()
     found = examined(system, form(system), box(lower, upper), best=20.0)
     assert found is not None
