@@ -78,6 +78,14 @@ def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
         assert found.bound == pytest.approx(bound, rel=1e-3)
 
 
+def test_the_bound_where_a_parameter_hardens():
+    """s = k - 4 + (1.2 + 0.2 k) lam: at k = 3.4, lam is 0.6 / 1.88 and v = 2 + 0.4 lam."""
+    found = examined(bar(products={0: np.array([[0.2]])}), None, box(3.4, 3.5), best=20.0)
+    phi = (4.0 - 4.0 * 0.6 / 1.88) ** 2
+    assert found is not None
+    assert 0.99 * phi < found.bound <= phi * (1.0 + 1e-6)
+
+
 def test_a_plane_that_is_reached_nowhere_in_a_box_is_dropped():
     system = bar()
     found = examined(system, form(system), box(4.01, 5.0), best=20.0)
