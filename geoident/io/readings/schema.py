@@ -17,7 +17,7 @@ from pydantic import (
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import COLUMNS, Layout, Origin
-from geoident.io.schema.section import Section, Wrongs
+from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Accuracy, Flag, Length, Name, Text, require_text
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -166,19 +166,19 @@ class ReadingsFileSection(Section):
 
     @model_validator(mode="after")
     def _fits_itself(self) -> ReadingsFileSection:
-        wrongs = Wrongs()
+        faults = SectionFaults()
         many = format_of(self.file).many
         if self.decimal == "," and self.delimiter == "," and not many:
             message = "a comma cannot be decimal mark and delimiter at once"
-            wrongs.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
+            faults.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
         if self.unit_row and self.layout != "wide":
             message = "a row of units belongs to the wide layout"
-            wrongs.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
+            faults.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
         if many and not self.channels:
             message = f"'channels' is missing: {many} has readings of many instruments"
             hint = "Write channels: {CHANNEL: {MONG_ID: ..., MONG_DIS: ...}}."
-            wrongs.add((), "missing-key", message, hint)
-        wrongs.raise_any()
+            faults.add((), "missing-key", message, hint)
+        faults.raise_any()
         return self
 
     def described(self, dimensions: Mapping[str, str]) -> Layout:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from geoident.io.schema.section import WRONGS, Wrong
+from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -86,10 +86,10 @@ def _add(
 ) -> None:
     context: dict[str, Any] = error.get("ctx", {})
     kind = error["type"]
-    if kind == WRONGS:
-        wrongs: list[Wrong] = context["found"]
-        for wrong in wrongs:
-            faults.add((*path, *wrong.path), wrong.code, wrong.message, wrong.hint)
+    if kind == SECTION_FAULTS:
+        found: list[SectionFault] = context["found"]
+        for fault in found:
+            faults.add((*path, *fault.path), fault.code, fault.message, fault.hint)
     elif kind == "value_error":
         _add_refused(faults, path, context["error"], is_key=is_key)
     elif kind == "extra_forbidden":
