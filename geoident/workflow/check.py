@@ -13,9 +13,9 @@ from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
-from geoident.model.result import ReadingTable
 from geoident.model.summary import (
     CaseSummary,
     GaugeSummary,

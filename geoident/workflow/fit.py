@@ -11,8 +11,9 @@ from geoident.forward.protocols import Survey
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Diagnostics, ReadingTable, Result
+from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (

@@ -82,7 +82,7 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     first = implicit(problem, options, observe)
     if first.status == STOPPED:
         return first
-    return _BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
+    return BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
 
 
 def _refuse(why: str | None) -> None:
@@ -114,8 +114,21 @@ def _system_obstacle(system: BilinearSystem) -> str | None:
     return why
 
 
-class _BranchAndBound:
-    """Branch and bound over boxes of parameters."""
+class BranchAndBound:
+    """Branch and bound over boxes of parameters.
+
+    Args:
+        problem: readings, model and parameters with finite bounds.
+        options: gap and number of boxes.
+        observe: is told of every box; its reason to stop ends the search.
+        first: what the implicit method found.
+
+    Attributes:
+        best: the best point so far.
+        done: lowest bound of the boxes that are done with.
+        examined: number of boxes so far.
+        form: of the energy of all pairs, or None where parameters change it.
+    """
 
     def __init__(
         self,
@@ -187,7 +200,7 @@ class _BranchAndBound:
         return left
 
     def improve(self, p: Floats) -> None:
-        """Takes over a better point, after a descent on the model from there."""
+        """Takes over a better point p (n,), SI, after a descent on the model from there."""
         try:
             found = gauss_newton(self.problem.begun_at(p), GaussNewtonOptions(), _silent)
         except ModelError:
