@@ -93,7 +93,9 @@ def _refuse(why: str | None) -> None:
 
 def _problem_obstacle(problem: Problem) -> str | None:
     if loss_name(problem.loss) != "squared":
-        return f"its bounds know no loss but squared, and the loss is {loss_name(problem.loss)}"
+        return (
+            f"its bounds hold only for the squared loss, and the loss is {loss_name(problem.loss)}"
+        )
     for q in problem.parameters:
         if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
             return f"{q.name} has no bounds, and a proof needs them"
@@ -216,7 +218,7 @@ class BranchAndBound:
         proof = self.best.certificate
         if proof is not None:
             words = (
-                f"No parameters within the bounds have a discrepancy below {bound:.6g}; "
+                f"No parameters within the bounds have a misfit below {bound:.6g}; "
                 f"{self.examined} boxes of parameters were examined",
             )
             kind = "global" if proven else proof.kind
@@ -233,7 +235,7 @@ class BranchAndBound:
             return STOPPED, self.history.stop
         if proven:
             return "converged", (
-                f"The discrepancy {self.best.objective:.6g} is the lowest within the bounds: "
+                f"The misfit {self.best.objective:.6g} is the lowest within the bounds: "
                 f"{bound:.6g} is a proven bound."
             )
         return "not-converged", (

@@ -201,7 +201,7 @@ def _kind(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> str:
 
 def _remarks(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> Iterator[str]:
     if exact:
-        yield "The readings are met exactly: no parameters can meet them better."
+        yield "The readings are reproduced exactly: no parameters can fit them better."
     place = "The answer lies at a kink of the response"
     if not at_kink:
         place = "The answer lies very close to a kink of the response"

@@ -49,7 +49,7 @@ class BeamSection(_StructureBase):
     """
 
     kind: Literal["beam"]
-    on: Name = Field(description="Group of lines of the mesh on which it stands.")
+    on: Name = Field(description="Group of lines of the mesh on which it is built.")
     E: Modulus | None = Field(None, description="Young's modulus.")
     thickness: Size | None = Field(None, description="Thickness.", examples=["0.2 m"])
     nu: Ratio | None = Field(

@@ -269,7 +269,7 @@ def influence_title(found: Diagnostics | None) -> str:
     if found is None:
         return ""
     scale = number(found.scale, 2)
-    title = f"Most influential readings (residuals have {scale} of the stated deviation)"
+    title = f"Most influential readings (residuals: {scale} of the stated standard deviation)"
     if found.loss != "squared":
         title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
     return title

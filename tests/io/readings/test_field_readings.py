@@ -372,7 +372,7 @@ def test_monitoring_groups_of_ags_files(read):
         (", MOND_TYPE: DSPA", "", 8, "'degC' is the unit of"),
         ('"-1.5"', '"1,5"', 5, "two ways"),
         ('"02/03/2024 08:00","DSPA","-1.5"', '"2024-03-02","DSPA","-1.5"', 5, "no date of"),
-        ('"dd/mm/yyyy hh:mm"', '"dd/mm/dd"', 0, "YYYY must stand in it once"),
+        ('"dd/mm/yyyy hh:mm"', '"dd/mm/dd"', 0, "YYYY must occur in it once"),
         ('"MOND"', '"MONX"', 0, "no group MOND"),
         ('"DATA","BH7"', '"DATA","x","BH7"', 0, "not a readable AGS4 file"),
     ],
