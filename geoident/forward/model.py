@@ -28,6 +28,7 @@ from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
+from geoident.forward.reading_places import ReadingPlaces
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
@@ -247,16 +248,12 @@ class StagedResponse:
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
-        observation = model.observation
         self._model = model
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        stages = model.case.stage_names
-        self._row = np.array([observation.channels.index(c) for c, _ in pairs], dtype=np.int64)
-        self._state = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
-        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
-        self._times = np.array(given, dtype=np.float64)
+        places = ReadingPlaces.of(model.case, pairs, times)
+        self._row, self._state, self._times = places.rows, places.states, places.times
         self._last = int(self._state.max(initial=0))
 
     @property

@@ -115,7 +115,7 @@ class Stage:
             now or left before with part of it; the rest acts on until a later stage says more.
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
-        build: names of structures that stand from this stage on, free of stress at first.
+        build: names of structures that are built, free of stress.
         dismantle: names of structures that leave.
         water: water in the pores from this stage on; None: as before.
         temperature: group to change of temperature, counted from the initial state or from its
@@ -177,7 +177,7 @@ class Case:
         channels: one for every relative displacement that the gauges measure.
         readings: what was read, in the order of the file.
         fit: how to identify.
-        source: where the keys stand in the file.
+        source: where the keys are written in the file.
         in_situ_of: element group to its own in-situ stress, where it differs.
         water: water in the pores in the initial state, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.

@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geoident.errors import Location
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
 
 
@@ -80,3 +83,49 @@ class Reading:
     when: Location = field(default=Location(""), compare=False)
     key: tuple[str | int, ...] = field(default=(), compare=False)
     count: int = field(default=1, compare=False)
+
+
+@dataclass(frozen=True)
+class ReadingTable:
+    """All readings of a case, one entry of every column each, in the order of the files.
+
+    Values are in the SI unit of the dimension of their channel. n is the number of parameters.
+
+    Args:
+        channel: k names of channels.
+        gauge: k names of the gauges to which they belong.
+        stage: k names of stages.
+        time: (k,) when each was taken, seconds since 1970; NaN where only the stage is known.
+        value: (k,) what was read; NaN where the field sheet is blank.
+        sd: (k,) standard deviation: its own, or that of its channel.
+        used: (k,) it took part in the identification.
+        bad: (k,) it is known to be wrong.
+        reason: k texts, why it is not used; empty for one that is.
+        computed: (k,) the model at the time of the reading; NaN where it says nothing.
+        sensitivity: (k, n) derivatives of ``computed``, SI, or None.
+    """
+
+    channel: tuple[str, ...]
+    gauge: tuple[str, ...]
+    stage: tuple[str, ...]
+    time: Floats
+    value: Floats
+    sd: Floats
+    used: Bools
+    bad: Bools
+    reason: tuple[str, ...]
+    computed: Floats
+    sensitivity: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.channel)
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Channel and stage of each reading."""
+        return tuple(zip(self.channel, self.stage, strict=True))
+
+    @property
+    def unused(self) -> Ints:
+        """(m,) rows of the readings that are not used."""
+        return np.flatnonzero(~self.used)

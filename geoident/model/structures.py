@@ -35,7 +35,7 @@ class Beam(_Structure):
     """A lining in plane strain, per metre out of plane. Either E and thickness, or EA and EI.
 
     Args:
-        group: group of lines of the mesh on which it stands.
+        group: group of lines of the mesh on which it is built.
         E: Young's modulus, Pa.
         thickness: m.
         nu: Poisson's ratio: then E / (1 - nu^2) is taken, as for a wall long out of plane.

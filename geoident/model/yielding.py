@@ -137,7 +137,7 @@ class MohrCoulomb(_Coulomb):
 
     @property
     def is_smooth(self) -> bool:
-        """Whether no planes stand in its place."""
+        """Whether it is not replaced by planes."""
         return self.planes is None
 
     @property

@@ -13,9 +13,9 @@ from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
-from geoident.model.result import ReadingTable
 from geoident.model.summary import (
     CaseSummary,
     GaugeSummary,
@@ -26,9 +26,8 @@ from geoident.model.summary import (
 )
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.estimate import require_possible
-from geoident.workflow.running.inputs import Inputs, build_model, load_inputs
+from geoident.workflow.running.inputs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
-from geoident.workflow.simulate import start_values
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ EXTRAS = {
     "report": ("matplotlib", "figures and pages"),
     "ags": ("python-ags4", "readings from AGS4 files"),
     "full-space": ("casadi", "complementarity in full space"),
-    "global": ("pyscipopt", "proven bounds of a discrepancy"),
+    "global": ("pyscipopt", "proven bounds of the misfit"),
 }
 """Extra of the installation: the package that it brings, and what for."""
 

@@ -11,8 +11,9 @@ from geoident.forward.protocols import Survey
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Diagnostics, ReadingTable, Result
+from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
@@ -21,16 +22,9 @@ from geoident.workflow.running.diagnosis import (
     diagnostics_table,
     remarks,
 )
-from geoident.workflow.running.estimate import (
-    Setup,
-    evaluation_log,
-    prepare,
-    problem_of,
-    search,
-    total,
-)
+from geoident.workflow.running.estimate import Setup, total
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, keep, tell_readings, write
+from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
@@ -78,14 +72,11 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job)
-    setup = prepare(job)
-    tell_readings(setup, control)
-    with evaluation_log(job, control) as log:
-        problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
-        return write(job, _result(job, setup, _look(setup, problem, outcome)))
+
+    def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
+        return _result(job, setup, _look(setup, problem, outcome))
+
+    return searched(job, control, result)
 
 
 def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Estimate:

@@ -14,8 +14,8 @@ from geoident.identify import Assessment, Problem, assess
 from geoident.io.result.file import read_result, write_result
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Reading
-from geoident.model.result import ParameterTable, Provenance, ReadingTable, Result
+from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.inputs import (
     Inputs,

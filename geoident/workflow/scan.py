@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from geoident.errors import ExitCode
-from geoident.identify.problem.problem import Outcome
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import (
-    Setup,
-    evaluation_log,
-    prepare,
-    problem_of,
-    search,
-    total,
-)
+from geoident.workflow.running.estimate import Setup, total
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, keep, tell_readings, write
+from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.provenance import job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes, with_computed
 from geoident.workflow.running.tables import bare_parameter_table
@@ -28,19 +21,16 @@ def scan(job: Job, control: Control) -> Finished:
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job)
-    setup = prepare(job)
-    tell_readings(setup, control)
-    with evaluation_log(job, control) as log:
-        problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
+
+    def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
         before = setup.model.counts
         survey = setup.model.survey(outcome.values, fields=False, partial=True)
         counts = total(problem.response.counts, before, setup.model.counts)
         readings = with_computed(setup.readings, setup.case, setup.model, survey, outcome.values)
         gauges = gauge_table(setup.case, readings, survey.computed)
-        return write(job, _result(job, setup, outcome, counts, gauges=gauges))
+        return _result(job, setup, outcome, counts, gauges=gauges)
+
+    return searched(job, control, result)
 
 
 def _result(

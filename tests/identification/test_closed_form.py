@@ -221,7 +221,7 @@ def test_where_there_is_no_opening_the_rest_begins_at_the_start():
     both = identify(given, [ClosedFormOptions(), GaussNewtonOptions()], ignore)
     np.testing.assert_array_equal(both.values, alone.values)
     (remark,) = both.remarks
-    assert remark.startswith("the closed form was passed over")
+    assert remark.startswith("the closed form was skipped")
     assert "is no circle" in remark
 
 
@@ -255,7 +255,7 @@ def test_readings_without_closed_form_take_no_part():
     given = Problem(response, measured, np.full(len(measured), 1e-5), ground.case.parameters)
     found = identify(given, [ClosedFormOptions()], ignore)
     np.testing.assert_allclose(found.values, TRUE, rtol=0.1)
-    assert any("does not answer 2 of 6 readings" in remark for remark in found.remarks)
+    assert any("does not give 2 of 6 readings" in remark for remark in found.remarks)
     last = ground.response(pairs[-2:])
     given = replace(given, response=last, measured=measured[-2:], sd=given.sd[-2:])
     with pytest.raises(InputError, match="no reading is of a stage"):

@@ -153,7 +153,7 @@ def test_what_it_cannot_do_is_refused_with_a_reason() -> None:
     problem = two_layers((3, 2), (4.5,), start=(1.2, 1.2))
     first, second = problem.parameters
     for changed, why in (
-        (replace(problem, loss=HuberOptions()), "no loss but squared"),
+        (replace(problem, loss=HuberOptions()), "only for the squared loss"),
         (replace(problem, parameters=(replace(first, upper=np.inf), second)), "k1 has no bounds"),
         (
             replace(problem, parameters=(replace(first, prior=Prior(1, 1, "lognormal")), second)),

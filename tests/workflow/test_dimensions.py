@@ -14,9 +14,15 @@ import pytest
 import xarray
 
 from geoident.errors import InputError
+from geoident.io.case.file import read_case
+from geoident.io.case.gauges import ConvergenceSection
+from geoident.io.case.readings import READ, dimensions_of, quantity_read
+from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.readings.file import parse_readings
 from geoident.io.readings.table import Layout, Origin
 from geoident.io.result.file import read_result, write_result
+from geoident.io.schema.section import Section
+from geoident.io.schema.values import AxialStiffness, Of
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.summary import CaseSummary, GaugeSummary
@@ -31,6 +37,7 @@ from geoident.workflow.diff import numbers
 from geoident.workflow.running.readings import gauge_table, reading_table
 from tests.support.cases import make_case
 from tests.support.results import example_result, grid_mesh
+from tests.support.trench import CASE, write_case
 
 TAPE = Channel("CV", "CV", "convergence", (0.0, 0.0), (4.0, 0.0), (1.0, 0.0), 1e-4, "virgin")
 BOLT = Channel(
@@ -175,3 +182,30 @@ def test_check_has_the_accuracy_in_the_unit_of_each_gauge():
     lines = [line.split() for line in case_text(summary).splitlines()]
     assert ["CV", "convergence", "virgin", "0.1", "mm", "1", "0"] in lines
     assert ["B1", "axial", "force", "virgin", "2", "kN", "1", "0"] in lines
+
+
+class ForceSection(Section):
+    accuracy: AxialStiffness
+
+
+def test_what_gauges_read_is_what_their_accuracies_say():
+    assert READ == ("length",)
+    read = dimensions_of([ConvergenceSection, ForceSection, ConvergenceSection])
+    assert read == ("length", "force")
+    assert quantity_read(READ) == Of("length")
+    assert quantity_read(read, above=0.0) == Of(None, above=0.0)
+
+
+def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, monkeypatch):
+    """As if a convergence were read in kN: the unit is held against the gauge, not the file."""
+    monkeypatch.setattr(Calendar, "dimensions", {"CV": "force", "S": "length", "X.a": "length"})
+    case = write_case(tmp_path)
+    inline = "readings: [{gauge: CV, stage: first, value: -0.6 mm, accuracy: 1 mm}]"
+    case.write_text(CASE.replace("readings: readings.csv", inline))
+    with pytest.raises(InputError) as caught:
+        read_case(str(case))
+    assert [fault.path for fault in caught.value.faults] == [
+        "readings[0].value",
+        "readings[0].accuracy",
+    ]
+    assert caught.value.faults[0].message == "'-0.6 mm' is a length; a force is expected"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
     "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
-    "structures", "grid",
+    "structures", "grid", "readings",
 )  # fmt: skip
 
 EPILOG = """\b

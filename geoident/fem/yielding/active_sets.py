@@ -44,8 +44,8 @@ class Rows(Generic[_Number]):
         return self._rows[: self.size]
 
 
-class Faces:
-    """Faces by number; 0 is the inside, without active planes.
+class ActiveSets:
+    """ActiveSets by number; 0 is the inside, without active planes.
 
     Args:
         coupling: A (y, y) of the planes.
@@ -99,7 +99,7 @@ class Faces:
         return found
 
     def by_size(self, faces: Sequence[int]) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Faces (f,) with equally many planes together: batches for linear algebra.
+        """ActiveSets (f,) with equally many planes together: batches for linear algebra.
 
         Yields:
             (g,) places among the faces, (g, w) their active planes W, (g, w, w) A_WW^-1.

@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images
 from geoident.model.arrays import Floats, Ints
@@ -35,7 +35,7 @@ class Returns:
         images: which of them make the apex.
     """
 
-    def __init__(self, system: ScaledPlanes, faces: Faces, images: Images) -> None:
+    def __init__(self, system: ScaledPlanes, faces: ActiveSets, images: Images) -> None:
         self._system = system
         self._faces = faces
         self._images = images
@@ -46,7 +46,7 @@ class Returns:
         self._rest = self._independent_sets()
 
     def _independent_sets(self) -> Iterator[int]:
-        """Faces whose planes can be active together, small ones first."""
+        """ActiveSets whose planes can be active together, small ones first."""
         for size in range(1, self._most + 1):
             for some in combinations(self._plain.tolist(), size):
                 matrix = self._system.coupling[np.ix_(some, some)]
@@ -61,7 +61,7 @@ class Returns:
             yield face
 
     def find(self, excess: Floats, tolerance: Floats, limits: Floats) -> Ints:
-        """Faces (q,) of points with the scaled yield functions (q, i) of their trial stress.
+        """ActiveSets (q,) of points with the scaled yield functions (q, i) of their trial stress.
 
         Args:
             excess: (q, i).
@@ -115,6 +115,6 @@ class Returns:
         return faces
 
     def _owned(self, owner: Ints) -> Ints:
-        """Faces (q,) of the apices of planes (q,)."""
+        """ActiveSets (q,) of the apices of planes (q,)."""
         mine = self._images.upright & (self._images.owner == owner[:, None])
         return np.array([self._faces.number(np.flatnonzero(row).tolist()) for row in mine])

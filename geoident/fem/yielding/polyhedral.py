@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.fem.yielding.law import YieldPlanes
-from geoident.fem.yielding.projection import Rays, active_faces
-from geoident.fem.yielding.return_step import FaceStep
+from geoident.fem.yielding.projection import Rays, active_sets_of
+from geoident.fem.yielding.return_step import ReturnStep
 from geoident.fem.yielding.scaled_planes import ScaledPlanes
-from geoident.fem.yielding.warm_start import FaceMemory
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.fem.yielding.warm_start import LastActiveSets
+from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
 
 _MOST_FACES = 20_000
@@ -39,8 +37,8 @@ class PolyhedralLaw:
 
     def _forget(self) -> None:
         """Begin with no face known."""
-        self._rays = Rays(Faces(self._system.coupling), self._system.root)
-        self._memory = FaceMemory(self._rays.faces)
+        self._rays = Rays(ActiveSets(self._system.coupling), self._system.root)
+        self._memory = LastActiveSets(self._rays.faces)
 
     @property
     def associated(self) -> bool:
@@ -52,7 +50,7 @@ class PolyhedralLaw:
         """Whether the multipliers of earlier steps count."""
         return self._system.hardens
 
-    def project(self, trial: Floats, hardened: Floats | None = None) -> PolyhedralProjection:
+    def project(self, trial: Floats, hardened: Floats | None = None) -> ReturnStep:
         """Bring trial stresses (s, m) to the polyhedron; `hardened` (y, m) as in `YieldLaw`.
 
         Raises:
@@ -63,8 +61,7 @@ class PolyhedralLaw:
             self._forget()
         yielded, face = self._faces_of(trial, hardened)
         some = None if hardened is None else hardened[:, yielded]
-        step = FaceStep(self._system, self._rays.faces, trial[:, yielded], some, face)
-        return PolyhedralProjection(trial, yielded, step)
+        return ReturnStep(self._system, self._rays.faces, trial, yielded, some, face)
 
     def _faces_of(self, trial: Floats, hardened: Floats | None) -> tuple[Ints, Ints]:
         """The points (q,) outside the polyhedron and the faces (q,) on which they end."""
@@ -76,68 +73,10 @@ class PolyhedralLaw:
         count = trial.shape[1]
         face = self._memory.confirmed(count, outside, beyond, tolerance)
         rest = np.flatnonzero(face == 0)
-        face[rest] = active_faces(beyond[rest], tolerance[rest], self._rays)
+        face[rest] = active_sets_of(beyond[rest], tolerance[rest], self._rays)
         self._memory.keep(count, outside, face)
         return outside[face > 0], face[face > 0]
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
         return self._system.excess(stress, hardened) * self._system.scale[:, None]
-
-
-class PolyhedralProjection:
-    """What `PolyhedralLaw` makes of trial stresses; see `law.Projection`.
-
-    Args:
-        trial: (s, m).
-        yielded: (q,) points with an active plane.
-        step: of those points.
-    """
-
-    def __init__(self, trial: Floats, yielded: Ints, step: FaceStep) -> None:
-        self._trial = trial
-        self._yielded = yielded
-        self._step = step
-
-    @cached_property
-    def stress(self) -> Floats:
-        """(s, m) admissible stress; the trial stress itself where nothing yields."""
-        stress = self._trial.copy()
-        stress[:, self._yielded] = self._step.stress
-        return stress
-
-    @property
-    def yielded(self) -> Ints:
-        """(q,) the points with an active plane, ascending."""
-        return self._yielded
-
-    @property
-    def multipliers(self) -> Floats:
-        """(q, y) dlam >= 0."""
-        return self._step.multipliers
-
-    @property
-    def active(self) -> Bools:
-        """(q, y) planes on which the derivatives are taken."""
-        return self._step.active
-
-    @property
-    def biactive(self) -> Bools:
-        """(q, y) planes that are reached with dlam = 0."""
-        return self._step.biactive
-
-    @property
-    def reduction(self) -> Floats:
-        """(q, s, s) dsigma/ds* on the active planes."""
-        return self._step.reduction
-
-    @property
-    def reserve(self) -> Floats:
-        """(q,) J/m3."""
-        return self._step.reserve
-
-    def derivatives(
-        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
-    ) -> tuple[Floats, Floats]:
-        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
-        return self._step.derivatives(trial, hardened, of_law=of_law)

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
 from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.nonassociated_return import Returns
@@ -26,8 +26,8 @@ from geoident.fem.yielding.principal_axes import (
     rough_principal_values,
     spectrum,
 )
-from geoident.fem.yielding.projection import Rays, active_faces
-from geoident.fem.yielding.return_step import FaceStep
+from geoident.fem.yielding.projection import Rays, active_sets_of
+from geoident.fem.yielding.return_step import ReturnStep
 from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images, images_of
 from geoident.model.arrays import Bools, Floats, Ints
@@ -58,7 +58,7 @@ class PrincipalLaw:
         self._normals = np.ascontiguousarray(planes.normals.value)
         self._images = images_of(planes)
         self._system = ScaledPlanes(elasticity[:3, :3], self._images.planes(planes))
-        self._faces = Faces(self._system.coupling)
+        self._faces = ActiveSets(self._system.coupling)
         self._ends = self._finder()
         if not self.hardens and (bad := empty_principal_domain(planes)) is not None:
             raise EmptyDomain(bad)
@@ -67,7 +67,7 @@ class PrincipalLaw:
         """What finds active sets: projection where there is one."""
         if self.associated:
             rays = Rays(self._faces, self._system.root)
-            return lambda excess, tolerance, _limits: active_faces(excess, tolerance, rays)
+            return lambda excess, tolerance, _limits: active_sets_of(excess, tolerance, rays)
         return Returns(self._system, self._faces, self._images).find
 
     @property
@@ -89,10 +89,11 @@ class PrincipalLaw:
         face = self._faces_of(spectral.values, spread)
         ends = np.flatnonzero(face)
         spectral = spectral.of(ends)
-        step = FaceStep(
+        step = ReturnStep(
             self._system,
             self._faces,
             spectral.values,
+            np.arange(ends.size),
             None if spread is None else spread[:, ends],
             face[ends],
         )
@@ -107,7 +108,7 @@ class PrincipalLaw:
         return np.flatnonzero((excess > -lengths[:, None] * margin).any(axis=0))
 
     def _faces_of(self, values: Floats, hardened: Floats | None) -> Ints:
-        """Faces (q,) on which sorted principal values (3, q) end; 0 for those inside."""
+        """ActiveSets (q,) on which sorted principal values (3, q) end; 0 for those inside."""
         system = self._system
         shape = (len(system.scale), values.shape[1])
         rows = (
@@ -145,7 +146,7 @@ class PrincipalProjection:
     """
 
     def __init__(
-        self, images: Images, trial: Floats, yielded: Ints, spectral: Spectrum, step: FaceStep
+        self, images: Images, trial: Floats, yielded: Ints, spectral: Spectrum, step: ReturnStep
     ) -> None:
         self._images = images
         self._trial = trial
@@ -158,7 +159,7 @@ class PrincipalProjection:
         """(s, m) admissible stress; the trial stress itself where nothing yields."""
         stress = self._trial.copy()
         along = self._spectral.assemble[:, :, :3]
-        stress[:, self._yielded] = np.einsum("qsi,iq->sq", along, self._step.stress)
+        stress[:, self._yielded] = np.einsum("qsi,iq->sq", along, self._step.returned)
         return stress
 
     @property
@@ -193,7 +194,7 @@ class PrincipalProjection:
     @cached_property
     def _spin(self) -> Floats:
         """(q, 3): what is left of a shear of the trial stress between two of its axes."""
-        trial, stress = self._spectral.values, self._step.stress
+        trial, stress = self._spectral.values, self._step.returned
         limit = _REPEATED * np.abs(trial).max(axis=0, initial=0.0)
         slope = self._step.reduction
         spin = np.empty((trial.shape[1], 3))

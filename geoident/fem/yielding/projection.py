@@ -18,7 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces, rows_of_floats, rows_of_numbers, unique_pairs
+from geoident.fem.yielding.active_sets import (
+    ActiveSets,
+    rows_of_floats,
+    rows_of_numbers,
+    unique_pairs,
+)
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.model.arrays import Bools, Floats, Ints
 
@@ -38,7 +43,7 @@ class Rays:
         root: B (r, y), B^T B = A.
     """
 
-    def __init__(self, faces: Faces, root: Floats) -> None:
+    def __init__(self, faces: ActiveSets, root: Floats) -> None:
         self.faces = faces
         self._root = root
         count = len(faces.coupling)
@@ -100,7 +105,7 @@ class _Work:
             setattr(self, name, value[rows])
 
 
-def active_faces(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
+def active_sets_of(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
     """Numbers (q,) of the faces on which the projections of points lie.
 
     Args:

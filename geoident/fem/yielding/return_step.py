@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.fem.yielding.scaled_planes import ScaledPlanes
 from geoident.model.arrays import Bools, Floats, Ints
 
@@ -14,23 +14,32 @@ _REACHED = 100.0
 """Times the tolerance of a yield function: within it a plane is reached."""
 
 
-class FaceStep:
-    """The step of points (q) from trial stresses to the faces on which they end.
+class ReturnStep:
+    """The step from trial stresses to the faces on which they end: a `law.Projection`.
 
     Args:
         system: the planes.
         faces: of its coupling.
-        trial: s* (s, q).
+        trial: s* (s, m) of all points.
+        yielded: (q,) those with an active plane, ascending.
         hardened: multipliers of earlier steps (y, q); None for zero.
         face: (q,) numbers of faces.
     """
 
     def __init__(
-        self, system: ScaledPlanes, faces: Faces, trial: Floats, hardened: Floats | None, face: Ints
+        self,
+        system: ScaledPlanes,
+        faces: ActiveSets,
+        trial: Floats,
+        yielded: Ints,
+        hardened: Floats | None,
+        face: Ints,
     ) -> None:
         self._system = system
         self._faces = faces
-        self.trial = trial
+        self._all = trial
+        self.yielded = yielded
+        self.trial = trial[:, yielded]
         self._hardened = hardened
         self._used, self._place = np.unique(face, return_inverse=True)
         self._face_planes, self._face_inverse = faces.compact(self._used.tolist())
@@ -69,13 +78,20 @@ class FaceStep:
         return np.maximum(self.signed_multipliers, 0.0)
 
     @cached_property
-    def stress(self) -> Floats:
-        """(s, q)."""
+    def returned(self) -> Floats:
+        """(s, q) admissible stress at the yielded points."""
         return np.asarray(self.trial - self._system.moved @ self._scaled.T)
 
     @cached_property
+    def stress(self) -> Floats:
+        """(s, m) admissible stress; the trial stress itself where nothing yields."""
+        stress = self._all.copy()
+        stress[:, self.yielded] = self.returned
+        return stress
+
+    @cached_property
     def active(self) -> Bools:
-        """(q, y)."""
+        """(q, y) planes on which the derivatives are taken."""
         table = np.zeros((len(self._used), len(self._system.scale)), dtype=np.bool_)
         for row, face in enumerate(self._used):
             table[row, list(self._faces.members[face])] = True
@@ -90,7 +106,7 @@ class FaceStep:
     def reached(self) -> Bools:
         """(q, y) planes on which the stress lies."""
         limits = self._system.limits(self._hardened) + self._system.hardening @ self._scaled.T
-        excess = self._system.normals @ self.stress - limits
+        excess = self._system.normals @ self.returned - limits
         return np.asarray(excess.T + self._near >= 0.0)
 
     @property
@@ -162,7 +178,7 @@ class FaceStep:
         if distances is not None:
             grown += distances[:, None]
         if normals is not None:
-            grown -= normals @ self.stress
+            grown -= normals @ self.returned
         if hardening is not None:
             grown += hardening @ self._accumulated()
 

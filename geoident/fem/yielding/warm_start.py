@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import Faces
+from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.model.arrays import Bools, Floats, Ints
 
 
-class FaceMemory:
+class LastActiveSets:
     """The faces on which the points of a law ended in its last projection.
 
     Args:
         faces: their numbers.
     """
 
-    def __init__(self, faces: Faces) -> None:
+    def __init__(self, faces: ActiveSets) -> None:
         self._faces = faces
         self._last = np.empty(0, dtype=np.int64)
 
@@ -36,7 +36,7 @@ class FaceMemory:
         self._last[points] = face
 
     def confirmed(self, count: int, points: Ints, excess: Floats, tolerance: Floats) -> Ints:
-        """Faces (q,) of points that end where they did; 0 for those that have to be searched.
+        """ActiveSets (q,) of points that end where they did; 0 for those that have to be searched.
 
         Args:
             count: number of points of the law.

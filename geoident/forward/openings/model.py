@@ -11,6 +11,7 @@ from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
 from geoident.forward.protocols import Survey
+from geoident.forward.reading_places import ReadingPlaces
 from geoident.forward.stages import ConstructionSequence, states_of, used_groups
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
@@ -154,15 +155,11 @@ class OpeningResponse:
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
-        channels = [channel.name for channel in model.case.channels]
-        stages = model.case.stage_names
-        rows = np.array([channels.index(c) for c, _ in pairs], dtype=np.int64)
-        states = np.array([stages.index(s) for _, s in pairs], dtype=np.int64)
-        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        places = ReadingPlaces.of(model.case, pairs, times)
         self._model = model
-        self.covered: Bools = model.readable[states, rows]
-        self._rows, self._states = rows[self.covered], states[self.covered]
-        self._times = np.array(given, dtype=np.float64)[self.covered]
+        self.covered: Bools = model.readable[places.states, places.rows]
+        covered = places.only(self.covered)
+        self._rows, self._states, self._times = covered.rows, covered.states, covered.times
         self._wanted = set(map(int, (*self._states, *model.zero[self._rows])))
 
     @property

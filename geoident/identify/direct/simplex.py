@@ -140,7 +140,7 @@ def _ending(minimum: Minimum, options: SimplexOptions) -> tuple[str, str]:
     """Status and reason, a sentence with the remedy where there is one."""
     if minimum.ending == "converged":
         return "converged", (
-            "The simplex is small and the discrepancy is the same at its vertices "
+            "The simplex is small and the misfit is the same at its vertices "
             f"(tolerance {options.delta:g})."
         )
     if minimum.ending == "moved":

@@ -58,11 +58,11 @@ def _left_out(form: OpeningForm) -> list[str]:
     missing = np.count_nonzero(~form.covered)
     if not missing:
         return []
-    return [f"the closed form does not answer {missing} of {len(form.covered)} readings"]
+    return [f"the closed form does not give {missing} of {len(form.covered)} readings"]
 
 
 def _passed_over(problem: Problem, reason: str) -> Outcome:
     """The start, with the reason why there is nothing better."""
-    remark = f"the closed form was passed over: {reason}"
+    remark = f"the closed form was skipped: {reason}"
     text = f"The closed form was not possible: {reason}."
     return Outcome(problem.start, float("inf"), "not-converged", text, (), remarks=(remark,))

@@ -232,7 +232,7 @@ class _FixedPointIteration:
         model = self.response.condense(p, self.problem.measured, self.problem.sd)
         phi = self.discrepancy.objective_of(p, model.readings)
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
-            raise ModelError("The discrepancy is not a finite number here.", CHECK_UNITS)
+            raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
         return _CondensedIterate(p, model, phi)
 
     def next(self) -> Floats:

@@ -35,12 +35,12 @@ NEGLIGIBLE = 1e-6
 """A promised gain of a thousandth of a standard deviation, squared."""
 
 _STALLED = (
-    "No shorter step lowers the discrepancy, although the derivatives promise it: the readings of "
-    "the model are not smooth here; go on with the method simplex."
+    "No shorter step lowers the misfit, although the derivatives say so: the computed "
+    "readings are not smooth here; go on with the method simplex."
 )
-_FLAT = "The discrepancy is flat here: it has no slope along any parameter that is free to move."
-_GIVEN_UP = "The descent was given up: it did not come near to the best point."
-_ROUNDING = "The discrepancy cannot be lowered further: what is left is rounding."
+_FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
+_GIVEN_UP = "The descent was stopped: it did not come near the best point."
+_ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
 
 
 GiveUp = Callable[[int, float, float], bool]
@@ -140,7 +140,7 @@ class Stopping:
                 "relative."
             )
         if full.gain <= max(self.tolerance * min(point.phi, 1e4), 1e-14 * point.phi):
-            return f"The next step would lower the discrepancy by no more than {full.gain:.1e}."
+            return f"The next step would lower the misfit by no more than {full.gain:.1e}."
         return None
 
     def negligible(self, full: Step) -> bool:

@@ -119,6 +119,6 @@ def _require_finite(found: Linearization) -> None:
         squares = found.objective + float(np.sum(found.jacobian**2))
     if not np.isfinite(squares):
         raise ModelError(
-            "The readings that the model answers, or their discrepancy, are too large for numbers.",
+            "The computed readings or their misfit exceed the range of floating-point numbers.",
             CHECK_UNITS,
         )

@@ -81,7 +81,7 @@ METHODS: Mapping[str, Method] = dict(
             "iterated linear least squares on the equations",
         ),
         _method("direct", "simplex", Response, "search without derivatives, for any model"),
-        _method("direct", "scan", Response, "the discrepancy on a grid"),
+        _method("direct", "scan", Response, "the misfit on a grid"),
         _method(
             "least_squares", "closed-form", HasOpening,
             "formulas of a circular opening, also without a mesh",
@@ -150,17 +150,15 @@ def _obstacle(
         given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
         return opening_obstacle(response, given)
     if loss_name(loss) != "squared":
-        return (
-            f"its linear least squares know no loss but squared, and the loss is {loss_name(loss)}"
-        )
+        return f"its linear least squares need the squared loss, and the loss is {loss_name(loss)}"
     if not isinstance(response, AffineElastic):
-        return "the equations of the model are not at hand"
+        return "the model does not offer its equations"
     return response.obstacle()
 
 
 def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:
     if not isinstance(response, YieldSystem):
-        return "the equations of the model are not at hand"
+        return "the model does not offer its equations"
     if not response.yields():
         return "no material of the model has yield limits"
     if isinstance(options, ComplementarityOptions):
@@ -186,7 +184,7 @@ def formulation_obstacle(response: Response, formulation: str) -> str | None:
 def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | None:
     """Why a model has no closed form, a clause, or None if it has one."""
     if not isinstance(response, HasOpening):
-        return "the model is no opening"
+        return "the model is not a circular opening"
     found = response.opening(options.centre, options.radius)
     if isinstance(found, str):
         return found

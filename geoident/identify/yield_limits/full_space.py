@@ -124,12 +124,12 @@ class _Smoothing:
             )
         if abs(best[1] - found.objective) > _AGREE * max(best[1], 1.0):
             return "not-converged", (
-                f"The model gives a discrepancy of {best[1]:.6g} where the nonlinear program "
+                f"The model gives a misfit of {best[1]:.6g} where the nonlinear program "
                 f"gives {found.objective:.6g}: use the formulation implicit."
             )
         return "converged", (
             "The nonlinear program in the full space is solved, with complementarity to "
-            f"{_SMOOTHINGS[-1]:.0e}, and the model confirms its discrepancy."
+            f"{_SMOOTHINGS[-1]:.0e}, and the model confirms its misfit."
         )
 
 

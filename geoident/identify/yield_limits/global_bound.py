@@ -82,7 +82,7 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     first = implicit(problem, options, observe)
     if first.status == STOPPED:
         return first
-    return _BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
+    return BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
 
 
 def _refuse(why: str | None) -> None:
@@ -93,7 +93,9 @@ def _refuse(why: str | None) -> None:
 
 def _problem_obstacle(problem: Problem) -> str | None:
     if loss_name(problem.loss) != "squared":
-        return f"its bounds know no loss but squared, and the loss is {loss_name(problem.loss)}"
+        return (
+            f"its bounds hold only for the squared loss, and the loss is {loss_name(problem.loss)}"
+        )
     for q in problem.parameters:
         if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
             return f"{q.name} has no bounds, and a proof needs them"
@@ -112,8 +114,21 @@ def _system_obstacle(system: BilinearSystem) -> str | None:
     return why
 
 
-class _BranchAndBound:
-    """Branch and bound over boxes of parameters."""
+class BranchAndBound:
+    """Branch and bound over boxes of parameters.
+
+    Args:
+        problem: readings, model and parameters with finite bounds.
+        options: gap and number of boxes.
+        observe: is told of every box; its reason to stop ends the search.
+        first: what the implicit method found.
+
+    Attributes:
+        best: the best point so far.
+        done: lowest bound of the boxes that are done with.
+        examined: number of boxes so far.
+        form: of the energy of all pairs, or None where parameters change it.
+    """
 
     def __init__(
         self,
@@ -185,7 +200,7 @@ class _BranchAndBound:
         return left
 
     def improve(self, p: Floats) -> None:
-        """Takes over a better point, after a descent on the model from there."""
+        """Takes over a better point p (n,), SI, after a descent on the model from there."""
         try:
             found = gauss_newton(self.problem.begun_at(p), GaussNewtonOptions(), _silent)
         except ModelError:
@@ -203,7 +218,7 @@ class _BranchAndBound:
         proof = self.best.certificate
         if proof is not None:
             words = (
-                f"No parameters within the bounds have a discrepancy below {bound:.6g}; "
+                f"No parameters within the bounds have a misfit below {bound:.6g}; "
                 f"{self.examined} boxes of parameters were examined",
             )
             kind = "global" if proven else proof.kind
@@ -220,7 +235,7 @@ class _BranchAndBound:
             return STOPPED, self.history.stop
         if proven:
             return "converged", (
-                f"The discrepancy {self.best.objective:.6g} is the lowest within the bounds: "
+                f"The misfit {self.best.objective:.6g} is the lowest within the bounds: "
                 f"{bound:.6g} is a proven bound."
             )
         return "not-converged", (

@@ -78,8 +78,8 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
     x = determined_unknowns(system, matrix, constant[:, None])[:, 0]
     size = sizes_of_kinds(system, x)
     S = size[system.kind_of_slack]
-    unit = size[np.maximum(system.kind_of_unknown, 0)]
-    unit[system.multipliers] = S / system.stiffness
+    unit = size[system.kind_of_unknown]
+    unit[system.multipliers] = S / system.stiffness  # of no kind themselves
     z_p, z_x = ca.SX.sym("p", len(reference)), ca.SX.sym("x", len(x))
     p, mu = z_p * reference, ca.SX.sym("mu")
 
@@ -120,7 +120,7 @@ def _sizes_of_equations(
         start: (n,) parameters, SI.
         unit: (N,) of unknowns.
     """
-    found = size[np.maximum(system.kind_of_equation, 0)]
+    found = size[system.kind_of_equation]
     own = system.kind_of_equation < 0
     constant, matrix = system.equations.at(start)
     free = system.determined

@@ -135,17 +135,19 @@ def open_above(
     """
     found = np.zeros(len(strength), dtype=np.bool_)
     for i in np.flatnonzero(strength & np.isfinite(evaluator.scaling.upper)):
-        if spent():
-            break
-        x = point.x.copy()
-        x[i] = evaluator.scaling.upper[i]
-        trial = evaluator.start(x, "from above")
-        others = np.arange(len(x)) != i
-        found[i] = (
-            trial is not None
-            and phi_after_step(evaluator.box, trial, others) < point.phi + GROWTH_95
-        )
+        found[i] = not spent() and _open_above(evaluator, point, int(i))
     return found
+
+
+def _open_above(evaluator: Evaluator[YieldIterate], point: YieldIterate, i: int) -> bool:
+    """Whether the discrepancy hardly grows where one strength is raised to its upper bound."""
+    x = point.x.copy()
+    x[i] = evaluator.scaling.upper[i]
+    trial = evaluator.start(x, "from above")
+    if trial is None:
+        return False
+    expected = phi_after_step(evaluator.box, trial, np.arange(len(x)) != i)
+    return expected < point.phi + GROWTH_95
 
 
 def certificate(
@@ -199,7 +201,7 @@ def _kind(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> str:
 
 def _remarks(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> Iterator[str]:
     if exact:
-        yield "The readings are met exactly: no parameters can meet them better."
+        yield "The readings are reproduced exactly: no parameters can fit them better."
     place = "The answer lies at a kink of the response"
     if not at_kink:
         place = "The answer lies very close to a kink of the response"

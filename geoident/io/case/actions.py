@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.in_situ import surface_of
-from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coefficient,
     Coefficients,
@@ -60,9 +60,7 @@ class FallSection(Section):
     @model_validator(mode="after")
     def _some_length(self) -> FallSection:
         if [x.factor for x in self.start] == [x.factor for x in self.end]:
-            wrongs = Wrongs()
-            wrongs.add(("to",), "zero-length", "the line begins and ends at one point")
-            wrongs.raise_any()
+            refuse(("to",), "zero-length", "the line begins and ends at one point")
         return self
 
     def line(self, context: Context) -> HeadLine:
@@ -114,17 +112,17 @@ class LoadSection(Section):
 
     @model_validator(mode="after")
     def _one_kind(self) -> LoadSection:
-        wrongs = Wrongs()
+        faults = SectionFaults()
         kinds = [kind for kind in _LOADS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             message = f"found {' and '.join(kinds) or 'no kind of load'}; exactly one of "
-            wrongs.add((), "wrong-pair", f"{message}{', '.join(_LOADS)} is expected")
+            faults.add((), "wrong-pair", f"{message}{', '.join(_LOADS)} is expected")
         else:
-            self._check_place(kinds[0], wrongs)
-        wrongs.raise_any()
+            self._check_place(kinds[0], faults)
+        faults.raise_any()
         return self
 
-    def _check_place(self, kind: str, wrongs: Wrongs) -> None:
+    def _check_place(self, kind: str, faults: SectionFaults) -> None:
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
         if kind == "seismic":
             expected, good = "neither 'on' nor 'at' is expected", not places
@@ -134,7 +132,7 @@ class LoadSection(Section):
             expected, good = "'on' with a group of faces is expected", places == ["on"]
         if not good:
             found = " and ".join(f"'{place}'" for place in places) or "no place"
-            wrongs.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
+            faults.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
 
     def load(self, context: Context) -> Load:
         """The load for the model; what cannot be is noted as a fault."""
@@ -211,15 +209,15 @@ class TemperatureFieldSection(Section):
 
     @model_validator(mode="after")
     def _as_many(self) -> TemperatureFieldSection:
-        wrongs = Wrongs()
+        faults = SectionFaults()
         if self.file is not None or not self.points or not self.values:
             given = [key for key in ("points", "values", "file") if getattr(self, key) is not None]
             message = f"found {' and '.join(given) or 'neither'}; points with values, or a file, is"
-            wrongs.add((), "wrong-pair", f"{message} expected")
+            faults.add((), "wrong-pair", f"{message} expected")
         elif len(self.points) != len(self.values):
             message = f"{len(self.values)} values for {len(self.points)} points"
-            wrongs.add(("values",), "wrong-number", message, "Write one value for each point.")
-        wrongs.raise_any()
+            faults.add(("values",), "wrong-number", message, "Write one value for each point.")
+        faults.raise_any()
         return self
 
     def field(self, context: Context) -> TemperatureField:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Accuracy,
     Coordinates,
@@ -59,10 +59,8 @@ class _GaugeBase(Section):
     @model_validator(mode="after")
     def _one_drift(self) -> _GaugeBase:
         if self.drift is not None and self.drift_per_stage is not None:
-            wrongs = Wrongs()
             message = "found drift and drift_per_stage; one of them is expected"
-            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
-            wrongs.raise_any()
+            refuse((), "wrong-pair", message, "Give exactly one of them.")
         return self
 
     def channel_names(self, name: str) -> list[str]:
@@ -160,14 +158,14 @@ class DisplacementSection(_GaugeBase):
 
     @model_validator(mode="after")
     def _one_direction(self) -> DisplacementSection:
-        wrongs = Wrongs()
+        faults = SectionFaults()
         if (self.component is None) == (self.direction is None):
             found = "neither" if self.component is None else "both"
             message = f"found {found}; either component or direction is expected"
-            wrongs.add((), "wrong-pair", message, "Give exactly one of them.")
+            faults.add((), "wrong-pair", message, "Give exactly one of them.")
         if self.direction is not None and not any(x.factor for x in self.direction):
-            wrongs.add(("direction",), "zero-direction", "the direction has length zero")
-        wrongs.raise_any()
+            faults.add(("direction",), "zero-direction", "the direction has length zero")
+        faults.raise_any()
         return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import attitude, axes_about, axes_along
-from geoident.io.case.parameters import ParameterSection
+from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.yielding import YieldSections, build_yields
-from geoident.io.schema.section import Context, Section, Wrongs, require_one_of
+from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -60,20 +60,12 @@ class _MaterialBase(Section):
     @model_validator(mode="after")
     def _density_not_negative(self) -> _MaterialBase:
         if self.density and self.density.parameter is None and self.density.factor < 0:
-            wrongs = Wrongs()
-            wrongs.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
-            wrongs.raise_any()
+            refuse(("density",), "out-of-range", f"'{self.density.text}' is negative")
         return self
 
     @abstractmethod
     def elasticity(self, context: Context) -> Elastic:
         """The elasticity for the model; what cannot be is noted as a fault."""
-
-    @property
-    def numbers(self) -> list[Given]:
-        """The numbers of the section itself, those of yield surfaces left out."""
-        values = [getattr(self, name) for name in type(self).model_fields]
-        return [value for value in values if isinstance(value, Given)]
 
     def _scalars(self, names: Sequence[str]) -> dict[str, Scalar]:
         """Numbers that the validation has made sure of, by name."""
@@ -313,19 +305,16 @@ def _check_start(
     context: Context,
 ) -> None:
     """Note a constant that is inadmissible at the start of the parameters."""
-    ties = [given for given in section.numbers if given.parameter is not None]
-    starts = {name: p.start for name, p in parameters.items()}
-    if any(t.parameter not in starts or starts[t.parameter].dimension != t.dimension for t in ties):
-        return  # a tie to nothing, or to another dimension, is a fault by itself
-    found = breach(elastic, {name: start.factor for name, start in starts.items()})
+    starts = start_values(section.numbers, parameters)
+    found = None if starts is None else breach(elastic, starts)
     if found is None:
         return
     given: Given = getattr(section, found.constant)
-    moved = sorted({t.parameter for t in ties if t.parameter and t.dimension != "angle"})
+    ties = {n.parameter for n in section.numbers if n.parameter and n.dimension != "angle"}
     if given.parameter is not None:
         message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
         hint = f"Change the start of {given.parameter}."
     else:
         message = f"'{given.text}' makes the stiffness indefinite; {found.limit}"
-        hint = f"Change it, or the start of {', '.join(moved)}." if moved else ""
+        hint = f"Change it, or the start of {', '.join(sorted(ties))}." if ties else ""
     context.at(found.constant).refuse("out-of-range", message, hint)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.section import Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -127,11 +127,9 @@ class HeimModel(_ModelBase):
     def _one_way(self) -> HeimModel:
         given = [k for k in ("vertical", "unit_weight", "surface") if getattr(self, k) is not None]
         if given not in (["vertical"], ["unit_weight", "surface"]):
-            wrongs = Wrongs()
             message = f"found {' and '.join(given) or 'neither'}; vertical, or unit_weight with"
             hint = "Give 'vertical' alone, or 'unit_weight' and 'surface'."
-            wrongs.add((), "wrong-pair", f"{message} surface, is expected", hint)
-            wrongs.raise_any()
+            refuse((), "wrong-pair", f"{message} surface, is expected", hint)
         return self
 
     def stress(self, context: Context) -> HeimStress:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.schema.section import Section, Wrongs
+from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import AnyQuantity, Bounds, Given
 from geoident.model.case import KeyPath
 from geoident.model.parameter import Parameter, Prior
@@ -38,12 +39,12 @@ class ParameterSection(Section):
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> ParameterSection:
-        wrongs = Wrongs()
-        self._check_dimensions(wrongs)
-        if not wrongs.found:
-            self._check_bounds(wrongs)
-            self._check_prior(wrongs)
-        wrongs.raise_any()
+        faults = SectionFaults()
+        self._check_dimensions(faults)
+        if not faults.found:
+            self._check_bounds(faults)
+            self._check_prior(faults)
+        faults.raise_any()
         return self
 
     def parameter(self, name: str) -> Parameter:
@@ -75,46 +76,67 @@ class ParameterSection(Section):
         between = low.factor <= self.start.factor * size <= high.factor
         return low.unit if between and low.unit else DIMENSIONS[low.dimension]
 
-    def _check_dimensions(self, wrongs: Wrongs) -> None:
+    def _check_dimensions(self, faults: SectionFaults) -> None:
         start, wanted = self.start, {bound.dimension for bound in self.bounds}
         if start.unit == "" and wanted.isdisjoint({DIMENSIONLESS}):
             message = f"the start '{start.text}' has no unit, but its bounds have"
             unit = self._likely_unit()
-            wrongs.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
+            faults.add(("start",), "unit", message, f"Write '{start.text} {unit}' or another unit.")
             return
         for path, given in self._numbers():
             if given.dimension != start.dimension:
                 message = f"'{given.text}' is {with_article(given.dimension)}, but start "
                 message += f"'{start.text}' is {with_article(start.dimension)}"
-                wrongs.add(path, "unit", message, "Write both in units of one dimension.")
+                faults.add(path, "unit", message, "Write both in units of one dimension.")
 
-    def _check_bounds(self, wrongs: Wrongs) -> None:
+    def _check_bounds(self, faults: SectionFaults) -> None:
         lower, upper = self.bounds
         if lower.factor >= upper.factor:
             message = f"the lower bound '{lower.text}' is not below the upper '{upper.text}'"
             hint = f"Write [{upper.text}, {lower.text}]." if lower.factor > upper.factor else ""
-            wrongs.add(("bounds",), "bad-bounds", message, hint or "Let them differ.")
+            faults.add(("bounds",), "bad-bounds", message, hint or "Let them differ.")
         elif not lower.factor <= self.start.factor <= upper.factor:
             message = f"the start '{self.start.text}' is outside the bounds "
             message += f"[{lower.text}, {upper.text}]"
-            wrongs.add(("start",), "start-outside", message, "Widen the bounds or move the start.")
+            faults.add(("start",), "start-outside", message, "Widen the bounds or move the start.")
         if self.scale == "log" and min(lower.factor, upper.factor) <= 0:
             message = f"scale log needs positive bounds; found [{lower.text}, {upper.text}]"
-            wrongs.add(("bounds",), "bad-bounds", message, "Raise the bound or use scale: linear.")
+            faults.add(("bounds",), "bad-bounds", message, "Raise the bound or use scale: linear.")
 
-    def _check_prior(self, wrongs: Wrongs) -> None:
+    def _check_prior(self, faults: SectionFaults) -> None:
         if self.prior is None:
             return
         if self.prior.sd.factor <= 0:
             message = f"the standard deviation '{self.prior.sd.text}' is not positive"
-            wrongs.add(("prior", "sd"), "bad-prior", message, "Write one above zero.")
+            faults.add(("prior", "sd"), "bad-prior", message, "Write one above zero.")
         if self.prior.kind == "lognormal":
-            self._check_lognormal(wrongs, self.prior)
+            self._check_lognormal(faults, self.prior)
 
-    def _check_lognormal(self, wrongs: Wrongs, prior: PriorSection) -> None:
+    def _check_lognormal(self, faults: SectionFaults, prior: PriorSection) -> None:
         if prior.mean.factor <= 0:
             message = f"a lognormal prior needs a positive mean; found '{prior.mean.text}'"
-            wrongs.add(("prior", "mean"), "bad-prior", message, "Use kind: normal.")
+            faults.add(("prior", "mean"), "bad-prior", message, "Use kind: normal.")
         if self.bounds[0].factor <= 0:
             message = f"a lognormal prior needs positive bounds; found '{self.bounds[0].text}'"
-            wrongs.add(("bounds", 0), "bad-prior", message, "Raise the bound or use kind: normal.")
+            faults.add(("bounds", 0), "bad-prior", message, "Raise the bound or use kind: normal.")
+
+
+def start_values(
+    numbers: Iterable[Given], parameters: Mapping[str, ParameterSection]
+) -> dict[str, float] | None:
+    """The parameters at their starts, by name, SI.
+
+    Args:
+        numbers: what is to be evaluated there.
+        parameters: name to section.
+
+    Returns:
+        None if one of the numbers is tied to no parameter, or to one of another dimension.
+    """
+    starts = {name: section.start for name, section in parameters.items()}
+    for tie in numbers:
+        if tie.parameter is None:
+            continue
+        if tie.parameter not in starts or starts[tie.parameter].dimension != tie.dimension:
+            return None
+    return {name: start.factor for name, start in starts.items()}

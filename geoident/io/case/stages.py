@@ -65,8 +65,8 @@ class StageSection(Section):
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
     build: list[Name] = Field(
         [],
-        description="Names of `structures` (linings, bolts) that stand from this stage on. They "
-        "are free of stress when they are built, and carry part of what acts from then on.",
+        description="Names of `structures` (linings, bolts) that are built. They "
+        "begin free of stress, and carry part of what acts from then on.",
         examples=[["lining"]],
     )
     dismantle: list[Name] = Field(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.schema.section import Context, Section, Wrongs
+from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     AxialStiffness,
     BendingStiffness,
@@ -35,11 +35,9 @@ class _StructureBase(Section):
         given = [key for key in keys if getattr(self, key) is not None]
         if any(sorted(way) == given for way in ways):
             return
-        wrongs = Wrongs()
         expected = ", or ".join(" and ".join(way) for way in ways)
         message = f"found {' and '.join(given) or 'no stiffness'}; {expected} is expected"
-        wrongs.add((), "wrong-pair", message, "Give the stiffness in one of these ways.")
-        wrongs.raise_any()
+        refuse((), "wrong-pair", message, "Give the stiffness in one of these ways.")
 
 
 class BeamSection(_StructureBase):
@@ -51,7 +49,7 @@ class BeamSection(_StructureBase):
     """
 
     kind: Literal["beam"]
-    on: Name = Field(description="Group of lines of the mesh on which it stands.")
+    on: Name = Field(description="Group of lines of the mesh on which it is built.")
     E: Modulus | None = Field(None, description="Young's modulus.")
     thickness: Size | None = Field(None, description="Thickness.", examples=["0.2 m"])
     nu: Ratio | None = Field(
@@ -109,12 +107,12 @@ class BoltSection(_StructureBase):
     @model_validator(mode="after")
     def _one_way(self) -> BoltSection:
         self._require_one_of(("E", "diameter"), ("EA",))
-        wrongs = Wrongs()
+        faults = SectionFaults()
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
                 message = "the bolt begins and ends at one point"
-                wrongs.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
-        wrongs.raise_any()
+                faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
+        faults.raise_any()
         return self
 
     def structure(self, context: Context) -> Bolts:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import attitude, axes_about
-from geoident.io.case.parameters import ParameterSection
+from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.schema.section import Context, Section, require_one_of
 from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
 from geoident.model.ground import Elastic, Isotropic
@@ -51,12 +51,6 @@ class _SurfaceBase(Section):
     def key_of(self, strength: str) -> str:
         """The key under which a strength of the model stands."""
         return strength
-
-    @property
-    def numbers(self) -> list[Given]:
-        """The numbers of the section itself."""
-        values = [getattr(self, name) for name in type(self).model_fields]
-        return [value for value in values if isinstance(value, Given)]
 
 
 class YieldPlaneSection(Section):
@@ -342,11 +336,8 @@ def _check_strengths(
     context: Context,
 ) -> None:
     """Note a strength that is inadmissible as given, or at the start of the parameters."""
-    ties = [number for number in section.numbers if number.parameter is not None]
-    starts = {name: p.start for name, p in parameters.items()}
-    if any(t.parameter not in starts or starts[t.parameter].dimension != t.dimension for t in ties):
-        return  # a tie to nothing, or to another dimension, is a fault by itself
-    found = surface.breach({name: start.factor for name, start in starts.items()})
+    starts = start_values(section.numbers, parameters)
+    found = None if starts is None else surface.breach(starts)
     if found is None:
         return
     key = section.key_of(found.constant)

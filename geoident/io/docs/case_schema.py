@@ -22,8 +22,8 @@ _HEAD = """\
 # All keys of a case file
 
 Made from the code that reads cases (`geoident schema --markdown`). Bold keys are required.
-A quantity carries its unit (`15 GPa`); where `$parameter` may stand, a parameter of the case takes
-the place of the number, also with a factor (`0.6 $E_rock`).
+A quantity carries its unit (`15 GPa`); where `$parameter` is allowed, a parameter of the case may
+take the place of the number, also with a factor (`0.6 $E_rock`).
 """
 _REF = "#/$defs/"
 _SUFFIX = "Section"
@@ -65,12 +65,12 @@ def _describe_keys(section: dict[str, Any], sections: dict[str, Any]) -> None:
 
 
 def case_schema_text() -> str:
-    """The schema as it stands in ``schemas/case.schema.json``."""
+    """The schema as it is in ``schemas/case.schema.json``."""
     return json.dumps(case_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 def key_page_text() -> str:
-    """The page of all keys as it stands in ``geoident/docs/keys.md``."""
+    """The page of all keys as it is in ``geoident/docs/keys.md``."""
     return _key_page(case_schema())
 
 
@@ -155,7 +155,7 @@ def _yaml(value: object) -> str:
 
 
 def _value(node: Schema, sections: Schema) -> str:
-    """What may stand there."""
+    """What is allowed there."""
     if "$ref" in node:
         heading = title(str(node["$ref"]).removeprefix(_REF))
         return f"[{heading}](#{heading.lower().replace(' ', '-')})"

@@ -18,11 +18,11 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.gauges import ReadingTable
 from geoident.model.result import (
     DIAGNOSTIC_COLUMNS,
     Diagnostics,
     GaugeTable,
-    ReadingTable,
 )
 from geoident.units import DIMENSIONS
 

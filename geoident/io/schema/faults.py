@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from geoident.io.schema.section import WRONGS, Wrong
+from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -50,7 +50,7 @@ def add_schema_faults(
         faults: takes them.
         errors: what pydantic found.
         data: what was read.
-        known: the keys that may stand at each place, for hints.
+        known: the keys that are allowed at each place, for hints.
     """
     for error in errors:
         path, node, is_key = _resolve(error, data)
@@ -61,7 +61,7 @@ def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:
     """Path in the file, the node there, and whether the error is about the key itself.
 
     The locations of pydantic hold more than the keys of the file: tags of the ways in which a key
-    can be written, and ``[key]``. They are told by their absence from the file.
+    can be written, and ``[key]``. They are recognised by not being in the file.
     """
     path: KeyPath = ()
     node, is_key = data, False
@@ -86,10 +86,10 @@ def _add(
 ) -> None:
     context: dict[str, Any] = error.get("ctx", {})
     kind = error["type"]
-    if kind == WRONGS:
-        wrongs: list[Wrong] = context["found"]
-        for wrong in wrongs:
-            faults.add((*path, *wrong.path), wrong.code, wrong.message, wrong.hint)
+    if kind == SECTION_FAULTS:
+        found: list[SectionFault] = context["found"]
+        for fault in found:
+            faults.add((*path, *fault.path), fault.code, fault.message, fault.hint)
     elif kind == "value_error":
         _add_refused(faults, path, context["error"], is_key=is_key)
     elif kind == "extra_forbidden":
@@ -163,7 +163,7 @@ def _add_other(
         message = f"found {context['actual_length']} entries; {least}{number} {entries} expected"
         hint = f"Write {least}{number}, or remove the key if it need not be there."
     else:
-        message, hint = error["msg"], "`geoident schema` lists what may stand here."
+        message, hint = error["msg"], "`geoident schema` lists what is allowed here."
     faults.add(path, "wrong-kind", message, hint)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
@@ -13,7 +13,7 @@ from geoident.io.schema.values import Given
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, KeyPath
 
-WRONGS = "wrongs"
+SECTION_FAULTS = "section_faults"
 """Type of the pydantic error that carries several faults of one section."""
 
 
@@ -30,6 +30,12 @@ class Section(BaseModel):
             known = tuple(f.alias or name for name, f in cls.model_fields.items())
             info.context[id(data)] = known
         return data
+
+    @property
+    def numbers(self) -> list[Given]:
+        """The numbers of the section itself, not of what is below it."""
+        values = [getattr(self, name) for name in type(self).model_fields]
+        return [value for value in values if isinstance(value, Given)]
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Wrong:
+class SectionFault:
     """A fault inside a section, with its path from there."""
 
     path: KeyPath
@@ -93,10 +99,10 @@ class Wrong:
 
 
 @dataclass
-class Wrongs:
+class SectionFaults:
     """Collects what is wrong within one section, where it takes several keys to see it."""
 
-    found: list[Wrong] = field(default_factory=list)
+    found: list[SectionFault] = field(default_factory=list)
 
     def add(self, path: KeyPath, code: str, message: str, hint: str = "") -> None:
         """Note a fault.
@@ -107,7 +113,7 @@ class Wrongs:
             message: what is wrong.
             hint: what would be right.
         """
-        self.found.append(Wrong(path, code, message, hint))
+        self.found.append(SectionFault(path, code, message, hint))
 
     def raise_any(self) -> None:
         """Tell pydantic.
@@ -116,7 +122,23 @@ class Wrongs:
             PydanticCustomError: there are faults.
         """
         if self.found:
-            raise PydanticCustomError(WRONGS, "faults in a section", {"found": self.found})
+            raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": self.found})
+
+
+def refuse(path: KeyPath, code: str, message: str, hint: str = "") -> NoReturn:
+    """Refuse a section for one fault.
+
+    Args:
+        path: of the key, from the section on.
+        code: short stable name of the kind of fault.
+        message: what was found and what is expected.
+        hint: the likely remedy.
+
+    Raises:
+        PydanticCustomError: always.
+    """
+    fault = SectionFault(path, code, message, hint)
+    raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": [fault]})
 
 
 def require_one_of(
@@ -136,7 +158,5 @@ def require_one_of(
     known = dict.fromkeys(name for way in ways for name in way)
     given = [name for name in known if getattr(section, name) is not None]
     if given not in [list(way) for way in ways]:
-        wrongs = Wrongs()
         message = f"found {' and '.join(given) or 'no constants'}; {expected} expected"
-        wrongs.add((), "wrong-pair", message, hint)
-        wrongs.raise_any()
+        refuse((), "wrong-pair", message, hint)

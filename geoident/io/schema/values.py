@@ -147,10 +147,9 @@ class Of:
 
     Args:
         dimension: key of `geoident.units.DIMENSIONS`, or None for any.
-        tied: ``$parameter`` may stand here.
+        tied: ``$parameter`` is allowed.
         above: the number must be larger, if it is given.
         below: the number must be smaller, if it is given.
-        default: text that stands for a missing key, for the schema.
     """
 
     dimension: str | None
@@ -190,7 +189,7 @@ class Of:
         if self.tied and not well_formed:
             hint = "Write $NAME or FACTOR $NAME, such as 0.6 $E_rock."
             return Refusal("bad-tie", f"'{shorten(text)}' is not a tie to a parameter", hint)
-        message = f"'{shorten(text)}': a parameter cannot stand here; {self.words()} is expected"
+        message = f"'{shorten(text)}': a parameter cannot be used here; {self.words()} is expected"
         return Refusal("bad-tie", message, "Write the number itself.")
 
     def _in_range(self, given: Given) -> Given:
@@ -237,7 +236,7 @@ class Of:
         return f"{self.words()} is expected, such as {self._example()}{which}{tie}"
 
     def _example(self) -> str:
-        """A number that may stand there."""
+        """A number that is allowed there."""
         return (
             "15 GPa"
             if self.dimension == "pressure" and self.above == 0
@@ -245,7 +244,7 @@ class Of:
         )
 
     def _short(self) -> str:
-        """What may stand there, in a few words."""
+        """What is allowed there, in a few words."""
         words = self.dimension if self.dimension != DIMENSIONLESS else "number"
         return f"{words or 'quantity'}{' or `$parameter`' if self.tied else ''}"
 

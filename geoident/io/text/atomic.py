@@ -5,7 +5,7 @@ only then given its final name; that last step is one indivisible operation of t
 run that dies (kill -9, power) leaves at most its temporary, ``.NAME.<pid>.part``, which the
 next run that writes NAME removes once the process of that number is gone.
 
-No output replaces an input of its command, whatever it was told: every output says here what its
+No output replaces an input of its command, whatever the options: every output says here what its
 command reads.
 """
 
@@ -144,7 +144,7 @@ def _sweep(final: Path) -> None:
 
 
 def _runs(pid: int) -> bool:
-    """Whether another process of that number is alive; on Windows, where it is not told, yes."""
+    """Whether another process of that number is alive; on Windows, where that is unknown, yes."""
     if pid == os.getpid():
         return False
     if sys.platform == "win32":

@@ -1,4 +1,4 @@
-"""Values that a skeleton leaves to its user: each is a fault until something stands there."""
+"""Values that a skeleton leaves to its user: each is a fault until it is replaced."""
 
 from __future__ import annotations
 

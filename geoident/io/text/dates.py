@@ -35,7 +35,7 @@ def format_problem(pattern: str) -> str | None:
         )
     for token in ("YYYY", "MM", "DD"):
         if pattern.count(token) != 1:
-            return f"{token} must stand in it once"
+            return f"{token} must occur in it once"
     twice = next((token for token in ("hh", "mm", "ss") if pattern.count(token) > 1), None)
     return f"{twice} occurs in it more than once" if twice else None
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
-from geoident.report.text.gauges import by_distance, by_stage, wide_diagnostics
+from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
 
@@ -131,6 +131,27 @@ def _gauges(result: Result) -> CsvTable:
     ]
     header = ("measured", "computed", "residual", "sd", "unit", "residual_in_sd", "used")
     return CsvTable(("gauge", "stage", *header), tuple(rows))
+
+
+def _readings(result: Result) -> CsvTable:
+    """Every reading, in the order of the files."""
+    header = ("gauge", "stage", "time", "value", "computed", "sd", "unit", "used", "reason")
+    rows: list[CsvRow] = [
+        (
+            reading["gauge"],
+            reading["stage"],
+            reading["time"] or "",
+            *(
+                in_unit(float(reading[name]), *reading["shown"])
+                for name in ("value", "computed", "sd")
+            ),
+            shown_unit(*reading["shown"]),
+            reading["used"],
+            reading["reason"],
+        )
+        for reading in each_reading(result.gauges)
+    ]
+    return CsvTable(header, tuple(rows))
 
 
 def _diagnostics(result: Result) -> CsvTable:
@@ -276,6 +297,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "sensitivity": _sensitivity,
     "structures": _structures,
     "grid": _grid,
+    "readings": _readings,
 }
 
 CSV_TABLES = tuple(_TABLES)

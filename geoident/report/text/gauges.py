@@ -11,6 +11,7 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -268,7 +269,7 @@ def influence_title(found: Diagnostics | None) -> str:
     if found is None:
         return ""
     scale = number(found.scale, 2)
-    title = f"Most influential readings (residuals have {scale} of the stated deviation)"
+    title = f"Most influential readings (residuals: {scale} of the stated standard deviation)"
     if found.loss != "squared":
         title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
     return title
@@ -326,6 +327,42 @@ def diagnostics_object(result: Result) -> dict[str, Any]:
 def wide_diagnostics(result: Result) -> Diagnostics | None:
     """The diagnostics by channel and stage: several readings in one place in one row."""
     return None if result.diagnostics is None else result.diagnostics.wide(result.gauges)
+
+
+def each_reading(gauges: GaugeTable) -> list[dict[str, Any]]:
+    """Every reading with its time, and why it is not used, in the order of the files.
+
+    Values in SI, the time as text or None; ``shown`` is unit and dimension of its channel.
+    """
+    table = gauges.readings
+    units = zip(gauges.channels, gauges.units, gauges.dimensions, strict=True)
+    shown = {channel: (unit, dimension) for channel, unit, dimension in units}
+    return [
+        {
+            "gauge": table.channel[k],
+            "stage": table.stage[k],
+            "time": _time_text(float(table.time[k])),
+            "value": float(table.value[k]),
+            "computed": float(table.computed[k]),
+            "sd": float(table.sd[k]),
+            "used": bool(table.used[k]),
+            "reason": table.reason[k],
+            "shown": shown[table.channel[k]],
+        }
+        for k in range(len(table))
+    ]
+
+
+def _time_text(seconds: float) -> str | None:
+    """Date and time (ISO 8601) of seconds since 1970; None for NaN.
+
+    >>> _time_text(86400.0)
+    '1970-01-02T00:00:00'
+    """
+    if math.isnan(seconds):
+        return None
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
+    return moment.replace(tzinfo=None).isoformat(timespec="seconds")
 
 
 def by_distance(found: Diagnostics) -> Ints:

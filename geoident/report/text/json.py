@@ -18,7 +18,7 @@ from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
-from geoident.report.text.gauges import by_stage, diagnostics_object
+from geoident.report.text.gauges import by_stage, diagnostics_object, each_reading
 from geoident.report.text.structures import structures_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -61,6 +61,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "parameters": parameters_object(result.parameters),
         "gauges": gauges_list(result),
         "predictions": predictions_list(result),
+        "readings": readings_list(result),
         "findings": result.findings,
         "notes": result.notes,
         "singular_values": result.singular_values,
@@ -122,6 +123,13 @@ def gauges_list(result: Result) -> list[dict[str, Any]]:
         }
         for i, j in by_stage(known)
     ]
+
+
+def readings_list(result: Result) -> list[dict[str, Any]]:
+    """One object for every reading, in the order of the files, with the reason why it is unused."""
+    readings = each_reading(result.gauges)
+    units = [si_unit(reading.pop("shown")[1]) for reading in readings]
+    return [{**reading, "unit": unit} for reading, unit in zip(readings, units, strict=True)]
 
 
 def predictions_list(result: Result) -> list[dict[str, Any]]:

@@ -12,8 +12,9 @@ from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ReadingTable
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable
 
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""

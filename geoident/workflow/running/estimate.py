@@ -14,8 +14,9 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
-from geoident.model.result import Counts, ReadingTable
+from geoident.model.result import Counts
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.io.result.file import read_result, write_result
 from geoident.model.result import Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import Setup
+from geoident.workflow.running.estimate import (
+    Setup,
+    evaluation_log,
+    prepare,
+    problem_of,
+    search,
+)
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.outputs import Standing
 from geoident.workflow.running.readings import unused_by_stage
@@ -42,7 +50,30 @@ def write(job: Job, result: Result) -> Finished:
     return Finished(result, write_result(result, path, overwrite=overwrite, inputs=inputs))
 
 
-def tell_readings(setup: Setup, control: Control) -> None:
+def searched(
+    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome], Result]
+) -> Finished:
+    """Runs the search of a command and writes its result; keeps one that is up to date.
+
+    Args:
+        job: what to do.
+        control: progress, budget and stops.
+        result: what is written of the case, its problem and the outcome of the search.
+
+    Raises:
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if job.up_to_date:
+        return keep(job)
+    setup = prepare(job)
+    _tell_readings(setup, control)
+    with evaluation_log(job, control) as log:
+        problem = problem_of(setup, log, control)
+        outcome = search(problem, job.methods, control)
+        return write(job, result(setup, problem, outcome))
+
+
+def _tell_readings(setup: Setup, control: Control) -> None:
     """Say how many readings are used, which are not, and why."""
     readings = setup.readings
     control.monitor.detail(f"{np.count_nonzero(readings.used)} readings are used")

@@ -17,8 +17,8 @@ from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Reading
-from geoident.model.result import GaugeTable, ReadingTable
+from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.result import GaugeTable
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""

@@ -69,7 +69,7 @@ def test_finds_strengths_from_anywhere(start, scale):
     assert found.status == "converged"
     assert found.certificate.kind == "global"
     assert found.certificate.bound == 0.0
-    assert "met exactly" in found.reason
+    assert "reproduced exactly" in found.reason
 
 
 def test_the_scan_lowers_all_strengths_from_their_upper_bounds_by_one_factor():

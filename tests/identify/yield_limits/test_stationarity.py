@@ -164,7 +164,9 @@ def test_kinds_of_points():
 def test_what_is_said_of_a_point():
     kink = activity(biactive=2)
     exact = certified(checked_point(), exact=True)
-    assert exact.remarks == ("The readings are met exactly: no parameters can meet them better.",)
+    assert exact.remarks == (
+        "The readings are reproduced exactly: no parameters can fit them better.",
+    )
     assert (exact.bound, exact.gradient) == (0.0, 0.25)
     assert certified(checked_point()).remarks == ()
     assert np.isnan(certified(checked_point()).bound)

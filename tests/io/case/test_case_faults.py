@@ -20,7 +20,7 @@ FAULTS = {
     "nan": ("0.25", "«.nan", "materials.rock.nu", ["'.nan' is not a finite number"]),
     "inf": ("8 MPa", "«inf MPa", "in_situ.vertical", ["not a finite number"]),
     "last entry bare": ("[12.5, 3 m]", "[12.5 m, «3]", "gauges.EX1.head[1]", ["no unit"]),
-    "tie where none may be": ("0.1 mm", "«$K0", "gauges.EX1.accuracy", ["parameter cannot stand"]),
+    "tie where none may be": ("0.1 mm", "«$K0", "gauges.EX1.accuracy", ["cannot be used here"]),
     "malformed tie": ("$K0", "«$K0*2", "in_situ.K0", ["not a tie", "0.6 $E_rock"]),
     "accuracy of zero": ("0.1 mm", "«0 mm", "gauges.EX1.accuracy", ["must be positive"]),
     "more released than there is": (

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from geoident.errors import InputError
+from geoident.io.readings.file import FORMATS, Format
 from geoident.io.text.dates import read_date
+from geoident.model.gauges import Reading
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 
@@ -370,7 +372,7 @@ def test_monitoring_groups_of_ags_files(read):
         (", MOND_TYPE: DSPA", "", 8, "'degC' is the unit of"),
         ('"-1.5"', '"1,5"', 5, "two ways"),
         ('"02/03/2024 08:00","DSPA","-1.5"', '"2024-03-02","DSPA","-1.5"', 5, "no date of"),
-        ('"dd/mm/yyyy hh:mm"', '"dd/mm/dd"', 0, "YYYY must stand in it once"),
+        ('"dd/mm/yyyy hh:mm"', '"dd/mm/dd"', 0, "YYYY must occur in it once"),
         ('"MOND"', '"MONX"', 0, "no group MOND"),
         ('"DATA","BH7"', '"DATA","x","BH7"', 0, "not a readable AGS4 file"),
     ],
@@ -417,3 +419,17 @@ def test_what_is_wrong_with_a_drift_is_said(project, changed, given, dates, word
     text += f"dates: {dates}\n" if dates else ""
     faults = project.faults(text)
     assert any(words in fault.message for fault in faults), faults
+
+
+# A new format is a reader and a line in a table
+
+
+def test_a_new_format_needs_a_reader_and_a_line_in_the_table_of_formats(read, monkeypatch):
+    def lines_of_a_logger(path, layout):
+        assert layout.dimension("CV1") == "length"
+        rows = [line.split() for line in Path(path).read_text().splitlines()]
+        return tuple(Reading(name, stage, float(value)) for name, stage, value in rows)
+
+    monkeypatch.setitem(FORMATS, ".log", Format(lines_of_a_logger))
+    case = read("readings: site.log", files={"site.log": "CV1 heading 0.002\n"})
+    assert values(case) == [("CV1", "heading", 2.0)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     BeforeValidator,
@@ -14,11 +14,12 @@ from pydantic import (
     model_validator,
 )
 
+from geoident.io.case.gauges import GaugeSection
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import COLUMNS, Layout, Origin
-from geoident.io.schema.section import Section, Wrongs
-from geoident.io.schema.values import Accuracy, Flag, Length, Name, Text, require_text
+from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.values import Flag, Given, Name, Of, Text, require_text
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.units import UNITS, UnitError, normal_unit, unit_list
@@ -46,7 +47,19 @@ def _date_format(value: object) -> str:
     return text
 
 
-READ = ("length",)
+def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
+    """Dimensions of what gauges of some kinds read: those of their accuracies."""
+    marks = [mark for kind in kinds for mark in kind.model_fields["accuracy"].metadata]
+    found = [mark.dimension for mark in marks if isinstance(mark, Of)]
+    return tuple(dict.fromkeys(name for name in found if name is not None))
+
+
+def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
+    """What a reading must be that stands in the case: any quantity where gauges read several."""
+    return Of(read[0] if len(read) == 1 else None, above=above)
+
+
+READ = dimensions_of(get_args(get_args(GaugeSection)[0]))
 """Dimensions of what gauges read."""
 _WHAT = " or ".join(READ)
 _UNITS = ", ".join(unit_list(dimension) for dimension in READ)
@@ -90,6 +103,8 @@ DateFormat = Annotated[
     BeforeValidator(_date_format),
     WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
 ]
+ReadValue = Annotated[Given, quantity_read(READ)]
+ReadAccuracy = Annotated[Given, quantity_read(READ, above=0.0)]
 UnitRead = Annotated[str, BeforeValidator(_unit_read), WithJsonSchema({"enum": _UNITS.split(", ")})]
 Sign = Annotated[int, BeforeValidator(_sign), WithJsonSchema({"enum": [1, -1]})]
 
@@ -99,8 +114,8 @@ class ReadingSection(Section):
 
     gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
     stage: Name = Field(description="Stage at whose end it was read.")
-    value: Length | None = Field(description="What was read; empty if it is missing.")
-    accuracy: Accuracy | None = Field(None, description="Its own standard deviation.")
+    value: ReadValue | None = Field(description="What was read; empty if it is missing.")
+    accuracy: ReadAccuracy | None = Field(None, description="Its own standard deviation.")
 
 
 class OriginSection(Section):
@@ -166,19 +181,19 @@ class ReadingsFileSection(Section):
 
     @model_validator(mode="after")
     def _fits_itself(self) -> ReadingsFileSection:
-        wrongs = Wrongs()
+        faults = SectionFaults()
         many = format_of(self.file).many
         if self.decimal == "," and self.delimiter == "," and not many:
             message = "a comma cannot be decimal mark and delimiter at once"
-            wrongs.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
+            faults.add(("decimal",), "contradiction", message, "Give 'delimiter: \";\"'.")
         if self.unit_row and self.layout != "wide":
             message = "a row of units belongs to the wide layout"
-            wrongs.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
+            faults.add(("unit_row",), "contradiction", message, "Add 'layout: wide'.")
         if many and not self.channels:
             message = f"'channels' is missing: {many} has readings of many instruments"
             hint = "Write channels: {CHANNEL: {MONG_ID: ..., MONG_DIS: ...}}."
-            wrongs.add((), "missing-key", message, hint)
-        wrongs.raise_any()
+            faults.add((), "missing-key", message, hint)
+        faults.raise_any()
         return self
 
     def described(self, dimensions: Mapping[str, str]) -> Layout:

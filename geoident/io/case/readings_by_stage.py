@@ -16,13 +16,14 @@ from functools import cached_property
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges import GaugeSection, sections_of_channels
+from geoident.io.case.readings import ReadingSection, ReadingsFileSection, entries
 from geoident.io.readings.file import format_of
-from geoident.io.readings.schema import ReadingSection, ReadingsFileSection, entries
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import listing
+from geoident.io.text.wording import listing, shorten
 from geoident.model.case import VIRGIN, KeyPath, format_path
 from geoident.model.gauges import Reading
+from geoident.units import unit_list, with_article
 
 Find = Callable[[str, KeyPath], str]
 """Path of a file that the case names at a key; notes a fault if it is not there."""
@@ -63,7 +64,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     found: list[Reading] = []
     for path, entry in entries(section.readings):
         if isinstance(entry, ReadingSection):
-            batch, alone = [_inline(entry, path, faults)], True
+            batch, alone = [_inline(entry, path, calendar, faults)], True
         else:
             batch, alone = _of_file(entry, path, (find, calendar, check), paths, notes)
         check.all(batch, alone=alone)
@@ -100,7 +101,14 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
     return Calendar(stages, dates, sections_of_channels(section.gauges))
 
 
-def _inline(entry: ReadingSection, path: KeyPath, faults: Faults) -> Reading:
+def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Faults) -> Reading:
+    """A reading that stands in the case; its quantities must be those that its channel reads."""
+    wanted = calendar.dimensions.get(entry.gauge)
+    for name, given in (("value", entry.value), ("accuracy", entry.accuracy)):
+        if given is not None and wanted is not None and given.dimension != wanted:
+            found = f"'{shorten(given.text)}' is {with_article(given.dimension)}"
+            message = f"{found}; {with_article(wanted)} is expected"
+            faults.add((*path, name), "unit", message, f"Its units: {unit_list(wanted)}.")
     return Reading(
         channel=entry.gauge,
         stage=entry.stage,
