@@ -14,9 +14,9 @@ from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import Solved
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
-from geoident.model.certificate import Certificate
 from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
+from geoident.model.yielding import Certificate
 
 MANY, FEW = np.arange(41), np.arange(40)
 
