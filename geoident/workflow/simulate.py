@@ -8,13 +8,11 @@ from enum import Enum
 
 import numpy as np
 
-from geoident.errors import ModelError
-from geoident.forward.protocols import CaseModel
 from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
 
 
 class Noise(Enum):
@@ -73,19 +71,6 @@ def simulate(
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
     return Simulated(inputs.case, readings, inputs.files)
-
-
-def start_values(case: Case, model: CaseModel) -> Floats:
-    """The start values (n,) of the parameters, SI.
-
-    Raises:
-        ModelError: they are outside the domain of the model.
-    """
-    p = np.array([parameter.start for parameter in case.parameters], dtype=np.float64)
-    reason = model.admissible(p)
-    if reason is not None:
-        raise ModelError(f"The start values are outside the domain of the model: {reason}")
-    return p
 
 
 def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:

@@ -16,9 +16,9 @@ import xarray
 from geoident.errors import InputError
 from geoident.io.case.file import read_case
 from geoident.io.case.gauges import ConvergenceSection
-from geoident.io.readings.case_readings import Calendar
+from geoident.io.case.readings import READ, dimensions_of, quantity_read
+from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.readings.file import parse_readings
-from geoident.io.readings.schema import READ, dimensions_of, quantity_read
 from geoident.io.readings.table import Layout, Origin
 from geoident.io.result.file import read_result, write_result
 from geoident.io.schema.section import Section

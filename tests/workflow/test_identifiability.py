@@ -11,7 +11,7 @@ from support.trench import CASE, write_case
 
 from geoident.cli.app import geoident
 from geoident.errors import InputError
-from geoident.workflow.running.identifiability import identifiability
+from geoident.workflow.identifiability import identifiability
 
 
 def _invoke(*words):

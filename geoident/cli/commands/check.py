@@ -73,7 +73,7 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 def _identifiability(case: str, options: Options) -> int:
     from geoident.report.text.json import dumps, plan_object
     from geoident.report.text.result import plan_text
-    from geoident.workflow.running.identifiability import identifiability
+    from geoident.workflow.identifiability import identifiability
 
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)

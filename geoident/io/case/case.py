@@ -18,9 +18,9 @@ from geoident.io.case.gauges import GaugeSection, build_channels
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.parameters import ParameterSection
+from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.stages import ABSENT, StageSection
 from geoident.io.case.structures import StructureSection
-from geoident.io.readings.schema import BadSection, Date, Readings
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
     Acceleration,

@@ -21,9 +21,9 @@ from pydantic import ValidationError
 from geoident.errors import InputError
 from geoident.io.case.case import CaseSection, build_case
 from geoident.io.case.overrides import apply_overrides
+from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.temperature_file import with_temperatures
-from geoident.io.readings.case_readings import read_all
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
 from geoident.io.text.blanks import refuse_blanks

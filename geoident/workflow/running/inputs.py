@@ -9,15 +9,19 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from geoident import __version__
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
+from geoident.forward.protocols import CaseModel
 from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN
+from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
@@ -210,3 +214,16 @@ def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | Openin
     if path is None:
         return opening_model(inputs.case)
     return staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+
+
+def start_values(case: Case, model: CaseModel) -> Floats:
+    """The start values (n,) of the parameters, SI.
+
+    Raises:
+        ModelError: they are outside the domain of the model.
+    """
+    p = np.array([parameter.start for parameter in case.parameters], dtype=np.float64)
+    reason = model.admissible(p)
+    if reason is not None:
+        raise ModelError(f"The start values are outside the domain of the model: {reason}")
+    return p

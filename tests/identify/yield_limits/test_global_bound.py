@@ -10,6 +10,7 @@ from support.plastic_bars import Frame, PlasticBars
 
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.yield_limits import global_bound
+from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import Solved
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
@@ -94,6 +95,8 @@ def scripted(monkeypatch):
         monkeypatch.setattr(global_bound, "examined", lambda system, form, box, best: examined(box))
 
         def solve(system, box, form, *, best, gap):
+            assert best == 2.0
+            assert gap == pytest.approx(0.5e-2)
             calls.append(box)
             return solved
 
@@ -107,6 +110,41 @@ class System:
     """What is asked of a condensed system here."""
 
     reference = np.ones(1)
+
+
+def whole_system():
+    """Of one parameter between 0 and 1 and no pairs."""
+    nothing = np.zeros(0)
+    return CondensedSystem(
+        nothing, np.zeros((0, 1)), np.zeros((0, 0)), np.zeros(1), np.zeros((1, 1)),
+        np.zeros((1, 0)), {}, np.zeros(1), np.ones(1), np.ones(1), nothing, nothing,
+    )  # fmt: skip
+
+
+def test_the_box_of_the_lowest_bound_is_next_and_no_more_than_necessary(scripted):
+    """A box is no better than 1.9 left of its middle; all is proven within four boxes."""
+    seen = []
+
+    def look(box):
+        seen.append((box.lower[0], box.upper[0]))
+        return replace(box, bound=1.9 if box.upper[0] <= 0.5 else 1.985, kept=MANY)
+
+    scripted(look)
+    search = counted(max_regions=3)
+    found = search.run(whole_system())
+    assert seen == [(0.0, 1.0)]
+    assert found.certificate.bound == 1.985
+    assert found.status == "converged"
+
+    seen.clear()
+    bounds = iter([0.5, 1.6, 1.4, 1.5, 1.7])
+    scripted(lambda box: look(box) and replace(box, bound=next(bounds), kept=MANY))
+    left = counted(max_regions=4).run(whole_system())
+    # halves have the bound of the whole, in order: left 1.6, right 1.4, then the right one's halves
+    assert seen == [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0), (0.5, 0.75)]
+    assert left.certificate.bound == 1.4
+    assert left.status == "not-converged"
+    assert "After 4 boxes the proven bound is 1.4" in left.reason
 
 
 def test_an_empty_box_has_nothing_below_the_best(scripted):

@@ -64,9 +64,11 @@ def test_a_box_is_cut_across_its_longest_edge():
     assert below.kept.tolist() == above.kept.tolist() == [3, 5]
 
 
-@pytest.mark.parametrize(("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (1.0, 2.2, 4.0)])
+@pytest.mark.parametrize(
+    ("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (2.9, 3.0, 1.0 / 9.0), (1.0, 2.2, 4.0)]
+)
 def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
-    """At k = 3.4, lam is 0.5 and v = 2.2; at k = 2.2, lam is 1.5 and v = 2.6."""
+    """At k = 3.4, lam is 0.5 and v = 2.2; at 2.9, v = 2.367; at 2.2, lam is 1.5 and v = 2.6."""
     system = bar()
     found = examined(system, form(system), box(lower, upper), best=20.0)
     assert found is not None
@@ -74,6 +76,14 @@ def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
     assert found.bound <= bound * (1 + 1e-9)
     if lower > 2.8:  # one pair: the energy says all that complementarity does
         assert found.bound == pytest.approx(bound, rel=1e-3)
+
+
+def test_the_bound_where_a_parameter_hardens():
+    """s = k - 4 + (1.2 + 0.2 k) lam: at k = 3.4, lam is 0.6 / 1.88 and v = 2 + 0.4 lam."""
+    found = examined(bar(products={0: np.array([[0.2]])}), None, box(3.4, 3.5), best=20.0)
+    phi = (4.0 - 4.0 * 0.6 / 1.88) ** 2
+    assert found is not None
+    assert 0.99 * phi < found.bound <= phi * (1.0 + 1e-6)
 
 
 def test_a_plane_that_is_reached_nowhere_in_a_box_is_dropped():
@@ -137,6 +147,15 @@ def test_nothing_follows_where_the_energy_is_not_convex():
     energy = EnergyInequality(system, None, np.array([4.5]), np.array([5.0]))
     assert np.isneginf(energy.lowest()).all()
     assert energy.reachable().tolist() == [True]
+
+
+@pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.zeros((2, 2))])
+def test_nor_where_a_part_is_not_or_where_there_is_none(M):
+    two = replace(
+        bar(), slack=np.ones(2), slack_by_p=np.zeros((2, 1)), slack_by_lam=M, work=np.ones(2)
+    )
+    energy = EnergyInequality(two, None, np.zeros(1), np.ones(1))
+    assert np.isneginf(energy.lowest()).all()
 
 
 def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():

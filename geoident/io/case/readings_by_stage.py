@@ -16,8 +16,8 @@ from functools import cached_property
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges import GaugeSection, sections_of_channels
+from geoident.io.case.readings import ReadingSection, ReadingsFileSection, entries
 from geoident.io.readings.file import format_of
-from geoident.io.readings.schema import ReadingSection, ReadingsFileSection, entries
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing, shorten
