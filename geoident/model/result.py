@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -423,3 +423,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     certificate: Certificate | None = None
+
+
+Labelled = Sequence[tuple[str, Result]]
+"""Results with their labels, such as the names of their files."""

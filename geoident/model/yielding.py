@@ -6,14 +6,13 @@ Tension is positive; stresses and strengths in Pa.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.ground import Breach, Frame, Numbers, angles_of
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""
@@ -62,11 +61,11 @@ class _Surface(ABC):
     def description(self) -> str:
         """What it is, in a few words."""
 
-    def breach(self, values: Mapping[str, float]) -> Breach | None:
+    def breach(self, values: Values) -> Breach | None:
         """The first bound that its strengths break at parameter values (SI), or None."""
         return self._breach(self._values(values))
 
-    def apex(self, values: Mapping[str, float]) -> float | None:
+    def apex(self, values: Values) -> float | None:
         """The largest tension that friction and cohesion alone leave, c / tan(phi), Pa.
 
         None without friction, or where neither is a number of the surface.
@@ -79,7 +78,7 @@ class _Surface(ABC):
     def _breach(self, given: Numbers) -> Breach | None:
         """The first bound that its strengths (SI, by name) break, or None."""
 
-    def _values(self, values: Mapping[str, float]) -> dict[str, float]:
+    def _values(self, values: Values) -> dict[str, float]:
         return {name: number.value(values) for name, number in self.strengths.items()}
 
 

@@ -53,12 +53,12 @@ def test_the_lowest_bound_of_all_boxes_is_what_is_proven(bound, proven):
     assert found.certificate.kind == ("global" if proven else "strongly stationary")
     assert found.status == ("converged" if proven else "not-converged")
     assert (
-        f"No parameters within the bounds have a discrepancy below {bound:.6g}"
+        f"No parameters within the bounds have a misfit below {bound:.6g}"
         in (found.certificate.remarks[0])
     )
     if proven:
         assert found.reason == (
-            f"The discrepancy 2 is the lowest within the bounds: {bound:.6g} is a proven bound."
+            f"The misfit 2 is the lowest within the bounds: {bound:.6g} is a proven bound."
         )
     else:
         assert found.reason == (
