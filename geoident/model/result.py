@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.certificate import Certificate
 from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.yielding import Certificate
 from geoident.units import UNITS, shown_unit
 
 NORMAL_95 = 1.959963984540054

@@ -53,10 +53,10 @@ from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.certificate import Activity
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
+from geoident.model.yielding import Activity
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.result import NORMAL_95, Grid, Iteration, Labelled, ParameterTable, Result
+from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit

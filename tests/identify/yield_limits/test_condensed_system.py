@@ -26,9 +26,9 @@ from geoident.identify.yield_limits.condensed_system import (
     sizes_of_kinds,
 )
 from geoident.identify.yield_limits.nonlinear_program import nonlinear_program
-from geoident.model.equations import Bilinear, BilinearSystem
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.response import Bilinear, BilinearSystem
 
 PARAMETERS = (Parameter("k", 2.0, 1.0, 5.0, prior=Prior(4.0, 2.0)), Parameter("H", 1.0, 0.0, 3.0))
 
