@@ -28,7 +28,7 @@ from geoident.workflow.running.outcome import Finished
 
 __all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict"]
 
-Path = str | os.PathLike[str]
+AnyPath = str | os.PathLike[str]
 Progress = Callable[[Iteration], None]
 
 
@@ -122,7 +122,7 @@ class Found:
         }
 
 
-def load_case(path: Path, overrides: Mapping[str, object] | None = None) -> CaseFile:
+def load_case(path: AnyPath, overrides: Mapping[str, object] | None = None) -> CaseFile:
     """Read a case and its readings.
 
     Args:
@@ -139,9 +139,9 @@ def load_case(path: Path, overrides: Mapping[str, object] | None = None) -> Case
 
 
 def fit(
-    case: CaseFile | Path,
+    case: CaseFile | AnyPath,
     *,
-    output: Path | None = None,
+    output: AnyPath | None = None,
     seed: int = 0,
     max_time: float | None = None,
     force: bool = False,
@@ -176,11 +176,11 @@ def fit(
 
 
 def predict(
-    fitted: Found | Path,
+    fitted: Found | AnyPath,
     *,
     stages: Sequence[str] = (),
-    case: CaseFile | Path | None = None,
-    output: Path | None = None,
+    case: CaseFile | AnyPath | None = None,
+    output: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
 ) -> Found:

@@ -15,7 +15,7 @@ parts of their own here: modulus, expansion and temperature; released fraction a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -35,7 +35,7 @@ from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
 from geoident.model.in_situ import HeimStress
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.structures import Structure
 
 _SAME = 1e-9
@@ -97,14 +97,14 @@ def _used_materials(march: March) -> list[str]:
     return list(dict.fromkeys(m for state in states for m in state.materials.values()))
 
 
-def _is_admissible(march: March, values: Mapping[str, float]) -> bool:
+def _is_admissible(march: March, values: Values) -> bool:
     return inadmissible_numbers(march.case, march.sequence, values) is None
 
 
 def first_obstacle(
     parts: Iterable[EquationPart],
     parameters: Sequence[Parameter],
-    admissible: Callable[[Mapping[str, float]], bool] = lambda _: True,
+    admissible: Callable[[Values], bool] = lambda _: True,
 ) -> str | None:
     """The first part that is not affine in the parameters, and why, a clause; None for none.
 
@@ -121,7 +121,7 @@ def first_obstacle(
 
 
 def trial_points(
-    parameters: Sequence[Parameter], admissible: Callable[[Mapping[str, float]], bool]
+    parameters: Sequence[Parameter], admissible: Callable[[Values], bool]
 ) -> list[ParameterPoint]:
     """Three generic points in the bounds: no ratio of offsets is a simple number.
 

@@ -27,7 +27,7 @@ from geoident.forward.actions.supports import (
 from geoident.forward.axisymmetric_checks import revolution_faults
 from geoident.forward.gauges.observation import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
-from geoident.forward.ground.elasticity import Values, inadmissible
+from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
     edges_held,
@@ -46,7 +46,7 @@ from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.mesh import Mesh
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,11 @@ from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.certificate import Activity
 from geoident.model.dual import ParameterPoint
-from geoident.model.equations import BilinearSystem, Condensed
 from geoident.model.mesh import Mesh
+from geoident.model.response import BilinearSystem, Condensed
 from geoident.model.result import Counts
+from geoident.model.yielding import Activity
 
 _DEPENDENT = 1e-10
 """Singular value of S, relative to the largest, below which readings count as dependent."""

@@ -9,9 +9,9 @@ from typing import Protocol
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
-from geoident.model.certificate import Activity
 from geoident.model.response import Response
 from geoident.model.result import Counts, FieldSeries, MemberForces
+from geoident.model.yielding import Activity
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.equations import Bilinear, BilinearSystem
+from geoident.model.response import Bilinear, BilinearSystem
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ moduli, yield planes, in-situ stress, loads and structures alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from types import EllipsisType
 from typing import TypeAlias
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 Number: TypeAlias = "Dual | Floats | float"
 """What a dual number is computed with; plain numbers depend on no parameter."""
@@ -177,7 +177,7 @@ class ParameterPoint:
         names: the n parameters to differentiate by; the order of the derivatives.
     """
 
-    def __init__(self, values: Mapping[str, float], names: Sequence[str]) -> None:
+    def __init__(self, values: Values, names: Sequence[str]) -> None:
         self.values = values
         self.names = tuple(names)
 

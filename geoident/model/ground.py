@@ -16,7 +16,7 @@ from math import degrees, sqrt
 
 import numpy as np
 
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 Vector3 = tuple[float, float, float]
 
@@ -194,7 +194,7 @@ class Breach:
         return f"{self.value:.6g}" + ("" if self.constant.startswith("nu") else " Pa")
 
 
-def breach(elastic: Elastic, values: Mapping[str, float]) -> Breach | None:
+def breach(elastic: Elastic, values: Values) -> Breach | None:
     """The first bound that the constants break at parameter values (SI), or None."""
     numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
     return _CHECKS[type(elastic)](numbers)

@@ -8,6 +8,9 @@ from typing import Literal
 
 Scale = Literal["linear", "log"]
 
+Values = Mapping[str, float]
+"""Parameter name to value, SI."""
+
 
 @dataclass(frozen=True)
 class Scalar:
@@ -21,7 +24,7 @@ class Scalar:
     factor: float
     parameter: str | None = None
 
-    def value(self, values: Mapping[str, float]) -> float:
+    def value(self, values: Values) -> float:
         """The number at the given parameter values (SI).
 
         >>> Scalar(0.6, "E").value({"E": 10.0})

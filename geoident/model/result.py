@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.certificate import Certificate
 from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.yielding import Certificate
 from geoident.units import UNITS, shown_unit
 
 NORMAL_95 = 1.959963984540054
@@ -423,3 +423,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     certificate: Certificate | None = None
+
+
+Labelled = Sequence[tuple[str, Result]]
+"""Results with their labels, such as the names of their files."""

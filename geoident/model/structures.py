@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 
 @dataclass(frozen=True)
@@ -18,7 +17,7 @@ class _Structure:
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in given.items() if isinstance(value, Scalar)}
 
-    def breach(self, values: Mapping[str, float]) -> str | None:
+    def breach(self, values: Values) -> str | None:
         """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
         for name, scalar in self.numbers.items():
             number = scalar.value(values)

@@ -1,18 +1,18 @@
-"""Yield limits as a case states them. Tension is positive; stresses and strengths in Pa.
+"""Yield limits: as a case states them, which planes are reached, and what is proven of them.
 
-Which strengths and angles make a yield surface, and which bound those break that do not.
+Tension is positive; stresses and strengths in Pa.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
+from geoident.model.arrays import Floats, Ints
 from geoident.model.ground import Breach, Frame, Numbers, angles_of
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""
@@ -61,11 +61,11 @@ class _Surface(ABC):
     def description(self) -> str:
         """What it is, in a few words."""
 
-    def breach(self, values: Mapping[str, float]) -> Breach | None:
+    def breach(self, values: Values) -> Breach | None:
         """The first bound that its strengths break at parameter values (SI), or None."""
         return self._breach(self._values(values))
 
-    def apex(self, values: Mapping[str, float]) -> float | None:
+    def apex(self, values: Values) -> float | None:
         """The largest tension that friction and cohesion alone leave, c / tan(phi), Pa.
 
         None without friction, or where neither is a number of the surface.
@@ -78,7 +78,7 @@ class _Surface(ABC):
     def _breach(self, given: Numbers) -> Breach | None:
         """The first bound that its strengths (SI, by name) break, or None."""
 
-    def _values(self, values: Mapping[str, float]) -> dict[str, float]:
+    def _values(self, values: Values) -> dict[str, float]:
         return {name: number.value(values) for name, number in self.strengths.items()}
 
 
@@ -244,3 +244,58 @@ def _negative(given: Numbers, name: str) -> Breach | None:
     if given.get(name, 0.0) >= 0.0:
         return None
     return Breach(name, given[name], "it must not be negative")
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Which yield planes are reached where, at one parameter vector.
+
+    Planes are those of all materials that yield, r in all; stages do not count the virgin state.
+
+    Args:
+        planes: r names such as ``rock: plane 3``.
+        stages: names of the stages.
+        points: (r, n_stages) strain points with a positive multiplier.
+        biactive: (r, n_stages) strain points on the plane with no multiplier, to rounding.
+        distances: (r,) k, Pa.
+        reached: (r,) largest n^T sigma over all points and stages, Pa: if the plane was never
+            reached, all that is known is k >= this. -inf where no point has the material.
+        slopes: (r, n) dk/dp: on which parameters the distance depends.
+    """
+
+    planes: tuple[str, ...]
+    stages: tuple[str, ...]
+    points: Ints
+    biactive: Ints
+    distances: Floats
+    reached: Floats
+    slopes: Floats
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What an identification of yield limits can say for itself.
+
+    Args:
+        kind: kind of stationary point: ``strongly stationary`` (no biactive point, gradient of the
+            active pieces zero), ``stationary on the active pieces`` (biactive points: one-sided
+            derivatives were checked), ``not stationary`` or ``global`` (a bound proves it).
+        gradient: largest projected gradient of the discrepancy in scaled parameters, relative.
+        activity: the planes at the estimate.
+        lower_bounds: parameter to the value (SI) that it must exceed, for those whose planes no
+            strain point reaches; they are not determined.
+        bound: proven lower bound of the discrepancy, NaN if none was proven.
+        gap: (objective - bound) relative to the objective, NaN if none.
+        remarks: sentences for the report.
+        open_above: parameters that may as well be so large that their planes are never reached;
+            written as an interval that ends on the upper bound.
+    """
+
+    kind: str
+    gradient: float
+    activity: Activity
+    lower_bounds: dict[str, float] = field(default_factory=dict)
+    bound: float = float("nan")
+    gap: float = float("nan")
+    remarks: tuple[str, ...] = ()
+    open_above: tuple[str, ...] = ()

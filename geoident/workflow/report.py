@@ -9,16 +9,14 @@ from geoident.errors import UsageError
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.io.text.text_file import STDIN
-from geoident.model.result import Result
+from geoident.model.result import Labelled
 from geoident.workflow.running.inputs import files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
 
-Labelled = Sequence[tuple[str, Result]]
 
-
-def read_results(paths: Sequence[str]) -> tuple[tuple[str, Result], ...]:
+def read_results(paths: Sequence[str]) -> Labelled:
     """Results with labels to tell them apart: names of files, or paths where these are the same.
 
     Raises:

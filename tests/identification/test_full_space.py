@@ -192,7 +192,7 @@ def test_the_model_must_confirm_the_discrepancy_of_the_program(part: float, agre
     model.readings = lambda p: part**0.5 * plain(p)  # type: ignore[method-assign]
     found = full_space(off, FULL, silent)
     assert (found.status == "converged") == agree
-    assert agree or "The model gives a discrepancy of" in found.reason
+    assert agree or "The model gives a misfit of" in found.reason
 
 
 def test_the_observer_ends_it_with_the_best_point_so_far() -> None:

@@ -20,10 +20,10 @@ from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.stage_equations import Ground, NoEquilibrium, StageEquations
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSystem, bilinear
 from geoident.model.arrays import Floats, Ints
-from geoident.model.certificate import Activity
 from geoident.model.dual import Dual
-from geoident.model.equations import BilinearSystem
+from geoident.model.response import BilinearSystem
 from geoident.model.result import Counts
+from geoident.model.yielding import Activity
 
 
 @dataclass

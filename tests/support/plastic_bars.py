@@ -18,8 +18,8 @@ import numpy as np
 
 from geoident.errors import CollapseError
 from geoident.model.arrays import Floats
-from geoident.model.certificate import Activity
 from geoident.model.result import Counts
+from geoident.model.yielding import Activity
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.model.certificate import Activity, Certificate
 from geoident.model.parameter import Parameter
+from geoident.model.yielding import Activity, Certificate
 from geoident.workflow.running.certificate_text import bound_findings, opened
 from geoident.workflow.running.tables import bare_parameter_table
 

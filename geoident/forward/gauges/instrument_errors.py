@@ -14,13 +14,13 @@ channel drifts in time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 
 
 class InstrumentErrors:
@@ -54,7 +54,7 @@ class InstrumentErrors:
 
     def added(
         self,
-        values: Mapping[str, float],
+        values: Values,
         names: Sequence[str],
         rows: Ints,
         states: Ints,
@@ -89,9 +89,7 @@ class InstrumentErrors:
         return table
 
 
-def _part(
-    scalar: Scalar | None, factor: float, values: Mapping[str, float], names: Sequence[str]
-) -> Floats:
+def _part(scalar: Scalar | None, factor: float, values: Values, names: Sequence[str]) -> Floats:
     """A linear term and its derivatives (1 + n,)."""
     if scalar is None:
         return np.zeros(1 + len(names))

@@ -8,17 +8,15 @@ same all around the axis; strata that dip are not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.ground.elasticity import Values, elasticity
+from geoident.forward.ground.elasticity import elasticity
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Anisotropic, Elastic
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Parameter, Scalar, Values
 
 _NEGLIGIBLE = 1e-9
 _OUT_OF_PLANE = tuple(f"c{i}{j}" for i in range(1, 5) for j in (5, 6))
@@ -53,7 +51,7 @@ def _section_moduli(elastic: Elastic, values: Values) -> Floats:
     return elasticity(elastic, ParameterPoint(values, ()), section=True).value
 
 
-def trials(parameters: tuple[Parameter, ...]) -> list[Mapping[str, float]]:
+def trials(parameters: tuple[Parameter, ...]) -> list[Values]:
     """The start values, and others near by: what holds at both is no coincidence."""
     start = {p.name: p.start for p in parameters}
     moved = {

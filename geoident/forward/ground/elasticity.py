@@ -21,9 +21,7 @@ from geoident.model.ground import (
     breach,
     constants,
 )
-
-Values = Mapping[str, float]
-"""Parameter name to value, SI."""
+from geoident.model.parameter import Values
 
 _FORMULAS: Mapping[type, Callable[[formulas.Constants], Dual]] = {
     Isotropic: formulas.isotropic,

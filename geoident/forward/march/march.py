@@ -53,9 +53,10 @@ from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.certificate import Activity
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Values
+from geoident.model.yielding import Activity
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class March:
         """Strain points beside the surface from which the in-situ stress counts depth."""
         return self.in_situ.n_outside
 
-    def virgin_tension(self, values: Mapping[str, float]) -> bool:
+    def virgin_tension(self, values: Values) -> bool:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
         stress, _ = self.virgin(ParameterPoint(values, ()))
         here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]

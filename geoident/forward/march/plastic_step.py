@@ -39,6 +39,7 @@ from geoident.forward.stages import ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
+from geoident.model.parameter import Values
 
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
@@ -74,7 +75,7 @@ class PlasticOptions:
 class _Known:
     """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
 
-    values: Mapping[str, float]
+    values: Values
     names: tuple[str, ...]
     du: Floats
     slopes: Floats
@@ -382,7 +383,7 @@ def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:
     return {name: law for name, law in found if law is not None}
 
 
-def _far(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+def _far(one: Values, other: Values) -> float:
     """How far two parameter vectors are from each other, each parameter by its size."""
     return sum(
         ((one[name] - x) / (abs(one[name]) + abs(x) + 1e-300)) ** 2 for name, x in other.items()

@@ -25,6 +25,7 @@ from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.parameter import Values
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class StageSystems:
         system: StageSystem,
         state: ConstructionState,
         laws: Mapping[str, Floats],
-        values: Mapping[str, float],
+        values: Values,
     ) -> Floats:
         """Values (nnz,) of K at a state.
 

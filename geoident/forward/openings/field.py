@@ -19,7 +19,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.gauges.observable import reads_displacements
-from geoident.forward.ground.elasticity import Values, inadmissible
+from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import InSituStress
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
@@ -32,6 +32,7 @@ from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Values
 from geoident.model.yielding import MohrCoulomb
 
 UNEVEN = 0.01

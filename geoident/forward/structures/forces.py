@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.ground.elasticity import Values
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
+from geoident.model.parameter import Values
 from geoident.model.result import MemberForces
 from geoident.model.structures import Beam, Bolts, Structure
 

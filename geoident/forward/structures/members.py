@@ -21,13 +21,13 @@ from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.ground.elasticity import Values
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
+from geoident.model.parameter import Values
 from geoident.model.structures import Beam, Structure
 
 

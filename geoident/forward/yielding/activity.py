@@ -6,7 +6,7 @@ import numpy as np
 
 from geoident.fem.yielding.law import Projection, YieldPlanes
 from geoident.model.arrays import Floats
-from geoident.model.certificate import Activity
+from geoident.model.yielding import Activity
 
 
 class ActivityRecord:

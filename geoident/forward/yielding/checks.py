@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.parameter import Parameter
+from geoident.model.parameter import Parameter, Values
 from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
 _NEGLIGIBLE = 1e-9
@@ -55,7 +55,7 @@ def yield_notes(case: Case) -> list[str]:
     return notes
 
 
-def no_stress_left(case: Case, material: Material, values: Mapping[str, float]) -> str | None:
+def no_stress_left(case: Case, material: Material, values: Values) -> str | None:
     """Why the yield planes of a material leave no stress, a sentence, or None if they do.
 
     Where no distance is negative, the stress-free state is inside.
@@ -118,7 +118,7 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
         yield case.source.fault(path, code="antiplane", message=message, hint=hint)
 
 
-def _normal(surface: WeakPlane, values: Mapping[str, float]) -> Floats:
+def _normal(surface: WeakPlane, values: Values) -> Floats:
     return material_axes(surface.frame, ParameterPoint(values, ()), section=True).value[:, 2]
 
 

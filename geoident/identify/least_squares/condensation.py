@@ -22,7 +22,7 @@ Its error in the equations of other parameters q is K(q) z - F(q). In the paper'
     [1, -R] (K(q) z - F(q)) = S^-1 (A q - b),
     A_h = G K^-1 (K_h z - F_h),    b = G K^-1 (F_0 - K_0 z).
 
-`geoident.model.equations.Condensed` holds A and b. At q = p_j, A q - b = v* - v: S^-1 (A q - b)
+`geoident.model.response.Condensed` holds A and b. At q = p_j, A q - b = v* - v: S^-1 (A q - b)
 are the forces at the gauges that would be needed to press the model onto the readings (the
 equation error), A q - b is the same error in readings. Each iteration is
 

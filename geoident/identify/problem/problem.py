@@ -9,10 +9,10 @@ import numpy as np
 
 from geoident.identify.problem.protocols import Response
 from geoident.model.arrays import Floats
-from geoident.model.certificate import Certificate
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.result import Grid, Iteration
+from geoident.model.yielding import Certificate
 
 Observer = Callable[[Iteration], str | None]
 """Is told of every iteration; answers with a reason to stop now, or None to go on."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.certificate import Activity
-from geoident.model.equations import BilinearSystem, Condensed
-from geoident.model.response import Response
+from geoident.model.response import BilinearSystem, Condensed, Response
+from geoident.model.yielding import Activity
 
 __all__ = [
     "Activity",

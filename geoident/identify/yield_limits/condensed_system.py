@@ -27,7 +27,7 @@ import scipy.sparse.linalg as spla
 from geoident.errors import ModelError
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats, Ints
-from geoident.model.equations import Bilinear, BilinearSystem
+from geoident.model.response import Bilinear, BilinearSystem
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ from geoident.identify.yield_limits.parameter_boxes import (
     form_of,
 )
 from geoident.model.arrays import Floats
-from geoident.model.equations import BilinearSystem
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
+from geoident.model.response import BilinearSystem
 from geoident.model.result import Iteration
 
 MOST_PAIRS = 2000

@@ -47,8 +47,8 @@ from geoident.identify.yield_limits.stationarity import (
 )
 from geoident.identify.yield_limits.unreached import YieldIterate, strengths, yield_evaluator
 from geoident.model.arrays import Bools, Floats
-from geoident.model.certificate import Certificate
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.model.yielding import Certificate
 
 EXACT = 1e-4
 """Residuals below this part of the accuracies meet the readings exactly."""

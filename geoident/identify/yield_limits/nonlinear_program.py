@@ -28,9 +28,9 @@ import scipy.sparse as sp
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.condensed_system import determined_unknowns, sizes_of_kinds
 from geoident.model.arrays import Floats
-from geoident.model.equations import Bilinear, BilinearSystem
 from geoident.model.methods import HuberOptions, LossOptions, StudentOptions
 from geoident.model.parameter import Parameter
+from geoident.model.response import Bilinear, BilinearSystem
 
 Expression = Any
 """A casadi expression; the package has no types."""

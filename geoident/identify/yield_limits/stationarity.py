@@ -29,8 +29,8 @@ from geoident.identify.least_squares.gauss_newton import phi_after_step
 from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.yield_limits.unreached import YieldIterate, headroom, unreached
 from geoident.model.arrays import Bools, Floats
-from geoident.model.certificate import Activity, Certificate
 from geoident.model.result import NORMAL_95
+from geoident.model.yielding import Activity, Certificate
 
 FLAT = 1e-4
 """A gradient below this, relative, is zero."""

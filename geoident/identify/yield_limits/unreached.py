@@ -18,7 +18,7 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History
 from geoident.identify.problem.protocols import YieldSystem
 from geoident.model.arrays import Bools, Floats
-from geoident.model.certificate import Activity
+from geoident.model.yielding import Activity
 
 CLOSE = 1e-6
 """An unreached plane is kept this far, relative, from where it is reached."""

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
-from geoident.model.certificate import Activity, Certificate
+from geoident.model.yielding import Activity, Certificate
 
 GROUP = "certificate"
 _NUMBERS = ("gradient", "bound", "gap")

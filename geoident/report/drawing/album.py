@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from geoident.model.result import Result
+from geoident.model.result import Labelled, Result
 from geoident.report.drawing.fields import field_pictures
 from geoident.report.drawing.gauges import (
     compared_gauge_pictures,
@@ -65,16 +65,14 @@ def album(result: Result, *, prefix: str = "") -> Album:
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
 
 
-def comparison(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
+def comparison(results: Labelled) -> tuple[Picture, ...]:
     """The figures of several results together; none for a single one."""
     if len(results) < 2:
         return ()
     return (*compared_parameter_pictures(results), *compared_gauge_pictures(results))
 
 
-def figure_files(
-    results: Sequence[tuple[str, Result]], suffixes: Sequence[str]
-) -> dict[str, bytes]:
+def figure_files(results: Labelled, suffixes: Sequence[str]) -> dict[str, bytes]:
     """Every figure as a file.
 
     Args:

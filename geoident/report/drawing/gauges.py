@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import NORMAL_95, GaugeTable, Result
+from geoident.model.result import NORMAL_95, GaugeTable, Labelled, Result
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
@@ -70,7 +70,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     """Every gauge over the stages, so many to a figure."""
     caption = (
         "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
-        "lines: computed; dashed lines with 95 % bands: predicted."
+        "lines: computed; dashed lines with 95 % bands: predicted. Positive: the points move "
+        "apart, or the motion follows the direction of the gauge."
     )
     return paged(
         instruments(result.gauges),
@@ -299,7 +300,7 @@ def _draw_profile(axes: Axes, result: Result, gauge: Instrument, stages: Sequenc
     axes.grid()
 
 
-def compared_gauge_pictures(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
+def compared_gauge_pictures(results: Labelled) -> tuple[Picture, ...]:
     """The gauges of several results (with their labels), one over the other."""
     caption = "Lines: computed and predicted by every result. Dots: readings of the first result."
     return paged(
@@ -311,7 +312,7 @@ def compared_gauge_pictures(results: Sequence[tuple[str, Result]]) -> tuple[Pict
     )
 
 
-def compared_figure(results: Sequence[tuple[str, Result]], channels: Sequence[str]) -> Figure:
+def compared_figure(results: Labelled, channels: Sequence[str]) -> Figure:
     """A panel for each channel."""
     figure, panels = panel_grid(len(channels), height=2.2, extra=0.8)
     for axes, channel in zip(panels.ravel(), channels, strict=False):

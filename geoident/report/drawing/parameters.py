@@ -11,18 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from geoident.model.result import Grid, ParameterTable, Result
+from geoident.model.result import Grid, Labelled, ParameterTable, Result
 from geoident.report.drawing.fields import bands
-from geoident.report.drawing.style import (
-    FAINT,
-    LENGTHS,
-    SMALL,
-    Picture,
-    colour,
-    key,
-    marker,
-    short,
-)
+from geoident.report.drawing.style import FAINT, LENGTHS, SMALL, Picture, colour, key, marker, short
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED, Unit, prior_interval, unit_of
 from geoident.units import in_unit, shown_unit
@@ -45,7 +36,7 @@ def parameter_pictures(result: Result) -> tuple[Picture, ...]:
     )
 
 
-def compared_parameter_pictures(results: Sequence[tuple[str, Result]]) -> tuple[Picture, ...]:
+def compared_parameter_pictures(results: Labelled) -> tuple[Picture, ...]:
     """The parameters of several results (with their labels), if there are any."""
     tables = [(label, result.parameters) for label, result in results]
     if not any(table.names for _, table in tables):

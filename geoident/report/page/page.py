@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from geoident.model.result import Result
+from geoident.model.result import Labelled, Result
 from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
@@ -26,17 +26,12 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
-from geoident.report.text.result import (
-    compared_outcomes,
-    counts_text,
-    outcome_sentences,
-    warnings,
-)
+from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20
 
 
-def report_page(results: Sequence[tuple[str, Result]]) -> str:
+def report_page(results: Labelled) -> str:
     """The report of one result, or of several with a comparison first.
 
     Args:
@@ -51,7 +46,7 @@ def report_page(results: Sequence[tuple[str, Result]]) -> str:
     return page(f"{title} - geoident", tag("h1", title), *_compared(results), *parts)
 
 
-def _compared(results: Sequence[tuple[str, Result]]) -> tuple[Html, ...]:
+def _compared(results: Labelled) -> tuple[Html, ...]:
     links = [
         tag("li", tag("a", label, href=f"#result-{number}"))
         for number, (label, _) in enumerate(results, start=1)

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.result import NORMAL_95, Grid, Iteration, ParameterTable, Result
+from geoident.model.result import NORMAL_95, Grid, Iteration, Labelled, ParameterTable, Result
+from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
@@ -105,7 +105,7 @@ def _row(parameters: ParameterTable, i: int) -> list[str]:
     ]
 
 
-def compared_parameters(results: Sequence[tuple[str, Result]]) -> TextTable:
+def compared_parameters(results: Labelled) -> TextTable:
     """The parameters of several results (with their labels) side by side."""
     tables = [result.parameters for _, result in results]
     rows = []

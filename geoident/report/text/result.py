@@ -7,11 +7,10 @@ those of their channels. What is not determined is said in words, never shown as
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from geoident.model.result import Counts, Result
+from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
 from geoident.report.text import structures, yielding
 from geoident.report.text.gauges import (
@@ -169,7 +168,7 @@ def warnings(result: Result) -> list[str]:
     return [text for text in said if text]
 
 
-def compared_outcomes(results: Sequence[tuple[str, Result]]) -> TextTable:
+def compared_outcomes(results: Labelled) -> TextTable:
     """How several results (with their labels) ended, side by side."""
     rows = []
     for label, result in results:

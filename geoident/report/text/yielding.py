@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.certificate import Certificate
 from geoident.model.result import ParameterTable
+from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, bullets, number
 from geoident.units import in_unit, shown_unit
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.forward.protocols import Survey
-from geoident.model.certificate import Certificate
 from geoident.model.parameter import Parameter
 from geoident.model.result import ParameterTable
+from geoident.model.yielding import Certificate
 from geoident.units import DIMENSIONS, UNITS
 
 

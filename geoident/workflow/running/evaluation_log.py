@@ -26,9 +26,9 @@ from geoident.identify.problem.protocols import (
     YieldSystem,
 )
 from geoident.model.arrays import Floats
-from geoident.model.certificate import Activity
-from geoident.model.equations import BilinearSystem
+from geoident.model.response import BilinearSystem
 from geoident.model.result import Counts
+from geoident.model.yielding import Activity
 
 EvaluationArrays = Mapping[str, Floats]
 

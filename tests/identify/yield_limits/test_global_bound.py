@@ -14,9 +14,9 @@ from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import Solved
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
-from geoident.model.certificate import Certificate
 from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
+from geoident.model.yielding import Certificate
 
 MANY, FEW = np.arange(41), np.arange(40)
 
@@ -53,12 +53,12 @@ def test_the_lowest_bound_of_all_boxes_is_what_is_proven(bound, proven):
     assert found.certificate.kind == ("global" if proven else "strongly stationary")
     assert found.status == ("converged" if proven else "not-converged")
     assert (
-        f"No parameters within the bounds have a discrepancy below {bound:.6g}"
+        f"No parameters within the bounds have a misfit below {bound:.6g}"
         in (found.certificate.remarks[0])
     )
     if proven:
         assert found.reason == (
-            f"The discrepancy 2 is the lowest within the bounds: {bound:.6g} is a proven bound."
+            f"The misfit 2 is the lowest within the bounds: {bound:.6g} is a proven bound."
         )
     else:
         assert found.reason == (

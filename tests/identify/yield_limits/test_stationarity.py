@@ -13,9 +13,9 @@ from geoident.identify.yield_limits.stationarity import (
     open_above,
 )
 from geoident.identify.yield_limits.unreached import YieldIterate, headroom, strengths, unreached
-from geoident.model.certificate import Activity
 from geoident.model.parameter import Parameter
 from geoident.model.result import Counts
+from geoident.model.yielding import Activity
 
 NAMES = ("a", "b")
 

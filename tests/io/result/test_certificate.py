@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result, write_result
-from geoident.model.certificate import Activity, Certificate
+from geoident.model.yielding import Activity, Certificate
 from geoident.report.page.page import report_page
 from geoident.report.text.json import dumps, result_object
 from geoident.report.text.result import result_text

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoident.model.certificate import Activity, Certificate
+from geoident.model.yielding import Activity, Certificate
 from geoident.report.text.parameters import parameters_text
 from geoident.report.text.yielding import certificate_sentences, certificate_text, plane_table
 from tests.support.results import parameters

@@ -1,0 +1,35 @@
+"""ARCHITECTURE.md speaks of files that exist, and no folder grows beyond what a reader takes in."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import geoident
+
+PACKAGE = Path(geoident.__file__).parent
+ROOT = Path(__file__).parents[2]
+MODULES = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py")]
+MOST_MODULES = 17
+
+
+def test_files_named_in_architecture_exist() -> None:
+    text = (PACKAGE / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:\w+/)*\w+\.py)`", text))
+    known = [path for folder in ("geoident", "tests") for path in (ROOT / folder).rglob("*.py")]
+    assert len(named) > 80
+    assert not [n for n in named if not any(path.match(n.replace("NAME", "*")) for path in known)]
+
+
+def test_classes_named_in_architecture_exist() -> None:
+    text = (PACKAGE / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([A-Z][a-z]\w+)`", text))
+    code = "".join((PACKAGE / path).read_text(encoding="utf-8") for path in MODULES)
+    assert len(named) > 10
+    assert not [name for name in named if not re.search(rf"(class|def) {name}\b", code)]
+
+
+def test_folders_hold_no_more_modules_than_a_reader_takes_in() -> None:
+    modules = Counter(path.parent for path in MODULES if path.name != "__init__.py")
+    assert not {str(path): n for path, n in modules.items() if n > MOST_MODULES}
