@@ -11,12 +11,12 @@ Lempriere, 1968, Poisson's ratio in orthotropic materials, AIAA Journal 6).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import degrees, sqrt
 
 import numpy as np
 
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Scalar, Values, scalars_of
 
 Vector3 = tuple[float, float, float]
 
@@ -144,8 +144,7 @@ def constants(elastic: Elastic) -> dict[str, Scalar]:
     """The numbers that the elasticity matrix is made of, by name, without the frame's angles."""
     if isinstance(elastic, Anisotropic):
         return dict(elastic.entries)
-    given = {f.name: getattr(elastic, f.name) for f in fields(elastic) if f.name != "frame"}
-    return {name: value for name, value in given.items() if value is not None}
+    return scalars_of(elastic)
 
 
 def angles(elastic: Elastic) -> dict[str, Scalar]:
@@ -156,9 +155,7 @@ def angles(elastic: Elastic) -> dict[str, Scalar]:
 
 def angles_of(frame: Frame) -> dict[str, Scalar]:
     """The angles of a frame, by name; none where vectors give it."""
-    if not isinstance(frame, Attitude):
-        return {}
-    return {f.name: getattr(frame, f.name) for f in fields(frame)}
+    return scalars_of(frame)
 
 
 def numbers_of(elastic: Elastic) -> dict[str, Scalar]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 Scale = Literal["linear", "log"]
 
@@ -35,6 +35,12 @@ class Scalar:
     def slope(self, parameter: str) -> float:
         """Derivative of the number with respect to a parameter."""
         return self.factor if parameter == self.parameter else 0.0
+
+
+def scalars_of(record: Any) -> dict[str, Scalar]:
+    """The fields of a record that are numbers of the case, by name."""
+    given = {entry.name: getattr(record, entry.name) for entry in fields(record)}
+    return {name: value for name, value in given.items() if isinstance(value, Scalar)}
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Scalar, Values, scalars_of
 
 
 @dataclass(frozen=True)
@@ -14,8 +14,7 @@ class _Structure:
     @property
     def numbers(self) -> dict[str, Scalar]:
         """The numbers on which its stiffness depends, by name."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in given.items() if isinstance(value, Scalar)}
+        return scalars_of(self)
 
     def breach(self, values: Values) -> str | None:
         """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""

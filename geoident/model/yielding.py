@@ -6,13 +6,13 @@ Tension is positive; stresses and strengths in Pa.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.ground import Breach, Frame, Numbers, angles_of
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Scalar, Values, scalars_of
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""
@@ -43,8 +43,7 @@ class _Surface(ABC):
     @property
     def strengths(self) -> dict[str, Scalar]:
         """Its strengths and angles of strength, by name."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: number for name, number in given.items() if isinstance(number, Scalar)}
+        return scalars_of(self)
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:

@@ -210,10 +210,8 @@ def _kind(name: str, line: int) -> str:
     """Kind of the elements of an Abaqus type."""
     for pattern, kinds in _TYPES:
         match = re.fullmatch(pattern, name.upper())
-        if match is not None:
-            kind = kinds.get(match[1])
-            if kind is not None:
-                return kind
+        if match is not None and match[1] in kinds:
+            return kinds[match[1]]
     raise Refused(
         "mesh-kind",
         f"elements of the type {name or '(none given)'} are not read",

@@ -231,9 +231,8 @@ def _node_groups(mesh: meshio.Mesh) -> dict[str, Ints]:
     for name, where in mesh.point_sets.items():
         groups[name].append(np.asarray(where, dtype=np.int64))
     families = getattr(mesh, "point_tags", None) or {}
-    for family, where in split_by(
-        np.asarray(mesh.point_data.get("point_tags", ()), dtype=np.int64)
-    ):
+    tags = np.asarray(mesh.point_data.get("point_tags", ()), dtype=np.int64)
+    for family, where in split_by(tags):
         for name in families.get(family, ()):
             groups[name].append(where)
     return join(groups)

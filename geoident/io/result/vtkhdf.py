@@ -78,7 +78,6 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
     _write_grid(group, fields.mesh)
-    point_data = {"displacement": with_z(fields.displacement)}
     cell_data: dict[str, npt.NDArray[Any]] = {
         "stress": fields.stress,
         "present": fields.present.astype(np.int8),
@@ -86,8 +85,8 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
         "vtkGhostType": np.where(fields.present, 0, HIDDEN_CELL).astype(np.uint8),
     }
     static = {"group": element_groups(fields.mesh), "number": element_numbers(fields.mesh)}
-    _write_data(group, "PointData", point_data, {})
-    _write_data(group, "CellData", cell_data, static)
+    _write_data(group, "PointData", {"displacement": with_z(fields.displacement)})
+    _write_data(group, "CellData", cell_data | static)
     group["PointData/displacement"].attrs["unit"] = "m"
     group["CellData/stress"].attrs["unit"] = "Pa"
     names = texts(tuple(fields.mesh.groups))
@@ -110,18 +109,11 @@ def _write_grid(group: h5py.Group, mesh: Mesh) -> None:
     group["Offsets"] = np.concatenate([[0], np.cumsum(_joined(sizes))]).astype(np.int64)
 
 
-def _write_data(
-    group: h5py.Group,
-    name: str,
-    stepwise: Mapping[str, npt.NDArray[Any]],
-    static: Mapping[str, Ints],
-) -> None:
-    """Writes arrays (n_states, n, ...) one state after the other, and arrays (n,) once."""
+def _write_data(group: h5py.Group, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Writes arrays (n_states, n, ...) one state after the other, and arrays (n,) as they are."""
     data = group.create_group(name)
-    for key, array in stepwise.items():
+    for key, array in arrays.items():
         data[key] = array.reshape(-1, *array.shape[2:])
-    for key, array in static.items():
-        data[key] = array
 
 
 def _write_steps(

@@ -180,9 +180,8 @@ class _Builder:
     def _check_limits(self, event: yaml.Event, path: KeyPath) -> None:
         tag = getattr(event, "tag", None)
         if tag is not None and tag != "!":
-            self.refuse(
-                event, path, "tag", f"the tag '{shorten(tag)}' is not allowed", "Remove it."
-            )
+            message = f"the tag '{shorten(tag)}' is not allowed"
+            self.refuse(event, path, "tag", message, "Remove it.")
         if getattr(event, "anchor", None) and not isinstance(event, yaml.AliasEvent):
             self._refuse_alias(event, path)
         if len(path) > _MAX_DEPTH or len(self.values) > _MAX_NODES:

@@ -105,11 +105,8 @@ def _contour_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> list[
 def _contours(
     scene: Scene, sheet: Sheet, name: str, title: str, caption: str, quantity: ColouredField
 ) -> Picture:
-    more = (
-        f" {len(scene.states)} of {scene.n_states - 1} stages."
-        if len(scene.states) < scene.n_states - 1
-        else ""
-    )
+    shown, stages = len(scene.states), scene.n_states - 1
+    more = f" {shown} of {stages} stages." if shown < stages else ""
     return Picture(
         name,
         f"{title}, stage by stage",

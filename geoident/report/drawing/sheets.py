@@ -15,6 +15,7 @@ jump between rock and lining.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -192,11 +193,7 @@ class SheetMaker:
 
     def flat(self) -> Sheet:
         """The sheet of a plane mesh."""
-        parts, elements = [], []
-        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
-            for triangle in CELLS[block.kind].shape.simplices:
-                parts.append(corners[:, triangle])
-                elements.append(np.arange(span.start, span.stop))
+        parts, elements = zip(*self._simplices(), strict=True)
         points = np.arange(len(self.corners.node))
         ends = points, points, np.zeros(len(points))
         triangles, element = np.vstack(parts), np.concatenate(elements)
@@ -206,12 +203,10 @@ class SheetMaker:
         """The sheet in which a plane cuts a mesh of solids."""
         distance = _distance(self.mesh, plane)[self.corners.node]
         ends, elements = [], []
-        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
-            number = np.arange(span.start, span.stop)
-            for tet in CELLS[block.kind].shape.simplices:
-                pairs, of = _cut_tets(corners[:, tet], distance, number)
-                ends.append(pairs)
-                elements.append(of)
+        for tets, number in self._simplices():
+            pairs, of = _cut_tets(tets, distance, number)
+            ends.append(pairs)
+            elements.append(of)
         pairs = np.sort(np.concatenate(ends).reshape(-1, 2), axis=1)
         n = len(self.corners.node)
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
@@ -219,6 +214,12 @@ class SheetMaker:
         w = distance[a] / (distance[a] - distance[b])
         triangles, element = point.reshape(-1, 3), np.concatenate(elements)
         return Sheet(self.mesh, plane, self.corners, self.faces, a, b, w, triangles, element)
+
+    def _simplices(self) -> Iterator[tuple[Ints, Ints]]:
+        """Doubled corners (n, 3 or 4) of the triangles or tetrahedra of elements; the elements."""
+        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
+            for simplex in CELLS[block.kind].shape.simplices:
+                yield corners[:, simplex], np.arange(span.start, span.stop)
 
 
 def group_labels(mesh: Mesh) -> Ints:

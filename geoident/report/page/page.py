@@ -65,12 +65,8 @@ def _compared(results: Labelled) -> tuple[Html, ...]:
 def _result_section(number: int, label: str, result: Result) -> Html:
     title = case_title(result)
     heading = f"Result {number}: {label}" + (f" ({title})" if title else "")
-    return tag(
-        "section",
-        tag("h1", heading),
-        *_parts(result, prefix=f"{number}-"),
-        id=f"result-{number}",
-    )
+    parts = _parts(result, prefix=f"{number}-")
+    return tag("section", tag("h1", heading), *parts, id=f"result-{number}")
 
 
 def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
