@@ -101,3 +101,17 @@ def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
     )
     assert above == pytest.approx(top + 0.08 * (top - below), rel=1e-9)
     assert abs(above - top) > 1e-3 * abs(top)
+
+
+@pytest.mark.parametrize(("zero", "found"), [("first", False), ("second", True)])
+def test_a_gauge_in_backfill_is_zeroed_when_it_is_there(tmp_path, zero, found):
+    case = write_case(tmp_path)
+    text = CASE.replace("excavate: [lower]", "install: {upper: rock}")
+    text = text.replace(ON_TOP, f"S:  {{kind: settlement, zero: {zero}, point: [3 m, 3.5 m]")
+    case.write_text(text)
+    rows = [row for row in READINGS.splitlines() if not row.startswith("S,")]
+    (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
+    checked = _json("check", case)
+    assert [fault["code"] for fault in checked.get("faults", [])] == (
+        [] if found else ["gauge-in-absent-ground"]
+    )
