@@ -115,3 +115,23 @@ def test_a_gauge_in_backfill_is_zeroed_when_it_is_there(tmp_path, zero, found):
     assert [fault["code"] for fault in checked.get("faults", [])] == (
         [] if found else ["gauge-in-absent-ground"]
     )
+
+
+def test_elements_in_no_group_of_the_case_or_in_two_are_counted_and_named(tmp_path):
+    """The lower part of the trench is the elements 15 and 16 of the grid of 6 by 4."""
+    case = write_case(tmp_path)
+    fewer = CASE.replace(", lower: rock}", "}").replace("excavate: [lower]", "remove: []")
+    case.write_text(fewer)
+    (fault,) = _json("check", case)["faults"]
+    assert (fault["code"], fault["path"]) == ("group-coverage", "groups")
+    assert "trench.inp are in none of the groups of the case" in fault["message"]
+    assert fault["message"].startswith("2 elements of ")
+    assert fault["message"].endswith("(in the mesh they are in: lower); first: 15, 16")
+    mesh = tmp_path / "trench.inp"
+    mesh.write_text(mesh.read_text() + "*ELSET, ELSET=more\n16, 1\n")
+    case.write_text(CASE.replace("lower: rock}", "lower: rock, more: rock}"))
+    (fault,) = _json("check", case)["faults"]
+    assert fault["message"].startswith("2 elements of ")
+    assert fault["message"].endswith(
+        "in several groups of the case (in the mesh they are in: lower, more, rock); first: 1, 16"
+    )
