@@ -26,13 +26,7 @@ from geoident.workflow.running.inputs import (
     load_inputs,
 )
 from geoident.workflow.running.outcome import Finished
-from geoident.workflow.running.outputs import (
-    Standing,
-    Target,
-    require_free,
-    standing,
-    target,
-)
+from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,
     collapse_findings,

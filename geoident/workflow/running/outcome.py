@@ -11,13 +11,7 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.io.result.file import read_result, write_result
 from geoident.model.result import Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import (
-    Setup,
-    evaluation_log,
-    prepare,
-    problem_of,
-    search,
-)
+from geoident.workflow.running.estimate import Setup, evaluation_log, prepare, problem_of, search
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.outputs import Standing
 from geoident.workflow.running.readings import unused_by_stage
