@@ -135,3 +135,23 @@ def test_elements_in_no_group_of_the_case_or_in_two_are_counted_and_named(tmp_pa
     assert fault["message"].endswith(
         "in several groups of the case (in the mesh they are in: lower, more, rock); first: 1, 16"
     )
+
+
+def test_a_stage_that_builds_on_another_than_the_one_before_is_said_to(tmp_path):
+    """Load cases beside each other: the third on the first, the fourth on the last trunk."""
+    case = write_case(tmp_path)
+    case.write_text(
+        CASE.replace(
+            "  - {name: second, excavate: [lower]}\n",
+            "  - {name: second, excavate: [lower], independent: true}\n"
+            "  - {name: third, independent: true, base: first}\n"
+            "  - {name: fourth}\n",
+        )
+    )
+    checked = _json("check", case)
+    assert {stage["name"]: stage["base"] for stage in checked["stages"]} == {
+        "first": None,
+        "second": None,
+        "third": "first",
+        "fourth": "first",
+    }
