@@ -18,10 +18,9 @@ from geoident.io.result.vtkhdf import (
     write_sidecar,
 )
 from geoident.io.result.vtu import write_pvd, write_vtu
-from geoident.io.text.atomic import atomic_output
+from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.model.result import FieldSeries, Result
 from geoident.workflow.running.inputs import files_of_result
-from geoident.workflow.running.outputs import make_folder
 
 Writer = Callable[[str], None]
 

@@ -13,10 +13,9 @@ from geoident.io.docs.case_schema import case_schema_text
 from geoident.io.docs.skeleton import skeleton
 from geoident.io.docs.templates import template_files
 from geoident.io.mesh.file import mesh_files, read_mesh
-from geoident.io.text.atomic import refuse_inputs
+from geoident.io.text.atomic import atomic_output, make_folder, refuse_inputs
+from geoident.io.text.text_file import seen_from
 from geoident.model.case import Analysis
-from geoident.workflow.running.inputs import seen_from
-from geoident.workflow.running.outputs import make_folder, write_bytes
 
 CASE = "case.yaml"
 SCHEMA = "case.schema.json"
@@ -81,5 +80,6 @@ def _write(
     for path in paths.values():
         refuse_inputs(path, inputs)
     for name, path in paths.items():
-        write_bytes(contents[name], str(path), force=force, inputs=inputs)
+        with atomic_output(path, overwrite=force, inputs=inputs) as temporary:
+            Path(temporary).write_bytes(contents[name])
     return tuple(str(path) for path in paths.values())

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from geoident.errors import UsageError
 from geoident.io.result.file import read_result
-from geoident.io.text.atomic import refuse_inputs
+from geoident.io.text.atomic import make_folder, refuse_inputs
 from geoident.io.text.text_file import STDIN
 from geoident.model.result import Labelled
 from geoident.workflow.running.inputs import files_of_result
-from geoident.workflow.running.outputs import make_folder, write_bytes
+from geoident.workflow.running.outputs import write_bytes
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""

@@ -28,7 +28,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
     if file in (None, "-"):
         return (line("simulate", case, *overrides(options), "-o", new_name("simulated", ".csv")),)
-    from geoident.workflow.running.inputs import seen_from
+    from geoident.io.text.text_file import seen_from
 
     readings = seen_from(Path(case).parent, file)
     return (line("fit", case, "--set", f"readings={readings}"),)

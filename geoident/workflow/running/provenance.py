@@ -8,9 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from geoident import __version__
-from geoident.io.text.text_file import STDIN
+from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.result import Provenance
-from geoident.workflow.running.inputs import Inputs, seen_from
+from geoident.workflow.running.inputs import Inputs
 from geoident.workflow.running.jobs import Job
 
 LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")

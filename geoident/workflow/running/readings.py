@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -24,14 +23,7 @@ FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
 
 
-class Readable(Protocol):
-    """A model that can tell which channels it can read when."""
-
-    def unreadable(self, channel: str, stage: str) -> str | None:
-        """Why a channel cannot be read at the end of a stage, or None if it can."""
-
-
-def select_readings(case: Case, model: Readable) -> ReadingTable:
+def select_readings(case: Case, model: CaseModel) -> ReadingTable:
     """The readings of a case, and which of them an identification uses.
 
     Args:
@@ -41,7 +33,7 @@ def select_readings(case: Case, model: Readable) -> ReadingTable:
     return reading_table(case, [_why_unused(case, reading, model) for reading in case.readings])
 
 
-def _why_unused(case: Case, reading: Reading, model: Readable) -> str:
+def _why_unused(case: Case, reading: Reading, model: CaseModel) -> str:
     """Why a reading takes no part; empty if it does."""
     useless = why_useless(reading)
     if useless:
