@@ -236,7 +236,7 @@ def test_the_long_table_has_every_reading_with_its_time_and_what_became_of_it(
     drifting, run, run_json
 ):
     flag(drifting, "[{gauge: S, stage: first, reason: prism hit}]")
-    run_json("fit", "case.yaml", *ALL)
+    (fitted,) = run_json("fit", "case.yaml", *ALL)
     table = table_of("case.fit.h5", "readings")
     assert table.channel.values.tolist() == ["S", "X.a", "CV", "CV", "S"]
     assert table.gauge.values.tolist() == ["S", "X", "CV", "CV", "S"]
@@ -252,6 +252,8 @@ def test_the_long_table_has_every_reading_with_its_time_and_what_became_of_it(
     used = table.used.values == 1
     residual = (table.residual / table.sd).values
     np.testing.assert_allclose(table.standardized.values[used], residual[used])
+    # what was minimised knows when each was read, too
+    assert fitted["objective"] == pytest.approx(float(np.sum(residual[used] ** 2)))
     assert np.isnan(table.leverage.values[~used]).all()
     assert float(table.leverage.values[used].sum()) == pytest.approx(2.0)
     assert set(table.unit.values) == {"m"}

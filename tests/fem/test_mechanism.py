@@ -1,6 +1,7 @@
 """Bodies that can move without strain, by piece and direction."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,17 @@ def test_a_body_on_three_rods_is_held_and_on_two_is_not():
 def test_three_rods_that_meet_in_a_point_hold_nothing():
     assert loose(squares((0, 0)), [(0, 0, 0, 1), (1, 0, 0)]) is not None
     assert loose(squares((0, 0)), [(0, 0, 0, 1), (1, 0, 1)]) is None
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e5])
+def test_what_is_loose_does_not_depend_on_its_size(size):
+    """Rotations count by the size of the body, so a model in mm is judged like one in km."""
+    mesh = squares((0, 0), (1, 0), (2, 0))
+    mesh = replace(mesh, points=size * mesh.points)
+    assert loose(mesh, [(0, 0, 0, 1), (3 * size, 0, 1)]) is None
+    turning = loose(mesh, [(0, 0, 0, 1)])
+    np.testing.assert_array_equal(turning.elements, [0, 1, 2])
+    assert loose(mesh, [(0, 0, 1), (3 * size, 0, 1)]).motion[0] > 0
 
 
 def test_a_free_body_moves_along_all_axes():

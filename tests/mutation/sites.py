@@ -9,7 +9,7 @@ The changes are those of cosmic-ray, less those that cannot tell anything:
 * operators of bits for those of numbers, and the other way round, `is` for `==`: they end in a
   `TypeError` wherever the line is run; `<` for `==` between texts, which have no order here;
 * annotations, stars of signatures, `if TYPE_CHECKING`, protocols: never run, or without effect;
-* `frozen`, `slots`, `eq` of data classes, `strict` of `zip`, sizes of caches, and caches as such:
+* `frozen`, `slots`, `eq` of data classes, `strict` of `zip`, `abstractmethod`, caches, their sizes:
   promises to the reader and savings, without which every result is the same.
 
 To them come numbers that are scaled (`Scaled`): 1.96 to 1.568, 3.0 to 30.0.
@@ -34,7 +34,7 @@ from cosmic_ray.plugins import get_operator, operator_names
 
 ARITHMETIC = {"Add", "Sub", "Mul", "Div", "FloorDiv", "Mod", "Pow"}
 BITS = {"BitOr", "BitAnd", "BitXor"}
-CACHES = {"cache", "lru_cache", "cached_property"}
+UNSEEN = {"cache", "lru_cache", "cached_property", "abstractmethod"}
 PROMISES = {"frozen", "slots", "eq", "order", "kw_only", "strict", "maxsize"}
 SCALED = "Scaled"
 Position = tuple[int, int]
@@ -115,7 +115,7 @@ def _sites(root: Path, module: str) -> list[list[Mutant]]:
             (node, start) for node in nodes for start, _ in operator.mutation_positions(node)
         )
         for occurrence, (node, start) in enumerate(positions):
-            if start in seen.positions or (kind == "RemoveDecorator" and _saves_only(node)):
+            if start in seen.positions or (kind == "RemoveDecorator" and _unseen(node)):
                 continue
             if kind == "comparison" and start in seen.texts and not name.endswith(_OPPOSITE):
                 continue
@@ -141,8 +141,8 @@ def _kind(operator: str) -> str | None:
     return None if name in {"VariableReplacer", "VariableInserter", "NoOp"} else name
 
 
-def _saves_only(node: Any) -> bool:
-    return bool(set(re.findall(r"\w+", node.get_code())) & CACHES)
+def _unseen(node: Any) -> bool:
+    return bool(set(re.findall(r"\w+", node.get_code())) & UNSEEN)
 
 
 class _Silent(ast.NodeVisitor):

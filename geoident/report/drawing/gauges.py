@@ -70,7 +70,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     """Every gauge over the stages, so many to a figure."""
     caption = (
         "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
-        "lines: computed; dashed lines with 95 % bands: predicted."
+        "lines: computed; dashed lines with 95 % bands: predicted. Positive: the points move "
+        "apart, or the motion follows the direction of the gauge."
     )
     return paged(
         instruments(result.gauges),

@@ -122,6 +122,17 @@ def test_an_earthquake_pushes_with_a_part_of_the_weight():
     np.testing.assert_allclose(total, [0.15 * weight, -0.95 * weight], rtol=1e-12)
 
 
+def test_nothing_is_pushed_where_nothing_weighs():
+    staged = model(
+        box("tri3", (4, 4), size=(8.0, 5.0)),
+        materials={"rock": ROCK},
+        groups={"all": "rock"},
+        supports=(Support("y0", (0, 1)),),
+        loads={"quake": Seismic(scalars(0.15, 0.05))},
+    )
+    assert not staged.actions.forces(0, NOWHERE).any()
+
+
 VALUES = {"f": 3e6, "k": 0.12, "density": 2500.0, "E": 8e9}
 
 

@@ -326,6 +326,13 @@ def test_strata_oblique_to_a_section_are_refused(direction):
         assert "out of the plane" in found[0]
 
 
+def test_upright_strata_oblique_to_a_section_are_refused_though_they_shear_alike():
+    """With G_np that of the strata they couple with the shear in plan alone."""
+    alike = {**STRATA, "G_np": STRATA["E_p"] / (2 * (1 + STRATA["nu_p"]))}
+    upright = TransverselyIsotropic(**scalars(alike), frame=attitude(np.pi / 2, np.radians(40)))
+    assert len(faults_of(upright)) == 1
+
+
 def test_strata_parallel_to_the_section_or_flat_are_accepted_whatever_their_direction():
     upright = TransverselyIsotropic(**scalars(STRATA), frame=attitude(np.pi / 2, 0.0))
     flat = TransverselyIsotropic(**scalars(STRATA), frame=attitude(0.0, 0.3))

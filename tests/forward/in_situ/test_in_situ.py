@@ -246,6 +246,26 @@ def test_every_kind_of_face_gives_the_level_all_over_its_plan(kind):
     np.testing.assert_allclose(levels, 1 + places[:, :-1] @ slope, rtol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["tet4", "hex8", "tri3"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_faces_on_both_sides_of_a_ridge_do_not_reach_beyond_it(kind, axis):
+    """The plane of a face on one side, continued, lies above the other side."""
+    dim = 2 if kind == "tri3" else 3
+    axis = min(axis, dim - 2)
+    mesh = box(kind, (3,) * dim)
+
+    def level(places):
+        return 1 - 0.6 * np.abs(places[:, axis] - 1 / 3)
+
+    points = mesh.points.copy()
+    points[:, -1] *= level(points)
+    mesh = replace(mesh, points=points)
+    places = np.random.default_rng(4).uniform(0, 1, (500, dim))
+    levels, outside = Topography(mesh, f"{'xyz'[dim - 1]}1").levels(places)
+    assert not outside.any()
+    np.testing.assert_allclose(levels, level(places), rtol=1e-9)
+
+
 # What is refused ---------------------------------------------------------------------------------
 
 

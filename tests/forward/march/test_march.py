@@ -282,9 +282,11 @@ def test_one_factorization_per_stage_serves_response_and_jacobian():
     p = np.array([PARAMETERS[n] for n in staged.names])
     response.evaluate(p)
     first = staged.counts
+    assert first.evaluations == 1
     assert first.factorizations == 6  # five stages and the equilibrium of the virgin state
     assert first.solves == 6 * (1 + len(p))
     response.evaluate(p)
+    assert staged.counts.evaluations == 2
     assert staged.counts.factorizations == 12
     assert staged.counts.analyses == first.analyses
 

@@ -276,6 +276,32 @@ def test_what_is_no_deep_circle():
     assert "no circle" in why(found.response(()))
 
 
+@pytest.mark.parametrize("degrees", [44.0, 46.0])
+def test_a_wall_with_nodes_further_apart_than_45_degrees_is_no_circle(degrees):
+    """Three nodes on a quarter: one of the two gaps is wider, whichever way the middle moves."""
+    mesh = walled("quad4", n=1, layers=12, radius=RADIUS, reach=60 * RADIUS)
+    radius = np.linalg.norm(mesh.points, axis=1)
+    angle = np.degrees(np.arctan2(mesh.points[:, 1], mesh.points[:, 0]))
+    middle = np.flatnonzero((abs(radius - RADIUS) < 1e-9) & (abs(angle - 45) < 1e-6))
+    assert len(middle) == 1
+    points = mesh.points.copy()
+    turned = np.radians(degrees)
+    points[middle] = RADIUS * np.array([[np.cos(turned), np.sin(turned)]])
+    moved = staged(replace(mesh, points=points), material("rock", 5e9, 0.25), channels=())
+    assert "only a part of a circle" in why(moved.response(()))
+
+
+def test_unevenness_of_the_stress_is_told_in_parts_of_its_mean():
+    """6 and 11 MPa are 2.5 MPa to both sides of 8.5; the shear of 3 MPa is further off."""
+    for shear, told in ((0.0, "29 %"), (3 * MPa, "35 %")):
+        far = constant(-6 * MPa, -11 * MPa, -8 * MPa, shear)
+        notes = without_mesh(material("rock", 5e9, 0.25), in_situ=far).notes
+        (said,) = [note for note in notes if "in-situ stress around" in note]
+        assert f"is up to {told} off its mean" in said
+    even = without_mesh(material("rock", 5e9, 0.25)).notes
+    assert not [note for note in even if "in-situ stress around" in note]
+
+
 def test_options_give_the_circle():
     response = strong()
     assert isinstance(response.opening((0.0, 0.0), 2.01), OpeningResponse)

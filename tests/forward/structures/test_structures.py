@@ -347,6 +347,23 @@ def test_structure_without_ground_is_refused(structures, message):
     assert message in str(error.value)
 
 
+def test_every_lining_without_ground_is_told_bolts_before_it_or_not():
+    bolts = Bolts((((RADIUS, 0.0), (2 * RADIUS, 0.0)),), Scalar(1.0), EA=Scalar(1e8))
+    structures = {
+        "bolts": bolts,
+        "lining": Beam("walls", EA=Scalar(1e9), EI=Scalar(1e7), clamped_on=("x7",)),
+        "more": Beam("floor", EA=Scalar(1e9), EI=Scalar(1e7)),
+    }
+    stages = (Stage("open", excavate=("core",), build=("bolts",)),)
+    with pytest.raises(InputError) as error:
+        _lined(_tunnel(3, reach=8), stages, structures=structures)
+    assert [fault.path for fault in error.value.faults] == [
+        "structures.lining.on",
+        "structures.lining.clamped_on[0]",
+        "structures.more.on",
+    ]
+
+
 def test_structures_cost_no_further_factorization():
     staged = _with_parameters()
     staged.survey(np.array([q.start for q in staged.case.parameters]), fields=False)

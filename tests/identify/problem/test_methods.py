@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import InputError
 from geoident.identify import METHODS, identify, refusal
@@ -7,6 +8,7 @@ from geoident.identify.direct.scan import grid_axes, scan
 from geoident.identify.problem.protocols import Response
 from geoident.model.methods import (
     METHOD_OPTIONS,
+    ComplementarityOptions,
     CondensationOptions,
     GaussNewtonOptions,
     ScanAxis,
@@ -63,6 +65,21 @@ def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(proble
     assert [fault.code for fault in caught.value.faults] == ["method-not-possible"]
     assert problem.response.evaluations == 0
     assert refusal(problem.response, "gauss-newton") is None
+
+
+def test_a_refusal_names_what_is_possible_instead(problem):
+    assert refusal(problem.response, "condensation").endswith(
+        "Possible are gauss-newton, simplex, scan."
+    )
+    bars = PlasticBars([Frame([1.0, 1.0], [0, None], [1.0, 2.0])], 1)
+    whole = ComplementarityOptions(formulation="full-space")
+    assert refusal(bars, "complementarity") is None
+    assert refusal(bars, "complementarity", options=whole).endswith(
+        "Possible are gauss-newton, simplex, scan, complementarity in its default formulation."
+    )
+    assert refusal(problem.response, "complementarity", options=whole).endswith(
+        "Possible are gauss-newton, simplex, scan."
+    )
 
 
 def test_the_obstacle_of_the_model_is_the_reason(problem):

@@ -14,7 +14,9 @@ from geoident.identify import identify
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Problem
+from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.global_bound import _BranchAndBound
 from geoident.identify.yield_limits.stationarity import check, open_above
 from geoident.identify.yield_limits.unreached import headroom, strengths, unreached, yield_evaluator
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
@@ -277,3 +279,24 @@ def test_only_unreached_strengths_are_moved():
     seen = search.evaluate(start)
     assert seen.p[1] == -3.0
     assert seen.p[0] == pytest.approx(1.0, rel=1e-5)  # nothing yields at 2: brought near
+
+
+def test_branch_and_bound_takes_over_better_points_only(monkeypatch):
+    """From strong ground a descent ends at once; from near the truth, at it."""
+    bars = three_strengths()
+    problem = problem_of(bars, bars.readings(TRUTH))
+    options = ComplementarityOptions(formulation="global", restarts=0)
+    best = run(problem)
+    start = Discrepancy(problem).objective(np.full(3, 2.0))
+    poor = replace(best, values=np.full(3, 2.0), objective=start)
+    search = _BranchAndBound(problem, options, lambda iteration: None, poor)
+    search.improve(1.1 * TRUTH)
+    assert search.best.objective < 1e-6
+
+    def refused(*_):
+        raise AssertionError("a point that is no better was taken over")
+
+    monkeypatch.setattr(global_bound, "implicit", refused)
+    search = _BranchAndBound(problem, options, lambda iteration: None, best)
+    search.improve(np.full(3, 15.0))
+    assert search.best is best

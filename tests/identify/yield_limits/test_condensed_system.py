@@ -25,7 +25,9 @@ from geoident.identify.yield_limits.condensed_system import (
     determined_unknowns,
     sizes_of_kinds,
 )
+from geoident.identify.yield_limits.mixed_program import solve_box
 from geoident.identify.yield_limits.nonlinear_program import nonlinear_program
+from geoident.identify.yield_limits.parameter_boxes import ParameterBox
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import Bilinear, BilinearSystem
@@ -185,3 +187,16 @@ def test_a_large_residual_counts_as_the_loss_says(u):
         found, _ = evaluated(program_of(loss), z, 0.0)
         f, _ = transformed(loss, np.array([(u + 0.5 - 1.5) / 0.1]))
         assert found == pytest.approx(float(f @ f))
+
+
+@pytest.mark.parametrize("known", [1.5, 2.0, 2.8])
+def test_branch_and_bound_lets_hardening_grow_with_the_multiplier(known):
+    """A reading of 2.9 is lam = 1, so s = 0 there: k + H = 2.8, and the prior tells k."""
+    pytest.importorskip("pyscipopt")
+    parameters = (replace(PARAMETERS[0], prior=Prior(known, 0.1)), PARAMETERS[1])
+    system = condensed(Problem(None, np.array([2.9]), np.array([0.001]), parameters), bars())
+    box = ParameterBox(system.lower, system.upper, 0.0, np.arange(1))
+    found = solve_box(system, box, None, best=100.0, gap=1e-9)
+    assert found.complete
+    assert found.p * system.reference == pytest.approx([known, 2.8 - known], abs=0.01)
+    assert found.bound == pytest.approx(0.0, abs=1e-3)
