@@ -22,9 +22,8 @@ from geoident.workflow.running.diagnosis import (
     diagnostics_table,
     remarks,
 )
-from geoident.workflow.running.estimate import Setup, total
+from geoident.workflow.running.estimate import Finished, Setup, searched, total
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,

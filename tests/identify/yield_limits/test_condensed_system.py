@@ -17,7 +17,7 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.identify.objective.loss import transformed
+from geoident.identify.objective.discrepancy import transformed
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
