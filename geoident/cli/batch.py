@@ -7,9 +7,9 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
@@ -18,7 +18,7 @@ import click
 from geoident.cli.error_boundary import say_error
 from geoident.cli.options import Options
 from geoident.cli.several import combined
-from geoident.cli.signals import CODES
+from geoident.cli.signals import CODES, handled_signals
 from geoident.errors import ExitCode
 
 WORDS = {
@@ -52,10 +52,7 @@ class Batch:
         """Run all cases; their stdout comes in the order of the cases."""
         refuse_ambiguous(cases, self._options)
         codes: list[int] = []
-        with (
-            self._forwarded_signals(),
-            ThreadPoolExecutor(max_workers=self._options.jobs) as pool,
-        ):
+        with handled_signals(self._forward), ThreadPoolExecutor(self._options.jobs) as pool:
             for code, stdout in pool.map(self._run_case, cases):
                 codes.append(code)
                 if stdout:
@@ -94,7 +91,7 @@ class Batch:
         if code < 0:
             words = f"ended by signal {-code}"
         else:
-            words = WORDS.get(ExitCode(code), f"exit code {code}") if code in WORDS else str(code)
+            words = WORDS[ExitCode(code)] if code in WORDS else str(code)
         if code != ExitCode.DONE or not self._options.quiet:
             lines = "".join(f"\n    {line}" for line in stderr.splitlines())
             say_error(f"{case}: {words}{lines}", code)
@@ -103,18 +100,6 @@ class Batch:
         if not self._options.quiet:
             done = sum(code == ExitCode.DONE for code in codes)
             say_error(f"{done} of {len(codes)} cases done", 0)
-
-    @contextmanager
-    def _forwarded_signals(self) -> Iterator[None]:
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        before = {number: signal.signal(number, self._forward) for number in CODES}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     def _forward(self, number: int, frame: FrameType | None) -> None:
         self._stopped = CODES[signal.Signals(number)]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import click
 
@@ -37,38 +38,49 @@ def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
         The exit code.
     """
     with failures_as_json(case, options):
-        job = plan(_request(case, options))
+        request = Request(
+            case=case,
+            overrides=options.overrides,
+            output=options.output,
+            seed=options.seed,
+            solver=options.solver,
+            force=options.force,
+            fresh=options.fresh,
+        )
+        job = plan(request)
         if options.dry_run:
             return _say_plan(job, options)
         terminal = Terminal(options, job.inputs.case.parameters)
-        control = Control(terminal, max_time=options.max_time)
-        with terminal.live(case), stop_on_signals(control.stop):
-            finished = run(job, control)
-    say_finished(finished, terminal, options, case=case)
-    return int(finished.result.exit_code)
+        return _run(partial(run, job), terminal, options, title=case, case=case)
 
 
-def _request(case: str, options: Options) -> Request:
-    return Request(
-        case=case,
-        overrides=options.overrides,
-        output=options.output,
-        seed=options.seed,
-        solver=options.solver,
-        force=options.force,
-        fresh=options.fresh,
-    )
+def run_prediction(request: PredictRequest, options: Options) -> int:
+    """Make a prediction, and say what came out."""
+    task = plan_prediction(request)
+    work = partial(predict, task)
+    return _run(work, Terminal(options), options, title=request.result, case=task.inputs.path)
 
 
-def say_finished(finished: Finished, terminal: Terminal, options: Options, *, case: str) -> None:
-    """The path or the JSON object on stdout, the rest on stderr.
+def _run(
+    work: Callable[[Control], Finished],
+    terminal: Terminal,
+    options: Options,
+    *,
+    title: str,
+    case: str,
+) -> int:
+    """Do it; then the path or the JSON object on stdout, the rest on stderr.
 
     Args:
-        finished: the result and where it is.
-        terminal: where to say it.
+        work: to be done.
+        terminal: where to say how it goes on, and how it ended.
         options: of the command.
+        title: of the live line.
         case: path of the case.
     """
+    control = Control(terminal, max_time=options.max_time)
+    with terminal.live(title), stop_on_signals(control.stop):
+        finished = work(control)
     result, path = finished.result, finished.paths[0]
     if finished.up_to_date:
         terminal.inform(f"{path} is up to date; --fresh computes it again")
@@ -78,17 +90,7 @@ def say_finished(finished: Finished, terminal: Terminal, options: Options, *, ca
     for other in finished.paths[1:]:
         terminal.detail(f"also written: {other}")
     click.echo(dumps(result_object(result, case=case, output=path)) if options.as_json else path)
-
-
-def run_prediction(request: PredictRequest, options: Options) -> int:
-    """Make a prediction, and say what came out."""
-    task = plan_prediction(request)
-    terminal = Terminal(options)
-    control = Control(terminal)
-    with terminal.live(request.result), stop_on_signals(control.stop):
-        finished = predict(task, control)
-    say_finished(finished, terminal, options, case=task.inputs.path)
-    return int(finished.result.exit_code)
+    return int(result.exit_code)
 
 
 def _say_plan(job: Job, options: Options) -> int:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import click
 
-from geoident.cli.error_boundary import code_of, say_geoident_error
+from geoident.cli.error_boundary import code_of
 from geoident.cli.options import Options
 from geoident.errors import ExitCode, GeoidentError
 
@@ -45,8 +45,6 @@ def _survive(action: Callable[[str], int], item: str) -> int:
         return action(item)
     except (BrokenPipeError, click.ClickException):
         raise
-    except GeoidentError as error:
-        return say_geoident_error(error)
     except Exception as error:
         return code_of(error)
 

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Protocol
@@ -28,9 +28,6 @@ class Stopper(Protocol):
 @contextmanager
 def stop_on_signals(stop: Stopper) -> Iterator[None]:
     """Turn the first signal into a wish to stop, and leave the second to the system."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def ask(number: int, frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
@@ -38,9 +35,19 @@ def stop_on_signals(stop: Stopper) -> Iterator[None]:
         with suppress(OSError):  # the lock of a stream may be held: write past it
             os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _SAID.encode())
 
-    before = {number: signal.signal(number, ask) for number in CODES}
+    with handled_signals(ask):
+        yield
+
+
+@contextmanager
+def handled_signals(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Let a handler take the signals of `CODES` meanwhile; outside the main thread nothing does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in CODES}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)

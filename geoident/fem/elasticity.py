@@ -165,10 +165,7 @@ def _unit(i: int, j: int) -> Floats:
 
 
 def _sum(terms: list[Dual]) -> Dual:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
+    return sum(terms[1:], start=terms[0])
 
 
 def _inverse(S: Dual) -> Dual:

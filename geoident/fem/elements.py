@@ -182,10 +182,8 @@ def _stiffness_rule(cell: CellKind) -> tuple[Floats, Floats]:
         case "tri" | "tet":
             if cell.order == 2:
                 return _simplex_degree_2(cell.dim)
-            corners = cell.n_corners
-            return np.full((1, cell.dim), 1 / corners), np.array(
-                [1 / 2 if cell.dim == 2 else 1 / 6]
-            )
+            volume = 1 / 2 if cell.dim == 2 else 1 / 6
+            return np.full((1, cell.dim), 1 / cell.n_corners), np.array([volume])
         case "wedge":
             triangle = _simplex_degree_2(2) if cell.order == 1 else _TRIANGLE_DEGREE_4
             return _tensor(triangle, _gauss(1, n))

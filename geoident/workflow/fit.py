@@ -16,12 +16,7 @@ from geoident.model.methods import method_name
 from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import (
-    assess_robustly,
-    at_used,
-    diagnostics_table,
-    remarks,
-)
+from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table, remarks
 from geoident.workflow.running.estimate import Finished, Setup, searched, total
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.predictions import (
@@ -31,12 +26,7 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.provenance import job_provenance
-from geoident.workflow.running.readings import (
-    accuracies,
-    gauge_table,
-    unused_notes,
-    with_computed,
-)
+from geoident.workflow.running.readings import accuracies, gauge_table, unused_notes, with_computed
 from geoident.workflow.running.tables import parameter_table
 
 MISFIT = 3.0

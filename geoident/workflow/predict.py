@@ -26,13 +26,7 @@ from geoident.workflow.running.inputs import (
     inputs_of_result,
     load_inputs,
 )
-from geoident.workflow.running.outputs import (
-    Standing,
-    Target,
-    require_free,
-    standing,
-    target,
-)
+from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,
     collapse_findings,

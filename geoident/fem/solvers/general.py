@@ -11,10 +11,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
+from geoident.fem.solvers.splu import solve_in_blocks
 from geoident.model.arrays import Floats
-
-BLOCK = 4
-"""Right-hand sides solved together; SuperLU loses its cache with more."""
 
 
 class GeneralFactor:
@@ -58,8 +56,4 @@ class GeneralFactor:
     def solve(self, rhs: Floats) -> Floats:
         """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
         self._counts.solves += rhs.shape[1]
-        result = np.empty_like(rhs)
-        for start in range(0, rhs.shape[1], BLOCK):
-            part = np.ascontiguousarray(rhs[:, start : start + BLOCK])
-            result[:, start : start + BLOCK] = self._lu.solve(part)
-        return result
+        return solve_in_blocks(self._lu, np.array(rhs, order="F"))

@@ -114,16 +114,12 @@ class _Handle:
             ctypes.byref(error),
         )
         if error.value in _NOT_DEFINITE:
-            raise NotPositiveDefinite(self._failed())
+            equation = int(self._settings[29])  # at which it stopped, if that is told
+            raise NotPositiveDefinite(equation - 1 if 1 <= equation <= n else None)
         if error.value in _NO_MEMORY:
             raise MemoryError("PARDISO: not enough memory for the factor")
         if error.value:
             raise RuntimeError(f"PARDISO reports error {error.value} in phase {phase}")
-
-    def _failed(self) -> int | None:
-        """The unknown at which the factorization stopped, if it is told."""
-        equation = int(self._settings[29])
-        return equation - 1 if 1 <= equation <= self._order.size else None
 
 
 def _settings() -> npt.NDArray[np.int32]:

@@ -63,7 +63,7 @@ class SpluAnalysis(DirectAnalysis):
         except RuntimeError as error:  # exactly singular
             raise NotPositiveDefinite from error
         _check(lu, diagonal)
-        return lambda rhs: _solve_in_blocks(lu, rhs)
+        return lambda rhs: solve_in_blocks(lu, rhs)
 
 
 def _mirror(pattern: LowerPattern) -> sp.csc_array[np.int64]:
@@ -101,7 +101,8 @@ def _check(lu: Any, diagonal: Floats) -> None:
         raise NotPositiveDefinite(worst)
 
 
-def _solve_in_blocks(lu: Any, rhs: Floats) -> Floats:
+def solve_in_blocks(lu: Any, rhs: Floats) -> Floats:
+    """Solutions in the place of right-hand sides (n, k) in Fortran order."""
     for start in range(0, rhs.shape[1], BLOCK):
         rhs[:, start : start + BLOCK] = lu.solve(rhs[:, start : start + BLOCK])
     return rhs

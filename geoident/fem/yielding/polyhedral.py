@@ -59,13 +59,9 @@ class ReturnStep:
         multipliers = np.zeros_like(excess)
         for _ in range(2):
             rest = excess - multipliers @ self._system.coupling.T
-            multipliers += self._spread(self._on_face(rest))
+            active = np.take_along_axis(rest, self._planes, axis=1)
+            multipliers += self._spread(np.einsum("qij,qj->qi", self._inverse, active))
         return multipliers
-
-    def _on_face(self, values: Floats) -> Floats:
-        """A_WW^-1 times the active ones of values (q, y), (q, w)."""
-        active = np.take_along_axis(values, self._planes, axis=1)
-        return np.asarray(np.einsum("qij,qj->qi", self._inverse, active))
 
     def _spread(self, compact: Floats) -> Floats:
         """Values (q, w) of active planes at their places among all, (q, y)."""

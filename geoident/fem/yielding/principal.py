@@ -11,6 +11,7 @@ Plasticity, appendix A.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -132,69 +133,62 @@ class PrincipalLaw:
         return np.asarray(excess)
 
 
+@dataclass(frozen=True, eq=False)
 class PrincipalProjection:
     """What `PrincipalLaw` makes of trial stresses; see `law.Projection`.
 
     Args:
         images: of the stated planes.
         trial: (s, m).
-        yielded: (q,) points with an active plane.
+        yielded: (q,) the points with an active plane, ascending.
         spectral: principal values and axes of their trial stress.
         step: of the principal values, on the images.
     """
 
-    def __init__(
-        self, images: Images, trial: Floats, yielded: Ints, spectral: Spectrum, step: ReturnStep
-    ) -> None:
-        self._images = images
-        self._trial = trial
-        self._yielded = yielded
-        self._spectral = spectral
-        self._step = step
+    images: Images
+    trial: Floats
+    yielded: Ints
+    spectral: Spectrum
+    step: ReturnStep
 
     @cached_property
     def stress(self) -> Floats:
         """(s, m) admissible stress; the trial stress itself where nothing yields."""
-        stress = self._trial.copy()
-        along = self._spectral.assemble[:, :, :3]
-        stress[:, self._yielded] = np.einsum("qsi,iq->sq", along, self._step.returned)
+        stress = self.trial.copy()
+        along = self.spectral.assemble[:, :, :3]
+        stress[:, self.yielded] = np.einsum("qsi,iq->sq", along, self.step.returned)
         return stress
-
-    @property
-    def yielded(self) -> Ints:
-        """(q,) the points with an active plane, ascending."""
-        return self._yielded
 
     @cached_property
     def multipliers(self) -> Floats:
         """(q, y) dlam >= 0, summed over the images of each plane."""
-        return np.maximum(self._step.signed_multipliers @ self._images.total.T, 0.0)
+        return np.maximum(self.step.signed_multipliers @ self.images.total.T, 0.0)
 
     @cached_property
     def active(self) -> Bools:
         """(q, y) planes on an image of which the derivatives are taken."""
-        return np.asarray(self._step.active @ self._images.total.T > 0.0)
+        return np.asarray(self.step.active @ self.images.total.T > 0.0)
 
     @cached_property
     def biactive(self) -> Bools:
         """(q, y) planes that are reached with dlam = 0 on all images."""
-        total = self._images.total.T
-        return np.asarray((self._step.reached @ total > 0.0) & (self._step.working @ total == 0.0))
+        total = self.images.total.T
+        return np.asarray((self.step.reached @ total > 0.0) & (self.step.working @ total == 0.0))
 
     @cached_property
     def reduction(self) -> Floats:
         """(q, s, s) dsigma/ds*: of the principal values and by the spin of the axes."""
-        assemble, resolve = self._spectral.assemble, self._spectral.resolve
-        values = assemble[:, :, :3] @ self._step.reduction @ resolve[:, :3]
+        assemble, resolve = self.spectral.assemble, self.spectral.resolve
+        values = assemble[:, :, :3] @ self.step.reduction @ resolve[:, :3]
         spin = (assemble[:, :, 3:] * self._spin[:, None, :]) @ resolve[:, 3:]
         return np.asarray(values + spin)
 
     @cached_property
     def _spin(self) -> Floats:
         """(q, 3): what is left of a shear of the trial stress between two of its axes."""
-        trial, stress = self._spectral.values, self._step.returned
+        trial, stress = self.spectral.values, self.step.returned
         limit = _REPEATED * np.abs(trial).max(axis=0, initial=0.0)
-        slope = self._step.reduction
+        slope = self.step.reduction
         spin = np.empty((trial.shape[1], 3))
         for pair, (i, j) in enumerate(PAIRS):
             apart = trial[i] - trial[j]
@@ -207,19 +201,19 @@ class PrincipalProjection:
     @property
     def reserve(self) -> Floats:
         """(q,) J/m3."""
-        return self._step.reserve
+        return self.step.reserve
 
     def derivatives(
         self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
         """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
-        along = np.einsum("qks,sqn->kqn", self._spectral.resolve, trial)
-        spread = self._images.spread(hardened)
-        values, multipliers = self._step.derivatives(along[:3], spread, of_law=of_law)
+        along = np.einsum("qks,sqn->kqn", self.spectral.resolve, trial)
+        spread = self.images.spread(hardened)
+        values, multipliers = self.step.derivatives(along[:3], spread, of_law=of_law)
         spin = self._spin.T[:, :, None] * along[3:]
         ends = np.concatenate([values, spin])
-        stress = np.einsum("qsk,kqn->sqn", self._spectral.assemble, ends)
-        return stress, np.tensordot(self._images.total, multipliers, axes=1)
+        stress = np.einsum("qsk,kqn->sqn", self.spectral.assemble, ends)
+        return stress, np.tensordot(self.images.total, multipliers, axes=1)
 
 
 def _check_isotropic(elasticity: Floats) -> None:

@@ -40,31 +40,24 @@ class Spectrum:
     @cached_property
     def assemble(self) -> Floats:
         """(q, s, 6): stresses of their components 11, 22, 33, 12, 23, 13 along the axes."""
-        rows = self.axes[:, _FIRST[: self.n_stress]], self.axes[:, _SECOND[: self.n_stress]]
-        return _symmetric(rows[0], rows[1], halved=2)
+        both = self._products()
+        both[:, :, :3] *= 0.5
+        return both
 
     @cached_property
     def resolve(self) -> Floats:
         """(q, 6, s): those components of stresses."""
-        rows = self.axes[:, _FIRST[: self.n_stress]], self.axes[:, _SECOND[: self.n_stress]]
-        return np.swapaxes(_symmetric(rows[0], rows[1], halved=1), 1, 2)
-
-
-def _symmetric(first: Floats, second: Floats, *, halved: int) -> Floats:
-    """v_i[a] v_j[b] + v_i[b] v_j[a] of (q, s, 3) values at a and b: (q, s, 6).
-
-    Args:
-        first: (q, s, 3), of the axes at the first index a of each component.
-        second: at the second one, b.
-        halved: which of the two index pairs counts once where its indices are equal: 1 that of
-            components (a = b), 2 that of axes (i = j).
-    """
-    both = first[:, :, _FIRST] * second[:, :, _SECOND] + second[:, :, _FIRST] * first[:, :, _SECOND]
-    if halved == 2:
-        both[:, :, :3] *= 0.5
-    else:
+        both = self._products()
         both[:, :3, :] *= 0.5
-    return both
+        return np.swapaxes(both, 1, 2)
+
+    def _products(self) -> Floats:
+        """v_i[a] v_j[b] + v_i[b] v_j[a] of components ab and pairs of axes ij, (q, s, 6).
+
+        Where the axes are equal (to assemble), or the indices (to resolve), half of it counts.
+        """
+        a, b = self.axes[:, _FIRST[: self.n_stress]], self.axes[:, _SECOND[: self.n_stress]]
+        return a[:, :, _FIRST] * b[:, :, _SECOND] + b[:, :, _FIRST] * a[:, :, _SECOND]
 
 
 def spectrum(stress: Floats) -> Spectrum:

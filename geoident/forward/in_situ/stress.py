@@ -20,13 +20,7 @@ from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.in_situ import (
-    ConstantStress,
-    HeimStress,
-    InSitu,
-    ProfileStress,
-    Surface,
-)
+from geoident.model.in_situ import ConstantStress, HeimStress, InSitu, ProfileStress, Surface
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 

@@ -89,9 +89,7 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
         if name in stages:
             dates[name] = read_date(text)
         else:
-            hint = faults.did_you_mean(name, stages, what="Stages")
-            message = f"there is no stage '{name}'"
-            faults.add(("dates", name), "unknown-stage", message, hint, key=True)
+            faults.add_unknown(("dates", name), "stage", name, stages, key=True)
     before: str | None = None
     for name in (stage for stage in stages if stage in dates):
         if before is not None and dates[name] < dates[before]:
@@ -407,13 +405,10 @@ class _Check:
         gauges = {*self.zeros, *self.section.gauges}
         for n, entry in enumerate(self.section.bad):
             if entry.gauge not in gauges:
-                hint = self.faults.did_you_mean(entry.gauge, gauges, what="Gauges")
-                message = f"there is no gauge '{entry.gauge}'"
-                self.faults.add(("bad", n, "gauge"), "unknown-gauge", message, hint)
+                self.faults.add_unknown(("bad", n, "gauge"), "gauge", entry.gauge, gauges)
             if entry.stage is not None and entry.stage not in self.order:
-                hint = self.faults.did_you_mean(entry.stage, list(self.order)[1:], what="Stages")
-                message = f"there is no stage '{entry.stage}'"
-                self.faults.add(("bad", n, "stage"), "unknown-stage", message, hint)
+                stages = list(self.order)[1:]
+                self.faults.add_unknown(("bad", n, "stage"), "stage", entry.stage, stages)
 
     def _gauge(self, placed: Reading) -> None:
         name = placed.channel

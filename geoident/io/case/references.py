@@ -41,8 +41,7 @@ def _check_materials(section: CaseSection, faults: Faults) -> None:
             uses += [(("stages", n, key, group), name) for group, name in mapping.items()]
     for path, name in uses:
         if name not in known:
-            hint = faults.did_you_mean(name, known, what="Materials")
-            faults.add(path, "unknown-material", f"there is no material '{name}'", hint)
+            faults.add_unknown(path, "material", name, known)
 
 
 def _check_groups(section: CaseSection, faults: Faults) -> None:
@@ -83,8 +82,7 @@ def _check_stages(section: CaseSection, faults: Faults) -> None:
 
 def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:
     if name not in known:
-        hint = faults.did_you_mean(name, known, what="Stages")
-        faults.add(path, "unknown-stage", f"there is no stage '{name}'", hint)
+        faults.add_unknown(path, "stage", name, known)
 
 
 def _check_fit(section: CaseSection, faults: Faults) -> None:
@@ -96,9 +94,7 @@ def _check_fit(section: CaseSection, faults: Faults) -> None:
     for name, axis in grid.items():
         parameter = section.parameters.get(name)
         if parameter is None:
-            hint = faults.did_you_mean(name, section.parameters, what="Parameters")
-            message = f"there is no parameter '{name}'"
-            faults.add((*path, name), "unknown-parameter", message, hint, key=True)
+            faults.add_unknown((*path, name), "parameter", name, section.parameters, key=True)
             continue
         for key, given in (("from", axis.start), ("to", axis.stop)):
             _check_dimension((*path, name, key), given, parameter.start, faults)
@@ -131,7 +127,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
     for path, given in _numbers(section, ()):
         if given.parameter is not None:
             used.add(given.parameter)
-            _check_tie(section, path, given, faults)
+            _check_tie(section, path, given, given.parameter, faults)
     for name in section.parameters:
         if name not in used:
             message = f"the parameter '{name}' is declared, but nothing depends on it"
@@ -154,12 +150,12 @@ def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
             yield from _numbers(value, (*path, n))
 
 
-def _check_tie(section: CaseSection, path: KeyPath, given: Given, faults: Faults) -> None:
-    parameter = section.parameters.get(given.parameter or "")
+def _check_tie(
+    section: CaseSection, path: KeyPath, given: Given, name: str, faults: Faults
+) -> None:
+    parameter = section.parameters.get(name)
     if parameter is None:
-        message = f"there is no parameter '{given.parameter}'"
-        hint = faults.did_you_mean(given.parameter or "", section.parameters, what="Parameters")
-        faults.add(path, "unknown-parameter", message, hint)
+        faults.add_unknown(path, "parameter", name, section.parameters)
     elif parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
         message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"

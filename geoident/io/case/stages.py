@@ -288,8 +288,7 @@ class _Ground:
         for n, name in enumerate(stage.build):
             place = (*path, "build", n)
             if name not in self.begin.structures:
-                hint = self.faults.did_you_mean(name, self.begin.structures, what="Structures")
-                self.faults.add(place, "unknown-structure", f"there is no structure '{name}'", hint)
+                self.faults.add_unknown(place, "structure", name, self.begin.structures)
             elif name in self.structures:
                 message = f"the structure '{name}' is already built"
                 hint = "To replace it, list it under 'dismantle' too."

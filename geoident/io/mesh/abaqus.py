@@ -235,8 +235,8 @@ def _read_set(block: _Keyword, content: _Content) -> None:
         target += [_range([int(word) for word in row], block.line) for row in rows]
         return
     words = [word for row in rows for word in row]
-    target.append(np.array([int(w) for w in words if _is_number(w)], dtype=np.int64))
-    for other in (w for w in words if not _is_number(w)):
+    target.append(np.array([int(w) for w in words if w.isdecimal()], dtype=np.int64))
+    for other in (w for w in words if not w.isdecimal()):
         if content.spell(other) not in sets:
             message = f"the set {name} names the set {other}, which is not defined before it"
             raise Refused("mesh-set", message, "", block.line)
@@ -253,10 +253,6 @@ def _range(row: list[int], line: int) -> Ints:
 
 def _split(line: str) -> list[str]:
     return [word.strip() for word in line.split(",")]
-
-
-def _is_number(word: str) -> bool:
-    return word.isdecimal()
 
 
 def _assemble(content: _Content) -> RawMesh:

@@ -8,14 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from geoident.io.mesh.raw import (
-    RawCells,
-    RawMesh,
-    Refused,
-    first_of_equal,
-    join,
-    row_keys,
-)
+from geoident.io.mesh.raw import RawCells, RawMesh, Refused, first_of_equal, join, row_keys
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh, spans

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from geoident.errors import InputError, Location
 from geoident.io.readings.ags import read_ags
-from geoident.io.readings.table import COLUMNS, Cell, Layout, Table, flag, lines
+from geoident.io.readings.table import COLUMNS, Cell, Layout, Origin, Table, flag, lines
 from geoident.io.readings.wide import WideReader
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
@@ -191,9 +191,7 @@ class _LongReader:
         """Channel, sign and unit of a name in the file; no channel where none is asked for."""
         if not self.channels:
             return name, 1, ""
-        if name not in self.channels:
-            return "", 1, ""
-        channel, origin = self.channels[name]
+        channel, origin = self.channels.get(name, ("", Origin()))
         return channel, origin.sign, origin.unit
 
     def _check_names(self, number: int, row: Mapping[str, Cell]) -> None:

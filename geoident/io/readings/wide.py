@@ -7,9 +7,8 @@ below the header, or is declared in the case.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from geoident.errors import Location
 from geoident.io.readings.table import Cell, Origin, Table
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
@@ -114,30 +113,19 @@ class WideReader:
         time = self.table.date(number, when) if self.dated else None
         if self.dated and time is None:
             return []
-        place = self.table.place(number, when)
-        return [
-            reading
-            for column in self.columns
-            if column.at < len(cells)
-            for reading in self._reading(number, cells[column.at], column, time, when.text, place)
-        ]
-
-    def _reading(
-        self,
-        number: int,
-        cell: Cell,
-        column: _Column,
-        time: float | None,
-        when: str,
-        place: Location,
-    ) -> list[Reading]:
-        value = self.table.number(number, cell)
-        if column.factor is None or (value is None and cell.text):
-            return []
-        known = None if value is None else column.sign * value * column.factor
-        stage = "" if self.dated else when
-        at = self.table.place(number, cell)
-        return [Reading(column.channel, stage, known, location=at, time=time, when=place)]
+        place, stage = self.table.place(number, when), "" if self.dated else when.text
+        readings = []
+        for column in (column for column in self.columns if column.at < len(cells)):
+            cell = cells[column.at]
+            value = self.table.number(number, cell)
+            if column.factor is None or (value is None and cell.text):
+                continue
+            known = None if value is None else column.sign * value * column.factor
+            at = self.table.place(number, cell)
+            readings.append(
+                Reading(column.channel, stage, known, location=at, time=time, when=place)
+            )
+        return readings
 
     def _refuse_width(self, number: int, cells: list[Cell], width: int) -> None:
         """Note further cells where the whole file is read: a decimal comma may be behind it."""
@@ -149,13 +137,9 @@ class WideReader:
 
     def _read_units(self, number: int, cells: list[Cell]) -> None:
         self.units_follow = False
-        columns = []
-        for column in self.columns:
-            factor = column.factor
-            if factor is None:
-                blank = Cell("", 1)
-                cell = cells[column.at] if column.at < len(cells) else blank
+        for n, column in enumerate(self.columns):
+            if column.factor is None:
+                cell = cells[column.at] if column.at < len(cells) else Cell("", 1)
                 names, unit = (column.channel, column.channel), cell.text.strip("()[] ")
                 factor = self._factor(number, cell, names, unit)
-            columns.append(_Column(column.at, column.channel, column.cell, column.sign, factor))
-        self.columns = columns
+                self.columns[n] = replace(column, factor=factor)

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from geoident.io.text.atomic import sync
 from geoident.model.arrays import Floats
 
 if sys.platform != "win32":
@@ -144,7 +145,8 @@ class EvaluationLog:
         file.truncate(0)
         _write(file, 0, header)
         self._end = len(header)
-        _sync_folder(self._path.parent)
+        with suppress(OSError):
+            sync(self._path.parent, os.O_RDONLY)
 
     def _load(self, file: io.FileIO, start: int) -> None:
         """Indexes the sound records from ``start`` on and cuts off what follows them."""
@@ -241,12 +243,3 @@ def _lock(file: io.FileIO) -> None:
     except OSError as error:
         if error.errno in _LOCKED:
             raise
-
-
-def _sync_folder(folder: Path) -> None:
-    with suppress(OSError):
-        file = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(file)
-        finally:
-            os.close(file)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +28,9 @@ WIDE_FORMAT = "geoident-result/1"
 """The format before: no long table of readings."""
 _RESULT_TEXTS = ("kind", "status", "method", "reason")
 _RESULT_LISTS = ("findings", "notes")
-_PROVENANCE_TEXTS = (
-    "command",
-    "case_file",
-    "case_sha256",
-    "mesh_sha256",
-    "readings_sha256",
-    "identity",
-    "created",
+_PROVENANCE_TEXTS = tuple(
+    entry.name for entry in fields(Provenance) if entry.name not in ("versions", "seed", "format")
 )
-_COUNTS = ("evaluations", "analyses", "factorizations", "solves")
 
 
 @dataclass(frozen=True)
@@ -139,7 +132,7 @@ def _write_attributes(file: h5py.File, result: Result) -> None:
             attributes.create(name, texts(getattr(result, name)), dtype=h5py.string_dtype())
     for name in _PROVENANCE_TEXTS:
         attributes[name] = plain_text(getattr(result.provenance, name))
-    for name in _COUNTS:
+    for name in tables.COUNTS:
         attributes[name] = np.int64(getattr(result.counts, name))
     attributes["versions"] = plain_text(json.dumps(dict(result.provenance.versions)))
     attributes["seed"] = np.int64(result.provenance.seed)
@@ -220,13 +213,10 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
     sensitivity = tables.read_sensitivity(file, n) if "sensitivity" in contents else None
     gauges, diagnostics = _read_readings(file, root, sensitivity, n)
     case = TableReader(file, "case")
+    said: dict[str, Any] = {name: root.text(name) for name in _RESULT_TEXTS}
+    said |= {name: root.list(name) for name in _RESULT_LISTS}
     return Result(
-        kind=root.text("kind"),
-        status=root.text("status"),
-        method=root.text("method"),
-        reason=root.text("reason"),
-        findings=root.list("findings"),
-        notes=root.list("notes"),
+        **said,
         exit_code=root.int("exit_code"),
         objective=root.float("objective"),
         case_text=case.text("verbatim"),
@@ -234,7 +224,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         provenance=_read_provenance(root),
         parameters=parameters,
         gauges=gauges,
-        counts=Counts(**{name: root.int(name) for name in _COUNTS}),
+        counts=Counts(**{name: root.int(name) for name in tables.COUNTS}),
         history=tables.read_history(file, n),
         singular_values=singular,
         sensitivity=sensitivity,

@@ -12,6 +12,7 @@ A file of format 1 has only the wide tables: one reading a channel and stage, wi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import h5py
 import numpy as np
@@ -19,11 +20,7 @@ import numpy as np
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ReadingTable
-from geoident.model.result import (
-    DIAGNOSTIC_COLUMNS,
-    Diagnostics,
-    GaugeTable,
-)
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable
 from geoident.units import DIMENSIONS
 
 _FLOATS = ("time", "value", "sd", "computed")
@@ -125,21 +122,29 @@ def reading_unit(table: GaugeTable) -> str:
 def read_gauges(file: h5py.File, n: int) -> GaugeTable:
     """Channels and readings; n is the number of parameters."""
     group = TableReader(file, "gauges")
-    channels, stages = group.texts("gauge"), group.texts("stage")
-    m = len(channels)
-    points = group.floats("points", m, 2, len(group.texts("axis")))
+    channels = _channels(group)
+    m = len(channels["channels"])
     return GaugeTable(
-        channels=channels,
-        stages=stages,
-        computed=group.floats("computed", m, len(stages)),
-        first=points[:, 0].copy(),
-        second=points[:, 1].copy(),
+        **channels,
         readings=read_readings(file, n),
         gauges=group.texts("instrument", m),
         dimensions=group.texts("dimension", m),
         units=group.texts("display_unit", m),
         accuracy=group.floats("accuracy", m),
     )
+
+
+def _channels(group: TableReader) -> dict[str, Any]:
+    """What both formats hold of a `GaugeTable` in the same way."""
+    channels, stages = group.texts("gauge"), group.texts("stage")
+    points = group.floats("points", len(channels), 2, len(group.texts("axis")))
+    return {
+        "channels": channels,
+        "stages": stages,
+        "computed": group.floats("computed", len(channels), len(stages)),
+        "first": points[:, 0].copy(),
+        "second": points[:, 1].copy(),
+    }
 
 
 def write_diagnostics(
@@ -166,14 +171,21 @@ def write_diagnostics(
 
 def read_diagnostics(file: h5py.File, n: int) -> Diagnostics:
     """The influence of each reading; n is the number of parameters."""
-    about, table = TableReader(file, "diagnostics"), TableReader(file, "readings")
-    k = len(table.texts("channel"))
+    table = TableReader(file, "readings")
+    return _diagnostics(file, table, (len(table.texts("channel")),), n, at=...)
+
+
+def _diagnostics(
+    file: h5py.File, table: TableReader, shape: tuple[int, ...], n: int, *, at: Any
+) -> Diagnostics:
+    """The columns of a table of some shape, at an index of it."""
+    about = TableReader(file, "diagnostics")
     return Diagnostics(
         loss=about.attribute("loss", str),
         squares=about.attribute("weighted_squares", float),
         scale=about.attribute("scale", float),
-        influence=table.floats("influence", k, n),
-        **{name: table.floats(name, k) for name in DIAGNOSTIC_COLUMNS},
+        influence=table.floats("influence", *shape, n)[at],
+        **{name: table.floats(name, *shape)[at] for name in DIAGNOSTIC_COLUMNS},
     )
 
 
@@ -233,13 +245,12 @@ def gauges_of_wide(file: h5py.File, sensitivity: Floats | None) -> GaugeTable:
         sensitivity: (n_channels, n_stages, n) of the same file, or None.
     """
     group = TableReader(file, "gauges")
-    channels, stages = group.texts("gauge"), group.texts("stage")
-    m, shape = len(channels), (len(channels), len(stages))
-    points = group.floats("points", m, 2, len(group.texts("axis")))
-    computed = group.floats("computed", *shape)
+    channels = _channels(group)
+    names, computed = channels["channels"], channels["computed"]
+    shape = computed.shape
     readings = long_table(
-        channels,
-        stages,
+        names,
+        channels["stages"],
         group.floats("measured", *shape),
         sd=group.floats("sd", *shape),
         used=group.bools("used", *shape),
@@ -248,16 +259,12 @@ def gauges_of_wide(file: h5py.File, sensitivity: Floats | None) -> GaugeTable:
         sensitivity=sensitivity,
     )
     return GaugeTable(
-        channels=channels,
-        stages=stages,
-        computed=computed,
-        first=points[:, 0].copy(),
-        second=points[:, 1].copy(),
+        **channels,
         readings=readings,
-        gauges=tuple(name.partition(".")[0] for name in channels),
-        dimensions=("length",) * m,
-        units=("mm",) * m,
-        accuracy=np.full(m, np.nan),
+        gauges=tuple(name.partition(".")[0] for name in names),
+        dimensions=("length",) * len(names),
+        units=("mm",) * len(names),
+        accuracy=np.full(len(names), np.nan),
     )
 
 
@@ -269,14 +276,6 @@ def diagnostics_of_wide(file: h5py.File, gauges: GaugeTable, n: int) -> Diagnost
         gauges: its channels and readings.
         n: number of parameters.
     """
-    group = TableReader(file, "diagnostics")
-    shape = gauges.computed.shape
     places = [gauges.place(k) for k in range(len(gauges.readings))]
     at = tuple(np.array(places, dtype=np.int64).reshape(-1, 2).T)
-    return Diagnostics(
-        loss=group.attribute("loss", str),
-        squares=group.attribute("weighted_squares", float),
-        scale=group.attribute("scale", float),
-        influence=group.floats("influence", *shape, n)[at],
-        **{name: group.floats(name, *shape)[at] for name in DIAGNOSTIC_COLUMNS},
-    )
+    return _diagnostics(file, TableReader(file, "diagnostics"), gauges.computed.shape, n, at=at)

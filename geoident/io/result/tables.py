@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import fields
 
 import h5py
 import numpy as np
@@ -15,18 +16,11 @@ from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
-from geoident.model.result import (
-    Counts,
-    GaugeTable,
-    Grid,
-    Iteration,
-    ParameterTable,
-    Prediction,
-)
+from geoident.model.result import Counts, GaugeTable, Grid, Iteration, ParameterTable, Prediction
 from geoident.units import DIMENSIONS
 
-_COUNTS = ("evaluations", "analyses", "factorizations", "solves")
-_PARAMETER_ARRAYS = {"value": "values", "sd": "sd", "lower": "lower", "upper": "upper"}
+COUNTS = tuple(entry.name for entry in fields(Counts))
+_PARAMETER_ARRAYS = {"value": "values"} | {name: name for name in ("sd", "lower", "upper", "start")}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
 _PRIOR_TEXT = re.compile(r"(\w+)\((\S+), (\S+)\)")
 
@@ -51,7 +45,6 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out = TableWriter(file, "parameters", axes)
     for name, field in _PARAMETER_ARRAYS.items():
         out.add(name, getattr(table, field), "parameter")
-    out.add("start", table.start, "parameter")
     out.add("ci95", np.stack([table.lower95, table.upper95], axis=1), "parameter", "bound")
     out.add("at_bound", table.at_bound, "parameter")
     out.add("determined", table.determined, "parameter")
@@ -85,7 +78,6 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
     table = ParameterTable(
         names=names,
         **arrays,
-        start=group.floats("start", n),
         lower95=interval[:, 0].copy(),
         upper95=interval[:, 1].copy(),
         at_bound=group.bools("at_bound", n),
@@ -96,7 +88,9 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         covariance=group.floats("covariance", n, n),
         correlation=group.floats("correlation", n, n),
     )
-    return table, _read_singular(group)
+    if "singular_values" not in group:
+        return table, None
+    return table, group.floats("singular_values", len(group.array("direction", "f")))
 
 
 def _read_priors(group: TableReader, n: int) -> tuple[Prior | None, ...]:
@@ -117,12 +111,6 @@ def _prior(kind: str, mean: float, sd: float) -> Prior | None:
     if not kind:
         return None
     return Prior(mean, sd, "lognormal" if kind == "lognormal" else "normal")
-
-
-def _read_singular(group: TableReader) -> Floats | None:
-    if "singular_values" not in group:
-        return None
-    return group.floats("singular_values", len(group.array("direction", "f")))
 
 
 def write_sensitivity(
@@ -185,7 +173,7 @@ def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[
     out.add("objective", np.array([row.objective for row in history], dtype=float), "iteration")
     out.add("step", np.array([row.step for row in history], dtype=float), "iteration")
     out.add("note", [row.note for row in history], "iteration")
-    for name in _COUNTS:
+    for name in COUNTS:
         counts = np.array([getattr(row.counts, name) for row in history], dtype=np.int64)
         out.add(name, counts, "iteration")
     values = np.array([row.values for row in history], dtype=float)
@@ -197,7 +185,7 @@ def read_history(file: h5py.File, n: int) -> tuple[Iteration, ...]:
     group = TableReader(file, "history")
     methods = group.texts("method")
     rows = len(methods)
-    counts = [group.ints(name, rows).tolist() for name in _COUNTS]
+    counts = [group.ints(name, rows).tolist() for name in COUNTS]
     return tuple(
         Iteration(method, number, objective, values, step, Counts(*cost), note)
         for method, number, objective, values, step, cost, note in zip(

@@ -19,14 +19,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.result.hdf5 import (
-    TableReader,
-    hdf5_input,
-    hdf5_output,
-    plain_text,
-    refusal,
-    texts,
-)
+from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
@@ -85,7 +78,7 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
     _write_grid(group, fields.mesh)
-    point_data = {"displacement": _with_z(fields.displacement)}
+    point_data = {"displacement": with_z(fields.displacement)}
     cell_data: dict[str, npt.NDArray[Any]] = {
         "stress": fields.stress,
         "present": fields.present.astype(np.int8),
@@ -97,9 +90,8 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
     _write_data(group, "CellData", cell_data, static)
     group["PointData/displacement"].attrs["unit"] = "m"
     group["CellData/stress"].attrs["unit"] = "Pa"
-    group["CellData/group"].attrs.create(
-        "names", texts(tuple(fields.mesh.groups)), dtype=h5py.string_dtype()
-    )
+    names = texts(tuple(fields.mesh.groups))
+    group["CellData/group"].attrs.create("names", names, dtype=h5py.string_dtype())
     _write_steps(group, fields.mesh, len(fields.present), (*cell_data,), (*static,))
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
@@ -111,7 +103,7 @@ def _write_grid(group: h5py.Group, mesh: Mesh) -> None:
     group["NumberOfPoints"] = np.array([mesh.n_nodes], dtype=np.int64)
     group["NumberOfCells"] = np.array([mesh.n_elements], dtype=np.int64)
     group["NumberOfConnectivityIds"] = np.array([len(connectivity)], dtype=np.int64)
-    group["Points"] = _with_z(mesh.points)
+    group["Points"] = with_z(mesh.points)
     group["Points"].attrs["unit"] = "m"
     group["Types"] = _joined(types).astype(np.uint8)
     group["Connectivity"] = connectivity
@@ -225,7 +217,7 @@ def _read_sets(parent: TableReader, name: str) -> dict[str, Ints]:
     return dict(zip(names, np.split(table.array("index", "i"), ends)[:-1], strict=True))
 
 
-def _with_z(array: Floats) -> Floats:
+def with_z(array: Floats) -> Floats:
     """(..., 2) or (..., 3) to (..., 3)."""
     missing = 3 - array.shape[-1]
     return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, missing)]) if missing else array

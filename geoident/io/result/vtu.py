@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.result.vtkhdf import element_groups, element_numbers
+from geoident.io.result.vtkhdf import element_groups, element_numbers, with_z
 from geoident.model.arrays import Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
@@ -61,8 +61,8 @@ def write_vtu(fields: FieldSeries, state: int, path: str | Path) -> None:
         file.write(_HEAD.format("UnstructuredGrid"))
         file.write("<UnstructuredGrid>\n")
         file.write(f'<Piece NumberOfPoints="{len(kept)}" NumberOfCells="{len(types)}">\n')
-        points = {"Points": _with_z(mesh.points[kept])}
-        displacement = {"displacement": _with_z(fields.displacement[state, kept])}
+        points = {"Points": with_z(mesh.points[kept])}
+        displacement = {"displacement": with_z(fields.displacement[state, kept])}
         file.writelines(_section("Points", points))
         file.writelines(_section("Cells", topology))
         file.writelines(_section("PointData", displacement))
@@ -117,8 +117,3 @@ def _encoded(array: npt.NDArray[Any]) -> str:
     rest = len(raw) % _BLOCK
     head = np.array([len(blocks), _BLOCK, rest, *map(len, blocks)], dtype="<u8").tobytes()
     return (base64.b64encode(head) + base64.b64encode(b"".join(blocks))).decode("ascii")
-
-
-def _with_z(array: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """(n, 2) or (n, 3) to (n, 3)."""
-    return np.pad(array, [(0, 0), (0, 3 - array.shape[1])])

@@ -62,7 +62,7 @@ def atomic_output(path: str | Path, *, overwrite: bool, inputs: Iterable[str]) -
         _sweep(final)
         temporary = _create(final)
         yield str(temporary)
-        _sync(temporary)
+        sync(temporary, os.O_RDWR)
         _publish(temporary, final, overwrite=overwrite)
         _sync_folder(final.parent)
     except OSError as error:
@@ -158,8 +158,9 @@ def _runs(pid: int) -> bool:
     return True
 
 
-def _sync(path: Path) -> None:
-    file = os.open(path, os.O_RDWR)
+def sync(path: Path, flags: int) -> None:
+    """Has the disk hold what was written to a file or a folder, opened with these flags."""
+    file = os.open(path, flags)
     try:
         os.fsync(file)
     finally:
@@ -186,11 +187,7 @@ def _sync_folder(folder: Path) -> None:
     if sys.platform == "win32":
         return
     try:
-        file = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(file)
-        finally:
-            os.close(file)
+        sync(folder, os.O_RDONLY)
     except OSError as error:
         if error.errno not in _UNSUPPORTED:
             raise

@@ -85,6 +85,21 @@ class Faults:
         location = self.places.locate(path, key=key)
         self.found.append(Fault(code, message, hint, location, format_path(path)))
 
+    def add_unknown(
+        self, path: KeyPath, kind: str, name: str, known: Iterable[str], *, key: bool = False
+    ) -> None:
+        """Note a name that refers to nothing.
+
+        Args:
+            path: of its key.
+            kind: what has names of this kind, such as ``stage``.
+            name: the wrong one.
+            known: the right ones.
+            key: show where the key is written, not its value.
+        """
+        hint = self.did_you_mean(name, known, what=f"{kind.capitalize()}s")
+        self.add(path, f"unknown-{kind}", f"there is no {kind} '{name}'", hint, key=key)
+
     def did_you_mean(self, word: str, known: Iterable[str], *, what: str = "Known") -> str:
         """A hint as `wording.did_you_mean` gives it, as long as faults are shown at all.
 

@@ -37,13 +37,7 @@ class Album:
     @property
     def all(self) -> tuple[Picture, ...]:
         """Every figure."""
-        return (
-            *self.overview,
-            *self.parameters,
-            *self.readings,
-            *self.fields,
-            *self.quality,
-        )
+        return (*self.overview, *self.parameters, *self.readings, *self.fields, *self.quality)
 
 
 def album(result: Result, *, prefix: str = "") -> Album:

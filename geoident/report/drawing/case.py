@@ -14,7 +14,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -24,16 +23,16 @@ from geoident.forward.actions.supports import group_nodes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
-from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh, spans
 from geoident.report.drawing.sheets import element_centres
-from geoident.report.drawing.style import MEASURED, SMALL, Picture, image, short
+from geoident.report.drawing.style import MEASURED, SMALL, Picture, box_axes, image, key, short
 
 Colour = tuple[float, float, float]
 _GROUND = ((0.91, 0.91, 0.89), (0.79, 0.83, 0.86), (0.86, 0.81, 0.76), (0.74, 0.74, 0.74))
 _ORDER = "YlOrBr"
 _PLACED = "YlGnBu"
 _MARKERS = {"x": ">", "y": "^", "z": "v"}
+_SUPPORT: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "none", "mec": "black", "mew": 0.7}
 _MOST_MARKS = 25
 _MOST_LABELS = 40
 _EDGE = (0.35, 0.35, 0.35)
@@ -163,17 +162,9 @@ def _draw_supports(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
         names = [("x", "y", "z")[c] for c in support.components]
         marker = _MARKERS[names[0]] if len(names) == 1 else "s"
         nodes = _some(group_nodes(mesh, support.group), mesh)
-        style: dict[str, Any] = {
-            "marker": marker,
-            "ls": "",
-            "ms": 4,
-            "mfc": "none",
-            "mec": "black",
-            "mew": 0.7,
-        }
-        axes.plot(*mesh.points[nodes].T, zorder=5, **style)
+        axes.plot(*mesh.points[nodes].T, zorder=5, marker=marker, **_SUPPORT)
         label = f"held along {', '.join(names)}"
-        meanings[label] = Line2D([], [], label=label, **style)
+        meanings[label] = key(label, marker=marker, **_SUPPORT)
     return list(meanings.values())
 
 
@@ -216,9 +207,7 @@ def _draw_marks(axes: Any, mesh: Mesh, parts: tuple[Part, ...]) -> None:
 
 
 def _frame(axes: Any, low: Floats, high: Floats) -> None:
-    for name, a, b in zip("xyz", low, high, strict=True):
-        getattr(axes, f"set_{name}lim")(a, b)
-        getattr(axes, f"set_{name}label")(f"{name} (m)")
+    box_axes(axes, low, high)
     axes.set_box_aspect(high - low)
     axes.view_init(elev=22, azim=-55)
     axes.grid(visible=False)
@@ -230,7 +219,7 @@ def _finish(figure: Figure, case: Case, parts: tuple[Part, ...], supports: list[
         Patch(facecolor=part.colour, edgecolor=_EDGE, lw=0.4, label=short(part.label, 34))
         for part in parts
     ]
-    gauges = [Line2D([], [], marker="o", color=MEASURED, lw=1.0, ms=2.5, label="gauge")]
+    gauges = [key("gauge", marker="o", color=MEASURED, lw=1.0, ms=2.5)]
     handles = [*colours, *supports, *(gauges if case.channels else [])]
     figure.legend(handles=handles, loc="outside right upper", fontsize=SMALL, frameon=False,
                   ncols=1 + len(handles) // 36)  # fmt: skip
@@ -286,13 +275,9 @@ def gauge_lines(case: Case) -> dict[str, list[Floats]]:
     """Of each gauge, its lines: (2, dim) from point to point, (1, dim) for a point by itself, m."""
     lines: dict[str, list[Floats]] = {}
     for channel in case.channels:
-        lines.setdefault(channel.gauge, []).append(_line(channel))
+        ends = [point for point in (channel.first, channel.second) if point is not None]
+        lines.setdefault(channel.gauge, []).append(np.array(ends, dtype=np.float64))
     return lines
-
-
-def _line(channel: Channel) -> Floats:
-    ends = [point for point in (channel.first, channel.second) if point is not None]
-    return np.array(ends, dtype=np.float64)
 
 
 def centre(mesh: Mesh, elements: Ints) -> Floats:

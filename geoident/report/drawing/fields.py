@@ -35,7 +35,6 @@ from geoident.report.drawing.style import (
     STRESSES,
     Picture,
     hide_unused,
-    short,
 )
 
 _WIDTH = 10.0
@@ -296,8 +295,7 @@ def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -
         window: what is shown.
         state: number of the state.
     """
-    predicted = " (predicted)" if scene.predicted(state) else ""
-    axes.set_title(short(scene.stage(state), 20) + predicted)
+    axes.set_title(scene.title(state))
     axes.set_aspect("equal")
     axes.set_xlim(window.low[0], window.high[0])
     axes.set_ylim(window.low[1], window.high[1])
@@ -353,12 +351,10 @@ def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
     figure, panels = panel_figure(scene, window, len(scene.key_states), extra=0.5)
     for axes, state in zip(panels, scene.key_states, strict=True):
         edges = sheet.edges(scene.fields.present[state])
-        after = _moved(scene, edges, state, factor)
-        start = sheet.outline(scene.fields.present[state]).at(scene.fields.mesh.points)
-        _add_lines(axes, sheet, after, color=COMPUTED, lw=0.4)
         ground = sheet.outline(scene.fields.present[state])
+        _add_lines(axes, sheet, _moved(scene, edges, state, factor), color=COMPUTED, lw=0.4)
         _add_lines(axes, sheet, _moved(scene, ground, state, factor), color="black", lw=0.9)
-        _add_lines(axes, sheet, start, color=MEASURED, lw=0.8)
+        _add_lines(axes, sheet, ground.at(scene.fields.mesh.points), color=MEASURED, lw=0.8)
         finish(axes, scene, sheet, window, state)
         axes.set_title(f"{axes.get_title(loc='left')}, x {factor:g}")
     return figure

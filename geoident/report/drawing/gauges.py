@@ -25,7 +25,6 @@ from geoident.report.drawing.style import (
     SMALL,
     Picture,
     colour,
-    hide_unused,
     key,
     marker,
     paged,
@@ -89,9 +88,8 @@ def _name(gauge: Instrument) -> str:
 def readings_figure(result: Result, gauges: Sequence[Instrument]) -> Figure:
     """A panel for each gauge."""
     figure, panels = panel_grid(len(gauges), height=2.05, extra=0.7, sharex=True)
-    for axes, gauge in zip(panels.ravel(), gauges, strict=False):
+    for axes, gauge in zip(panels, gauges, strict=True):
         _draw_gauge(axes, result, gauge)
-    _show_bottom_labels(panels, len(gauges))
     handles = [
         key("measured", color=FAINT, marker="o", ls="", ms=4),
         key("not used", color=FAINT, marker="o", ls="", ms=4, mfc="white"),
@@ -100,14 +98,6 @@ def readings_figure(result: Result, gauges: Sequence[Instrument]) -> Figure:
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
     return figure
-
-
-def _show_bottom_labels(panels: Any, used: int) -> None:
-    """Stage names under the lowest panel of every column, also over an empty place."""
-    rows, columns = panels.shape
-    for k in range(used, rows * columns):
-        panels[rows - 2, k % columns].tick_params(labelbottom=True)
-    hide_unused(list(panels.ravel()), used)
 
 
 def _draw_gauge(axes: Axes, result: Result, gauge: Instrument) -> None:
@@ -251,9 +241,8 @@ def profiles_figure(result: Result, gauges: Sequence[Instrument]) -> Figure:
     """A panel for each extensometer."""
     stages = _read_stages(result.gauges, gauges)
     figure, panels = panel_grid(len(gauges), height=2.3, extra=0.8)
-    for axes, gauge in zip(panels.ravel(), gauges, strict=False):
+    for axes, gauge in zip(panels, gauges, strict=True):
         _draw_profile(axes, result, gauge, stages)
-    hide_unused(list(panels.ravel()), len(gauges))
     last = last_fitted(result.gauges)
     handles = [
         key(
@@ -315,9 +304,8 @@ def compared_gauge_pictures(results: Labelled) -> tuple[Picture, ...]:
 def compared_figure(results: Labelled, channels: Sequence[str]) -> Figure:
     """A panel for each channel."""
     figure, panels = panel_grid(len(channels), height=2.2, extra=0.8)
-    for axes, channel in zip(panels.ravel(), channels, strict=False):
+    for axes, channel in zip(panels, channels, strict=True):
         _draw_compared(axes, [result for _, result in results], channel)
-    hide_unused(list(panels.ravel()), len(channels))
     handles = [
         key(short(label, 30), color=colour(k), ls=_STYLES[k % len(_STYLES)])
         for k, (label, _) in enumerate(results)
@@ -325,10 +313,6 @@ def compared_figure(results: Labelled, channels: Sequence[str]) -> Figure:
     handles.append(key("measured", color=FAINT, marker="o", ls="", ms=4))
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
     return figure
-
-
-def _gauge_of(result: Result, channel: str) -> str:
-    return result.gauges.gauges[result.gauges.channels.index(channel)]
 
 
 def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
@@ -347,5 +331,6 @@ def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
     stage_ticks(axes, stages)
     axes.set_title(short(channel, 24))
     owner = next(result for result in results if channel in result.gauges.channels)
-    axes.set_ylabel(gauge_quantity(owner, _gauge_of(owner, channel)), fontsize=SMALL)
+    gauge = owner.gauges.gauges[owner.gauges.channels.index(channel)]
+    axes.set_ylabel(gauge_quantity(owner, gauge), fontsize=SMALL)
     axes.grid(axis="y")

@@ -13,16 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from geoident.model.result import Grid, Labelled, ParameterTable, Result
 from geoident.report.drawing.fields import bands
-from geoident.report.drawing.style import (
-    FAINT,
-    LENGTHS,
-    SMALL,
-    Picture,
-    colour,
-    key,
-    marker,
-    short,
-)
+from geoident.report.drawing.style import FAINT, LENGTHS, SMALL, Picture, colour, key, marker, short
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED, Unit, prior_interval, unit_of
 from geoident.units import in_unit, shown_unit

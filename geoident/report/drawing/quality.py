@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -80,21 +81,15 @@ def _draw_one_to_one(axes: Axes, result: Result, unit: str) -> None:
     computed, measured = table.in_units(table.computed), table.in_units(table.measured)
     alike = np.array([name == unit for name in table.shown_units], dtype=np.bool_)
     both = _both(result) & alike[:, None]
-    for used, face, label in ((True, MEASURED, "used"), (False, "white", "not used or predicted")):
+    for used, words in ((True, "used"), (False, "not used or predicted")):
         here = both & (table.used == used)
         if here.any():
-            axes.plot(
-                measured[here],
-                computed[here],
-                "o",
-                ms=4,
-                color=MEASURED,
-                mfc=face,
-                mew=0.8,
-                label=f"{label} ({np.count_nonzero(here)})",
-            )
+            label = f"{words} ({np.count_nonzero(here)})"
+            _draw_dots(axes, measured[here], computed[here], used=used, ms=4, label=label)
     values = np.concatenate([measured[both], computed[both]])
-    ends = _widened(float(values.min()), float(values.max()))
+    low, high = float(values.min()), float(values.max())
+    margin = 0.05 * (high - low) or 1.0
+    ends = low - margin, high + margin
     axes.plot(ends, ends, "-", color=COMPUTED, lw=1, zorder=0, label="computed = measured")
     names = [f"{name} ({unit})" if unit else name for name in ("measured", "computed")]
     axes.set(xlim=ends, ylim=ends, xlabel=names[0], ylabel=names[1])
@@ -102,9 +97,10 @@ def _draw_one_to_one(axes: Axes, result: Result, unit: str) -> None:
     axes.grid()
 
 
-def _widened(low: float, high: float) -> tuple[float, float]:
-    margin = 0.05 * (high - low) or 1.0
-    return low - margin, high + margin
+def _draw_dots(axes: Axes, x: Floats, y: Floats, *, used: bool, **style: Any) -> None:
+    """Readings (n,) at x and y, hollow where they are not used."""
+    face = MEASURED if used else "white"
+    axes.plot(x, y, "o", color=MEASURED, mfc=face, mew=0.8, **style)
 
 
 def _residual_picture(result: Result) -> Picture:
@@ -136,17 +132,9 @@ def residual_figure(result: Result) -> Figure:
     axes.axvline(0, color=FAINT, lw=0.7)
     residual = standardized(result)
     for y, row in enumerate(rows):
-        for used, face in ((True, MEASURED), (False, "white")):
+        for used in (True, False):
             here = np.isfinite(residual[row]) & (table.used[row] == used)
-            axes.plot(
-                residual[row, here],
-                np.full(here.sum(), y),
-                "o",
-                ms=3.8,
-                color=MEASURED,
-                mfc=face,
-                mew=0.8,
-            )
+            _draw_dots(axes, residual[row, here], np.full(here.sum(), y), used=used, ms=3.8)
         _name_outliers(axes, residual[row], table, y)
     reach = 1.1 * max(3.5, float(np.nanmax(np.abs(residual))))
     named = bool(np.nanmax(np.abs(residual)) > OUTLIER)

@@ -11,6 +11,7 @@ from geoident.fem.location import Locator
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
+from geoident.report.drawing.style import short
 from geoident.report.text.case import axis_names
 
 MOST_STAGES = 12
@@ -112,9 +113,9 @@ class Scene:
         """The name of a state."""
         return self.result.gauges.stages[state - 1] if state else "initial state"
 
-    def predicted(self, state: int) -> bool:
-        """Whether the state comes after the last fitted one."""
-        return state > self.last_fitted
+    def title(self, state: int) -> str:
+        """The name of a state for a panel, and whether it comes after the last fitted one."""
+        return short(self.stage(state), 20) + " (predicted)" * (state > self.last_fitted)
 
     def displacement(self, state: int) -> Floats:
         """(n_nodes, dim) since the virgin state, m."""
@@ -146,6 +147,12 @@ class Scene:
         present = self.fields.present
         return np.asarray((present != present[0]).any(axis=0))
 
+    @cached_property
+    def near(self) -> Floats:
+        """(k, dim) points of the gauges and centres of what is excavated or placed, m."""
+        centres = element_centres(self.fields.mesh)[self.moved]
+        return np.vstack([gauge_points(self.result.gauges), centres])
+
     def borders_label(self, state: int) -> Ints:
         """Labels (n_elements,) for `Sheet.borders`: groups of what is present, -1 for the rest."""
         return np.where(self.fields.present[state], self._maker.label, -1)
@@ -153,16 +160,11 @@ class Scene:
     def window(self, sheet: Sheet) -> Window:
         """The part of a sheet with the gauges and the construction, and a margin, in the mesh."""
         axes = list(sheet.axes)
-        points = [gauge_points(self.result.gauges)[:, axes]]
-        points.append(element_centres(self.fields.mesh)[self.moved][:, axes])
-        near = np.vstack(points)
+        near = self.near[:, axes]
         low, high = self.box[0][axes], self.box[1][axes]
         if not len(near) or not np.all(np.ptp(near, axis=0) > 0):
             return Window(low, high)
-        margin = _MARGIN * float(np.ptp(near, axis=0).max())
-        return Window(
-            np.maximum(low, near.min(axis=0) - margin), np.minimum(high, near.max(axis=0) + margin)
-        )
+        return Window(*box_around(near, (low, high)))
 
     def magnification(self, sheet_size: float, *, share: float = 0.05) -> float:
         """A round factor that makes the largest displacement a share of a size (m)."""
@@ -190,6 +192,13 @@ def scene_of(result: Result) -> Scene | None:
     """The scene of a result; None if it has no fields, or none after a stage."""
     fields = result.fields
     return Scene(result, fields) if fields is not None and len(fields.displacement) > 1 else None
+
+
+def box_around(points: Floats, box: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Corners (dim,) of the box around points (k, dim) with a margin, inside another box, m."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    return np.maximum(low - margin, box[0]), np.minimum(high + margin, box[1])
 
 
 def gauge_points(gauges: GaugeTable) -> Floats:

@@ -23,7 +23,7 @@ import numpy as np
 from geoident.fem.faces import FaceTable, face_table, patches
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.mesh import ElementBlock, Mesh, spans
+from geoident.model.mesh import Mesh, spans
 
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
@@ -198,8 +198,9 @@ class SheetMaker:
                 parts.append(corners[:, triangle])
                 elements.append(np.arange(span.start, span.stop))
         points = np.arange(len(self.corners.node))
-        weights = np.zeros(len(points))
-        return self._sheet(None, (points, points, weights), np.vstack(parts), elements)
+        ends = points, points, np.zeros(len(points))
+        triangles, element = np.vstack(parts), np.concatenate(elements)
+        return Sheet(self.mesh, None, self.corners, self.faces, *ends, triangles, element)
 
     def cut(self, plane: Plane) -> Sheet:
         """The sheet in which a plane cuts a mesh of solids."""
@@ -216,17 +217,8 @@ class SheetMaker:
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
         a, b = unique // n, unique % n
         w = distance[a] / (distance[a] - distance[b])
-        return self._sheet(plane, (a, b, w), point.reshape(-1, 3), elements)
-
-    def _sheet(
-        self,
-        plane: Plane | None,
-        points: tuple[Ints, Ints, Floats],
-        triangles: Ints,
-        elements: list[Ints],
-    ) -> Sheet:
-        element = np.concatenate(elements)
-        return Sheet(self.mesh, plane, self.corners, self.faces, *points, triangles, element)
+        triangles, element = point.reshape(-1, 3), np.concatenate(elements)
+        return Sheet(self.mesh, plane, self.corners, self.faces, a, b, w, triangles, element)
 
 
 def group_labels(mesh: Mesh) -> Ints:
@@ -239,12 +231,8 @@ def group_labels(mesh: Mesh) -> Ints:
 
 def element_centres(mesh: Mesh) -> Floats:
     """(n_elements, dim) means of the corners, m."""
-    parts = [_centres(mesh, block) for block in mesh.blocks]
-    return np.concatenate(parts)
-
-
-def _centres(mesh: Mesh, block: ElementBlock) -> Floats:
-    return np.asarray(mesh.points[block.nodes[:, : CELLS[block.kind].n_corners]].mean(axis=1))
+    corners = [block.nodes[:, : CELLS[block.kind].n_corners] for block in mesh.blocks]
+    return np.concatenate([mesh.points[nodes].mean(axis=1) for nodes in corners])
 
 
 def _distance(mesh: Mesh, plane: Plane) -> Floats:

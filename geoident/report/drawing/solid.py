@@ -13,9 +13,9 @@ from geoident.fem.faces import face_table, patches
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.report.drawing.fields import bands
-from geoident.report.drawing.scene import Scene, gauge_points
+from geoident.report.drawing.scene import Scene, box_around, gauge_points
 from geoident.report.drawing.sheets import Plane, Sheet, element_centres
-from geoident.report.drawing.style import LENGTHS, MEASURED, MM, Picture, short
+from geoident.report.drawing.style import LENGTHS, MEASURED, MM, Picture, box_axes
 
 _VIEW = {0: (22.0, -145.0), 1: (22.0, -60.0), 2: (40.0, -55.0)}
 _MOST_FACES = 60_000
@@ -26,7 +26,7 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
     if not scene.solid or not scene.sheets:
         return ()
     sheet = _opening(scene)
-    low, high = _near(scene)
+    low, high = box_around(scene.near, scene.box)
     factor = scene.magnification(float((high - low).max()))
     colours = f"Colours: size of the displacement {scene.since}."
     return (
@@ -91,7 +91,7 @@ def _kept(scene: Scene, state: int, opened: Sheet | None) -> Bools:
     kept = scene.fields.present[state].copy()
     if opened is not None and opened.plane is not None:
         centres = element_centres(scene.fields.mesh)
-        low, high = _near(scene)
+        low, high = box_around(scene.near, scene.box)
         kept &= ((centres >= low) & (centres <= high)).all(axis=1)
         offset = centres[:, opened.plane.axis] - opened.plane.value
         kept &= _side(scene, opened.plane) * offset > -1e-9
@@ -100,17 +100,8 @@ def _kept(scene: Scene, state: int, opened: Sheet | None) -> Bools:
 
 def _side(scene: Scene, plane: Plane) -> float:
     """The side of a section, 1 or -1, on which more of the model lies around the gauges."""
-    low, high = _near(scene)
+    low, high = box_around(scene.near, scene.box)
     return 1.0 if high[plane.axis] - plane.value >= plane.value - low[plane.axis] else -1.0
-
-
-def _near(scene: Scene) -> tuple[Floats, Floats]:
-    """The box around gauges and construction, with a margin, m."""
-    centres = element_centres(scene.fields.mesh)[scene.moved]
-    near = np.vstack([gauge_points(scene.result.gauges), centres])
-    low, high = near.min(axis=0), near.max(axis=0)
-    margin = 0.2 * float((high - low).max())
-    return np.maximum(low - margin, scene.box[0]), np.minimum(high + margin, scene.box[1])
 
 
 def _draw_faces(
@@ -155,10 +146,8 @@ def _outer_faces(scene: Scene, kept: Bools) -> list[Ints]:
 
 
 def _finish(axes: Any, scene: Scene, state: int, opened: Sheet | None) -> None:
-    low, high = scene.box if opened is None else _near(scene)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_zlim(low[2], high[2])
+    low, high = scene.box if opened is None else box_around(scene.near, scene.box)
+    box_axes(axes, low, high)
     axes.set_box_aspect(high - low, zoom=0.9)
     axes.set_proj_type("ortho")
     elevation, azimuth = _VIEW[2]
@@ -166,10 +155,6 @@ def _finish(axes: Any, scene: Scene, state: int, opened: Sheet | None) -> None:
         elevation, azimuth = _VIEW[opened.plane.axis]
         azimuth += 180.0 if _side(scene, opened.plane) < 0 else 0.0
     axes.view_init(elevation, azimuth)
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
-    axes.set_zlabel("z (m)")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
-    predicted = " (predicted)" if scene.predicted(state) else ""
-    axes.set_title(short(scene.stage(state), 20) + predicted, loc="left")
+    axes.set_title(scene.title(state), loc="left")

@@ -19,6 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from geoident.model.arrays import Floats
+
 COMPUTED = "#1f4e79"
 MEASURED = "#d95f02"
 FAINT = "#8c8c8c"
@@ -140,19 +142,34 @@ def hide_unused(panels: list[Axes], used: int) -> None:
         axes.remove()
 
 
-def panel_grid(n: int, *, height: float, extra: float, sharex: bool = False) -> tuple[Figure, Any]:
-    """A figure with places for n panels, up to three in a row, and its axes (rows, columns).
+def box_axes(axes: Any, low: Floats, high: Floats) -> None:
+    """Limits (3,), m, and names of the axes of a view in space."""
+    for name, first, last in zip("xyz", low, high, strict=True):
+        getattr(axes, f"set_{name}lim")(first, last)
+        getattr(axes, f"set_{name}label")(f"{name} (m)")
+
+
+def panel_grid(
+    n: int, *, height: float, extra: float, sharex: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure with n panels, up to three in a row.
 
     Args:
         n: number of panels.
         height: of a panel, inches.
         extra: height for the legend, inches.
-        sharex: the panels of a column share their x axis.
+        sharex: the panels of a column share their x axis, which is named under the lowest, also
+            over an empty place.
     """
     columns = min(_COLUMNS, n)
     rows = -(-n // columns)
     figure = Figure(figsize=(3.4 * columns if columns > 1 else 5.0, height * rows + extra))
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+    for k in range(n, rows * columns):
+        if sharex:
+            panels[rows - 2, k % columns].tick_params(labelbottom=True)
+    hide_unused(list(panels.ravel()), n)
+    return figure, list(panels.ravel()[:n])
 
 
 def paged(

@@ -26,12 +26,7 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
-from geoident.report.text.result import (
-    compared_outcomes,
-    counts_text,
-    outcome_sentences,
-    warnings,
-)
+from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20
 

@@ -9,13 +9,7 @@ from geoident.errors import Fault, InputError
 from geoident.model.case import Case
 from geoident.model.methods import MethodOptions
 from geoident.workflow.running.inputs import Inputs, load_inputs
-from geoident.workflow.running.outputs import (
-    Standing,
-    Target,
-    require_free,
-    standing,
-    target,
-)
+from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.complementarity import complementarity
-from geoident.identify.yield_limits.global_bound import _BranchAndBound
+from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.stationarity import (
     check,
     headroom,
@@ -295,7 +295,7 @@ def test_branch_and_bound_takes_over_better_points_only(monkeypatch):
     best = run(problem)
     start = Discrepancy(problem).objective(np.full(3, 2.0))
     poor = replace(best, values=np.full(3, 2.0), objective=start)
-    search = _BranchAndBound(problem, options, lambda iteration: None, poor)
+    search = BranchAndBound(problem, options, lambda iteration: None, poor)
     search.improve(1.1 * TRUTH)
     assert search.best.objective < 1e-6
 
@@ -303,6 +303,6 @@ def test_branch_and_bound_takes_over_better_points_only(monkeypatch):
         raise AssertionError("a point that is no better was taken over")
 
     monkeypatch.setattr(global_bound, "implicit", refused)
-    search = _BranchAndBound(problem, options, lambda iteration: None, best)
+    search = BranchAndBound(problem, options, lambda iteration: None, best)
     search.improve(np.full(3, 15.0))
     assert search.best is best
