@@ -13,7 +13,7 @@ import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
-from geoident.forward.protocols import CaseModel
+from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
@@ -27,12 +27,13 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     require_enough,
     select_readings,
     times_of,
     unused_by_stage,
+    with_computed,
 )
 
 
@@ -163,20 +164,28 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     return outcome
 
 
-def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Counts of the search and of what the model did besides, between two of its counts.
+def surveyed(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+) -> tuple[Survey, ReadingTable, Counts]:
+    """The model at the end of a search, what it says of each reading, and what both have cost.
 
     Args:
-        search_counts: at the end of the search.
-        before: the model, when the search had ended.
-        after: the model, now.
+        setup: model and readings.
+        problem: of the search.
+        outcome: of the search.
+        fields: whether displacements and stresses are wanted.
     """
-    return Counts(
-        evaluations=search_counts.evaluations + after.evaluations - before.evaluations,
-        analyses=max(search_counts.analyses, after.analyses),
-        factorizations=search_counts.factorizations + after.factorizations - before.factorizations,
-        solves=search_counts.solves + after.solves - before.solves,
+    model, p = setup.model, outcome.values
+    before = model.counts
+    survey = model.survey(p, fields=fields, partial=True)
+    search, after = problem.response.counts, model.counts
+    counts = Counts(
+        evaluations=search.evaluations + after.evaluations - before.evaluations,
+        analyses=max(search.analyses, after.analyses),
+        factorizations=search.factorizations + after.factorizations - before.factorizations,
+        solves=search.solves + after.solves - before.solves,
     )
+    return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
 
 
 @dataclass(frozen=True)
@@ -194,16 +203,22 @@ class Finished:
     up_to_date: bool = False
 
 
-def keep(job: Job) -> Finished:
-    """The result of a job that is up to date."""
-    return Finished(read_result(job.place.path), (str(job.place.path),), up_to_date=True)
+def keep(place: Target) -> Finished:
+    """A result that is up to date."""
+    return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
 
 
-def write(job: Job, result: Result) -> Finished:
-    """Put the result of a job in its place."""
-    overwrite = job.found is not Standing.NOTHING
-    path, inputs = job.place.path, job.files_read
-    return Finished(result, write_result(result, path, overwrite=overwrite, inputs=inputs))
+def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[str]) -> Finished:
+    """Put a result in its place.
+
+    Args:
+        result: what was found.
+        place: of the result.
+        found: what stands there.
+        inputs: paths that were read, and so must not be written.
+    """
+    overwrite = found is not Standing.NOTHING
+    return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
 def searched(
@@ -220,13 +235,14 @@ def searched(
         Interrupted: a stop was asked for; a checkpoint is there.
     """
     if job.up_to_date:
-        return keep(job)
+        return keep(job.place)
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
         outcome = search(problem, job.methods, control)
-        return write(job, result(setup, problem, outcome))
+        written = result(setup, problem, outcome)
+        return write(written, job.place, job.found, inputs=job.inputs.files)
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:
