@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
-from geoident.forward.protocols import CaseModel
+from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
@@ -21,7 +21,12 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.readings import require_enough, select_readings, times_of
+from geoident.workflow.running.readings import (
+    require_enough,
+    select_readings,
+    times_of,
+    with_computed,
+)
 
 
 @dataclass(frozen=True)
@@ -151,17 +156,25 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     return outcome
 
 
-def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Counts of the search and of what the model did besides, between two of its counts.
+def surveyed(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+) -> tuple[Survey, ReadingTable, Counts]:
+    """The model at the end of a search, what it says of each reading, and what both have cost.
 
     Args:
-        search_counts: at the end of the search.
-        before: the model, when the search had ended.
-        after: the model, now.
+        setup: model and readings.
+        problem: of the search.
+        outcome: of the search.
+        fields: whether displacements and stresses are wanted.
     """
-    return Counts(
-        evaluations=search_counts.evaluations + after.evaluations - before.evaluations,
-        analyses=max(search_counts.analyses, after.analyses),
-        factorizations=search_counts.factorizations + after.factorizations - before.factorizations,
-        solves=search_counts.solves + after.solves - before.solves,
+    model, p = setup.model, outcome.values
+    before = model.counts
+    survey = model.survey(p, fields=fields, partial=True)
+    search, after = problem.response.counts, model.counts
+    counts = Counts(
+        evaluations=search.evaluations + after.evaluations - before.evaluations,
+        analyses=max(search.analyses, after.analyses),
+        factorizations=search.factorizations + after.factorizations - before.factorizations,
+        solves=search.solves + after.solves - before.solves,
     )
+    return survey, with_computed(setup.readings, setup.case, model, survey, p), counts

@@ -138,6 +138,14 @@ def files_of_result(result: Result, path: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((path, case, *(part for n in named for part in mesh_files(n)))))
 
 
+def seen_from(folder: Path, path: Path | str) -> str:
+    """A path as a file in a folder names it; absolute where no relative one leads there."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive
+        return str(Path(path).absolute())
+
+
 def case_path(output: Path | str, case_file: str) -> str:
     """The case that a result was made from, as seen from here."""
     if Path(case_file).is_absolute():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from geoident.model.result import Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import Setup, evaluation_log, prepare, problem_of, search
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import unused_by_stage
 
 
@@ -32,16 +32,22 @@ class Finished:
     up_to_date: bool = False
 
 
-def keep(job: Job) -> Finished:
-    """The result of a job that is up to date."""
-    return Finished(read_result(job.place.path), (str(job.place.path),), up_to_date=True)
+def keep(place: Target) -> Finished:
+    """A result that is up to date."""
+    return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
 
 
-def write(job: Job, result: Result) -> Finished:
-    """Put the result of a job in its place."""
-    overwrite = job.found is not Standing.NOTHING
-    path, inputs = job.place.path, job.files_read
-    return Finished(result, write_result(result, path, overwrite=overwrite, inputs=inputs))
+def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[str]) -> Finished:
+    """Put a result in its place.
+
+    Args:
+        result: what was found.
+        place: of the result.
+        found: what stands there.
+        inputs: paths that were read, and so must not be written.
+    """
+    overwrite = found is not Standing.NOTHING
+    return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
 def searched(
@@ -58,13 +64,14 @@ def searched(
         Interrupted: a stop was asked for; a checkpoint is there.
     """
     if job.up_to_date:
-        return keep(job)
+        return keep(job.place)
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
         outcome = search(problem, job.methods, control)
-        return write(job, result(setup, problem, outcome))
+        written = result(setup, problem, outcome)
+        return write(written, job.place, job.found, inputs=job.inputs.files)
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

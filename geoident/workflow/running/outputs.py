@@ -126,6 +126,18 @@ def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequenc
         raise _Probe
 
 
+def make_folder(folder: Path | str) -> None:
+    """Make a folder for output if it is missing.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
 def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str]) -> None:
     """Write a text file, whole or not at all, and never over one of the inputs.
 

@@ -43,13 +43,19 @@ def select_readings(case: Case, model: Readable) -> ReadingTable:
 
 def _why_unused(case: Case, reading: Reading, model: Readable) -> str:
     """Why a reading takes no part; empty if it does."""
-    if reading.value is None:
-        return "no value was read"
-    if reading.bad:
-        return f"{FLAGGED}{reading.bad}"
+    useless = why_useless(reading)
+    if useless:
+        return useless
     if case.fit.stages is not None and reading.stage not in case.fit.stages:
         return "the stage is not in fit.stages"
     return model.unreadable(reading.channel, reading.stage) or ""
+
+
+def why_useless(reading: Reading) -> str:
+    """Why nothing can use a reading; empty if something can."""
+    if reading.value is None:
+        return "no value was read"
+    return f"{FLAGGED}{reading.bad}" if reading.bad else ""
 
 
 def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
