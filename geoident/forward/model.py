@@ -27,8 +27,7 @@ from geoident.forward.march.state import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.protocols import Survey
-from geoident.forward.reading_places import ReadingPlaces
+from geoident.forward.protocols import ReadingPlaces, Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures

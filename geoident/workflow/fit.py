@@ -17,9 +17,8 @@ from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table, remarks
-from geoident.workflow.running.estimate import Setup, surveyed
+from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,

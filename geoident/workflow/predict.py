@@ -17,6 +17,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.estimate import Finished, keep, write
 from geoident.workflow.running.inputs import (
     Inputs,
     build_model,
@@ -25,7 +26,6 @@ from geoident.workflow.running.inputs import (
     inputs_of_result,
     load_inputs,
 )
-from geoident.workflow.running.outcome import Finished, keep, write
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,

@@ -7,9 +7,8 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import Setup, surveyed
+from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.provenance import job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes
 from geoident.workflow.running.tables import bare_parameter_table

@@ -10,8 +10,7 @@ import numpy as np
 
 from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
-from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import LowerPattern, Solver, SymbolicFactorization
+from geoident.fem.solvers.protocol import LowerPattern, Solver, SolverCounts, SymbolicFactorization
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,

@@ -10,8 +10,7 @@ from geoident.errors import InputError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
-from geoident.forward.protocols import Survey
-from geoident.forward.reading_places import ReadingPlaces
+from geoident.forward.protocols import ReadingPlaces, Survey
 from geoident.forward.stages import ConstructionSequence, states_of, used_groups
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
-from geoident.identify.objective.loss import transformed
+from geoident.identify.objective.discrepancy import transformed
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
