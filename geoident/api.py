@@ -22,9 +22,9 @@ from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.estimate import Finished
 from geoident.workflow.running.inputs import load_inputs
 from geoident.workflow.running.jobs import Request, plan_fit
-from geoident.workflow.running.outcome import Finished
 
 __all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict"]
 

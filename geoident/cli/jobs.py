@@ -18,8 +18,8 @@ from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.result import summary_text
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.estimate import Finished
 from geoident.workflow.running.jobs import Job, Request
-from geoident.workflow.running.outcome import Finished
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]

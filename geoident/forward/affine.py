@@ -72,7 +72,7 @@ class EquationPart:
 
 def condensation_obstacle(march: March) -> str | None:
     """Why the equations are not affine in displacements and parameters, or None if they are."""
-    for name in _used_materials(march):
+    for name in march.sequence.materials:
         if march.case.materials[name].yields:
             return f"{name} yields: its stresses are not linear in the displacements"
     return affine_obstacle(march)
@@ -89,12 +89,6 @@ def affine_yield_obstacle(march: March, material: Material) -> str | None:
     """Why distances and hardening of a material's yield planes are not affine, or None."""
     parts = _yield_parts(material, march.systems.discretization.points.n_strain)
     return first_obstacle(parts, march.case.parameters, partial(_is_admissible, march))
-
-
-def _used_materials(march: March) -> list[str]:
-    """Materials of which some ground is made at some stage."""
-    states = march.sequence.states
-    return list(dict.fromkeys(m for state in states for m in state.materials.values()))
 
 
 def _is_admissible(march: March, values: Values) -> bool:
@@ -197,7 +191,7 @@ def _parts(march: March) -> Iterator[EquationPart]:
     """Everything of which the elastic equations of a model are made."""
     case = march.case
     section = case.analysis.dim == 2
-    for name in _used_materials(march):
+    for name in march.sequence.materials:
         yield stiffness_part(case.materials[name], section=section)
     yield EquationPart(
         "the in-situ stress", march.in_situ.columns, lambda n: _explain_in_situ(case, n)

@@ -25,7 +25,7 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observation import Observation, observe, reading_faults
+from geoident.forward.gauges.observable import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import (
@@ -171,8 +171,7 @@ def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Val
         sequence: its states; materials that none of them uses do not count.
         values: parameter values by name, SI.
     """
-    used = {m for state in sequence.states for m in state.materials.values()}
-    for material in (case.materials[name] for name in sorted(used)):
+    for material in (case.materials[name] for name in sorted(sequence.materials)):
         found = inadmissible(material, values) or no_stress_left(case, material, values)
         if found is not None:
             return found
@@ -182,8 +181,8 @@ def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Val
 def _odd_notes(case: Case, sequence: ConstructionSequence, *, in_tension: bool) -> list[str]:
     """What is allowed, and seldom meant."""
     notes = []
-    used = {m for state in sequence.states for m in state.materials.values()}
-    if case.gravity is not None and all(case.materials[m].density == Scalar(0.0) for m in used):
+    densities = [case.materials[name].density for name in sequence.materials]
+    if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     if in_tension:
         notes.append(

@@ -138,8 +138,8 @@ class _Exporter:
     def _add_sets(self, virgin: Floats) -> None:
         discretization, states = self.march.systems.discretization, self.march.sequence.states
         points = discretization.points
-        for group in sorted({g for state in states for g in state.materials}):
-            mine = numbers(discretization.points_of[group], points.n_points)
+        for group, index in discretization.points_of.items():
+            mine = numbers(index, points.n_points)
             rows = (np.arange(self.s)[:, None] * points.n_points + mine).ravel()
             stress = virgin[:, mine]
             if group not in states[0].materials:

@@ -27,8 +27,7 @@ from geoident.forward.march.state import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.protocols import Survey
-from geoident.forward.reading_places import ReadingPlaces
+from geoident.forward.protocols import ReadingPlaces, Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.structures.members import Structures
@@ -197,9 +196,8 @@ class StagedModel:
             if self.structures.parts:
                 members.add(end.state, end.members)
         table = self.relative(np.stack(observed))
-        states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instrument_errors.added(values, self.names, rows, states)
-        table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
+        table = self.instrument_errors.added_to_all(table, values, self.names)
+        table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
         if found.collapses and not np.isfinite(table).any():
             raise found.collapses[0]
@@ -370,16 +368,13 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
-        table = self._pick(observed)
+        zero = model.observation.zero[self._row]
+        table = observed[self._state, self._row] - observed[zero, self._row]
         names = self.names if derivatives else ()
         values = model.values(p)
         added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
         table[:, : added.shape[1]] += added
-        return table
-
-    def _pick(self, observed: Floats) -> Floats:
-        zero = self._model.observation.zero[self._row]
-        return np.asarray(observed[self._state, self._row] - observed[zero, self._row])
+        return np.asarray(table)
 
     def _unit_forces(self) -> UnitForces:
         """Unit forces along every reading: G^T.

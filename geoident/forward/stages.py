@@ -76,6 +76,11 @@ class ConstructionSequence:
         return np.flatnonzero(self.group_of == group)
 
     @cached_property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the materials of which some ground is made at some state, in that order."""
+        return tuple(dict.fromkeys(m for state in self.states for m in state.materials.values()))
+
+    @cached_property
     def built_on(self) -> Bools:
         """(n_states, n_states) [i, j]: state i is part of the history of state j, or is j.
 

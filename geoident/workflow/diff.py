@@ -104,11 +104,8 @@ def _of_channels(table: str, quantity: str, gauges: GaugeTable, column: Floats) 
     """What a column (n_channels, n_stages), SI, holds, stage by stage."""
     for j, i in np.argwhere(np.isfinite(column).T):
         item = f"{gauges.channels[i]}, {gauges.stages[j]}"
-        yield Place(table, item, quantity), _amount(gauges, i, float(column[i, j]))
-
-
-def _amount(gauges: GaugeTable, row: int, value: float) -> Amount:
-    return Amount(value, gauges.dimensions[row], gauges.units[row])
+        amount = Amount(float(column[i, j]), gauges.dimensions[i], gauges.units[i])
+        yield Place(table, item, quantity), amount
 
 
 def _grid(result: Result) -> NamedAmounts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from geoident.errors import UsageError
@@ -17,7 +18,7 @@ from geoident.io.result.vtkhdf import (
     write_sidecar,
 )
 from geoident.io.result.vtu import write_pvd, write_vtu
-from geoident.io.text.atomic import atomic_output, output_error
+from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.model.result import FieldSeries, Result
 from geoident.workflow.running.inputs import files_of_result
 
@@ -98,16 +99,14 @@ def export_texts(export: Export, texts: Mapping[str, str]) -> tuple[str, ...]:
     """
     folder, path = export.folder, export.path
     files: dict[Path, Writer] = {
-        folder / f"{stem(path)}.{name}.csv": _text_writer(text) for name, text in texts.items()
+        folder / f"{stem(path)}.{name}.csv": partial(_write_text, text)
+        for name, text in texts.items()
     }
     return export.write(files)
 
 
-def _text_writer(text: str) -> Writer:
-    def write(part: str) -> None:
-        Path(part).write_text(text, encoding="utf-8", newline="")
-
-    return write
+def _write_text(text: str, part: str) -> None:
+    Path(part).write_text(text, encoding="utf-8", newline="")
 
 
 def export_vtu(export: Export) -> tuple[str, ...]:
@@ -122,14 +121,10 @@ def export_vtu(export: Export) -> tuple[str, ...]:
     digits = len(str(len(names) - 1))
     files = [f"{stem(path)}.{state:0{digits}}.vtu" for state in range(len(names))]
     writers: dict[Path, Writer] = {
-        folder / file: _state_writer(fields, state) for state, file in enumerate(files)
+        folder / file: partial(write_vtu, fields, state) for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part)
     return export.write(writers)
-
-
-def _state_writer(fields: FieldSeries, state: int) -> Writer:
-    return lambda part: write_vtu(fields, state, part)
 
 
 def state_names(result: Result) -> tuple[str, ...]:
@@ -170,10 +165,7 @@ def made_folder(folder: Path) -> Iterator[None]:
         OutputError: it cannot be made.
     """
     new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from error
+    make_folder(folder)
     try:
         yield
     except BaseException:

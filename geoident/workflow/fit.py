@@ -17,9 +17,8 @@ from geoident.model.result import Counts, Diagnostics, Result
 from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table, remarks
-from geoident.workflow.running.estimate import Setup, total
+from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
@@ -27,7 +26,7 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.provenance import job_provenance
-from geoident.workflow.running.readings import accuracies, gauge_table, unused_notes, with_computed
+from geoident.workflow.running.readings import accuracies, gauge_table, unused_notes
 from geoident.workflow.running.tables import parameter_table
 
 MISFIT = 3.0
@@ -71,12 +70,9 @@ def fit(job: Job, control: Control) -> Finished:
 
 def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Estimate:
     """One survey of the model at the end of the search says everything else."""
-    before = setup.model.counts
-    survey = setup.model.survey(outcome.values, fields=True, partial=True)
-    readings = with_computed(setup.readings, setup.case, setup.model, survey, outcome.values)
+    survey, readings, counts = surveyed(setup, problem, outcome, fields=True)
     assessment = assess_robustly(problem, outcome.values, *at_used(readings))
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
-    counts = total(problem.response.counts, before, setup.model.counts)
     return Estimate(outcome, assessment, readings, diagnostics, survey, counts)
 
 

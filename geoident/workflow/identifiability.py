@@ -65,14 +65,10 @@ def planned_readings(case: Case, computed: Floats) -> Ints:
         and (case.fit.stages is None or stage.name in case.fit.stages)
     ]
     if not rows:
-        raise InputError(
-            [
-                case.source.fault(
-                    ("gauges",),
-                    code="no-planned-readings",
-                    message="no gauge can be read in the stages of the fit",
-                    hint="add gauges, zero them earlier, or extend 'fit.stages'",
-                )
-            ]
+        message = "no gauge can be read in the stages of the fit"
+        hint = "add gauges, zero them earlier, or extend 'fit.stages'"
+        fault = case.source.fault(
+            ("gauges",), code="no-planned-readings", message=message, hint=hint
         )
+        raise InputError([fault])
     return np.array(rows, dtype=np.int64)

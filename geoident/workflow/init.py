@@ -13,7 +13,8 @@ from geoident.io.docs.case_schema import case_schema_text
 from geoident.io.docs.skeleton import skeleton
 from geoident.io.docs.templates import template_files
 from geoident.io.mesh.file import mesh_files, read_mesh
-from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
+from geoident.io.text.atomic import atomic_output, make_folder, refuse_inputs
+from geoident.io.text.text_file import seen_from
 from geoident.model.case import Analysis
 
 CASE = "case.yaml"
@@ -56,18 +57,10 @@ def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ..
     analysis = Analysis.SOLID if mesh.dim == 3 else Analysis.PLANE_STRAIN
     text = skeleton(
         summarize_mesh(mesh, kinematics_of(analysis)),
-        mesh_file=_seen_from(folder, mesh_path),
+        mesh_file=seen_from(Path(folder), mesh_path),
         title=Path(mesh_path).stem,
     )
     return _write({CASE: text.encode()}, folder, force=force, inputs=mesh_files(mesh_path))
-
-
-def _seen_from(folder: str, path: str) -> str:
-    """A path for a case in a folder; absolute where no relative one leads there."""
-    try:
-        return Path(os.path.relpath(Path(path).absolute(), Path(folder).absolute())).as_posix()
-    except ValueError:  # another drive
-        return str(Path(path).absolute())
 
 
 def _write(
@@ -83,10 +76,7 @@ def _write(
             f"{', '.join(there)}: exists already; nothing was written\n"
             "    name another folder, or overwrite with --force"
         )
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from error
+    make_folder(folder)
     for path in paths.values():
         refuse_inputs(path, inputs)
     for name, path in paths.items():

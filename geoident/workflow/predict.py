@@ -11,12 +11,13 @@ import numpy as np
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_result
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.estimate import Finished, keep, write
 from geoident.workflow.running.inputs import (
     Inputs,
     build_model,
@@ -25,7 +26,6 @@ from geoident.workflow.running.inputs import (
     inputs_of_result,
     load_inputs,
 )
-from geoident.workflow.running.outcome import Finished
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,
@@ -36,10 +36,10 @@ from geoident.workflow.running.predictions import (
 )
 from geoident.workflow.running.provenance import provenance
 from geoident.workflow.running.readings import (
-    FLAGGED,
     accuracies,
     gauge_table,
     reading_table,
+    why_useless,
     with_computed,
 )
 
@@ -152,16 +152,14 @@ def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
     request, place, found = task.request, task.place, task.found
     if found is Standing.UP_TO_DATE and not request.fresh:
-        return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
+        return keep(place)
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin, model)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, known, survey, model)
-    overwrite = found is not Standing.NOTHING
-    paths = write_result(result, place.path, overwrite=overwrite, inputs=task.files_read)
-    return Finished(result, paths)
+    return write(result, place, found, inputs=task.files_read)
 
 
 def _read_fit(path: str) -> Result:
@@ -292,11 +290,8 @@ def _readings(task: Task, known: Known) -> ReadingTable:
 
 def _why_unused(reading: Reading, used: Collection[tuple[str, str]]) -> str:
     """Why the fit did not use a reading of another case; empty if it did."""
-    if reading.value is None:
-        return "no value was read"
-    if reading.bad:
-        return f"{FLAGGED}{reading.bad}"
-    return "" if (reading.channel, reading.stage) in used else "the fit has not used it"
+    taken = (reading.channel, reading.stage) in used
+    return why_useless(reading) or ("" if taken else "the fit has not used it")
 
 
 def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Result:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from geoident.errors import UsageError
 from geoident.io.result.file import read_result
-from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
+from geoident.io.text.atomic import make_folder, refuse_inputs
 from geoident.io.text.text_file import STDIN
 from geoident.model.result import Labelled
 from geoident.workflow.running.inputs import files_of_result
+from geoident.workflow.running.outputs import write_bytes
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
@@ -106,10 +107,7 @@ def write_figures(
     Raises:
         OutputError: the folder cannot be made, or a file exists that is not to be replaced.
     """
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from error
+    make_folder(folder)
     drawn = {(Path(folder) / name).as_posix(): figure for name, figure in draw(results).items()}
     for path in drawn:
         refuse_inputs(path, inputs)
@@ -123,5 +121,4 @@ def _write(path: str, content: bytes, *, overwrite: bool, inputs: Sequence[str])
     place = Path(path)
     if not overwrite and place.is_file() and place.read_bytes() == content:
         return
-    with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
-        Path(temporary).write_bytes(content)
+    write_bytes(content, path, force=overwrite, inputs=inputs)

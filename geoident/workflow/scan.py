@@ -7,11 +7,10 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import Setup, total
+from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outcome import Finished, searched
 from geoident.workflow.running.provenance import job_provenance
-from geoident.workflow.running.readings import gauge_table, unused_notes, with_computed
+from geoident.workflow.running.readings import gauge_table, unused_notes
 from geoident.workflow.running.tables import bare_parameter_table
 
 
@@ -23,10 +22,7 @@ def scan(job: Job, control: Control) -> Finished:
     """
 
     def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
-        before = setup.model.counts
-        survey = setup.model.survey(outcome.values, fields=False, partial=True)
-        counts = total(problem.response.counts, before, setup.model.counts)
-        readings = with_computed(setup.readings, setup.case, setup.model, survey, outcome.values)
+        survey, readings, counts = surveyed(setup, problem, outcome, fields=False)
         gauges = gauge_table(setup.case, readings, survey.computed)
         return _result(job, setup, outcome, counts, gauges=gauges)
 

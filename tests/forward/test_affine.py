@@ -46,6 +46,7 @@ def test_nothing_free_is_no_obstacle():
         (lambda h, k, t: k * t, "the force contains the product of k and t, and both are free"),
         (lambda h, k, t: h + k * h, "the force contains the product of h and k, and both are free"),
         (lambda h, k, t: k + h * h, "the force is not linear in h"),
+        (lambda h, k, t: h * h + t * t, "the force is not linear in h"),
         (lambda h, k, t: h + k * k * 1e-9, "the force is not linear in k"),
         (lambda h, k, t: h / k, "the force is not linear in k"),
         (lambda h, k, t: h + t.sine(), "the force is not linear in t"),

@@ -17,9 +17,10 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem import methods
 from geoident.identify.problem.methods import identify
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.full_space import full_space
+from geoident.identify.yield_limits.implicit import certificate_at
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior, Scalar
 from geoident.model.result import Iteration
@@ -150,6 +151,10 @@ def test_noise_gives_the_same_optimum_as_the_implicit_method(
     assert found.objective == Discrepancy(problem).objective(found.values)
     assert "complementarity to 1e-12, and the model confirms" in found.reason
     assert found.certificate is not None
+    assert implicit.certificate is not None
+    assert found.certificate.kind == implicit.certificate.kind == "strongly stationary"
+    again = certificate_at(problem, found.values, History("again", problem.response, silent))
+    assert repr(found.certificate) == repr(again)
     assert capfd.readouterr() == ("", "")
 
 

@@ -101,3 +101,57 @@ def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
     )
     assert above == pytest.approx(top + 0.08 * (top - below), rel=1e-9)
     assert abs(above - top) > 1e-3 * abs(top)
+
+
+@pytest.mark.parametrize(("zero", "found"), [("first", False), ("second", True)])
+def test_a_gauge_in_backfill_is_zeroed_when_it_is_there(tmp_path, zero, found):
+    case = write_case(tmp_path)
+    text = CASE.replace("excavate: [lower]", "install: {upper: rock}")
+    text = text.replace(ON_TOP, f"S:  {{kind: settlement, zero: {zero}, point: [3 m, 3.5 m]")
+    case.write_text(text)
+    rows = [row for row in READINGS.splitlines() if not row.startswith("S,")]
+    (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
+    checked = _json("check", case)
+    assert [fault["code"] for fault in checked.get("faults", [])] == (
+        [] if found else ["gauge-in-absent-ground"]
+    )
+
+
+def test_elements_in_no_group_of_the_case_or_in_two_are_counted_and_named(tmp_path):
+    """The lower part of the trench is the elements 15 and 16 of the grid of 6 by 4."""
+    case = write_case(tmp_path)
+    fewer = CASE.replace(", lower: rock}", "}").replace("excavate: [lower]", "remove: []")
+    case.write_text(fewer)
+    (fault,) = _json("check", case)["faults"]
+    assert (fault["code"], fault["path"]) == ("group-coverage", "groups")
+    assert "trench.inp are in none of the groups of the case" in fault["message"]
+    assert fault["message"].startswith("2 elements of ")
+    assert fault["message"].endswith("(in the mesh they are in: lower); first: 15, 16")
+    mesh = tmp_path / "trench.inp"
+    mesh.write_text(mesh.read_text() + "*ELSET, ELSET=more\n16, 1\n")
+    case.write_text(CASE.replace("lower: rock}", "lower: rock, more: rock}"))
+    (fault,) = _json("check", case)["faults"]
+    assert fault["message"].startswith("2 elements of ")
+    assert fault["message"].endswith(
+        "in several groups of the case (in the mesh they are in: lower, more, rock); first: 1, 16"
+    )
+
+
+def test_a_stage_that_builds_on_another_than_the_one_before_is_said_to(tmp_path):
+    """Load cases beside each other: the third on the first, the fourth on the last trunk."""
+    case = write_case(tmp_path)
+    case.write_text(
+        CASE.replace(
+            "  - {name: second, excavate: [lower]}\n",
+            "  - {name: second, excavate: [lower], independent: true}\n"
+            "  - {name: third, independent: true, base: first}\n"
+            "  - {name: fourth}\n",
+        )
+    )
+    checked = _json("check", case)
+    assert {stage["name"]: stage["base"] for stage in checked["stages"]} == {
+        "first": None,
+        "second": None,
+        "third": "first",
+        "fourth": "first",
+    }

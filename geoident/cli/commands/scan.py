@@ -28,17 +28,10 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @takes(
-    "output",
-    "overrides",
-    "seed",
-    "max_time",
-    "solver",
-    "dry_run",
-    "force",
-    "fresh",
-    "as_json",
+    "output", "overrides", "seed", "max_time", "solver",
+    "dry_run", "force", "fresh", "as_json",
     after=_next,
-)
+)  # fmt: skip
 def command(case: str, options: Options) -> int:
     """Compute the misfit on a grid of one or two parameters.
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,15 +28,10 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
     if file in (None, "-"):
         return (line("simulate", case, *overrides(options), "-o", new_name("simulated", ".csv")),)
-    return (line("fit", case, "--set", f"readings={_seen_from(case, file)}"),)
+    from geoident.io.text.text_file import seen_from
 
-
-def _seen_from(case: str, file: str) -> str:
-    """A path as a case names it."""
-    try:
-        return Path(os.path.relpath(file, Path(case).parent)).as_posix()
-    except ValueError:  # another drive
-        return str(Path(file).absolute())
+    readings = seen_from(Path(case).parent, file)
+    return (line("fit", case, "--set", f"readings={readings}"),)
 
 
 @click.command(epilog=EPILOG)

@@ -8,8 +8,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import Solver
+from geoident.fem.solvers.protocol import Solver, SolverCounts
 
 __all__ = ["AUTO", "SOLVERS", "SolverCounts", "SolverInfo", "pick_solver", "solver_report"]
 

@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
 from geoident.model.arrays import Floats, Ints
 
 SINGULAR = 1e-13

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
 from geoident.fem.solvers.splu import solve_in_blocks
 from geoident.model.arrays import Floats
 

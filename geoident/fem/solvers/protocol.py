@@ -12,8 +12,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from geoident.fem.solvers.counts import SolverCounts
 from geoident.model.arrays import Floats, Ints
+
+
+@dataclass
+class SolverCounts:
+    """Work done by a solver. The only mutable thing that travels with it.
+
+    Args:
+        analyses: patterns analysed.
+        factorizations: numeric factorizations, failed ones included.
+        solves: right-hand sides solved.
+    """
+
+    analyses: int = 0
+    factorizations: int = 0
+    solves: int = 0
 
 
 @dataclass(frozen=True)

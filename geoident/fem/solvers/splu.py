@@ -12,9 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from geoident.fem.solvers.counts import SolverCounts
 from geoident.fem.solvers.direct import SINGULAR, DirectAnalysis, Solve, check_pivots
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
 from geoident.model.arrays import Floats, Ints
 
 BLOCK = 4

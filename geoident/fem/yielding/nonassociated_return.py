@@ -15,8 +15,8 @@ from itertools import combinations
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import ActiveSets
-from geoident.fem.yielding.scaled_planes import ScaledPlanes
+from geoident.fem.yielding.law import ScaledPlanes
+from geoident.fem.yielding.projection import ActiveSets
 from geoident.fem.yielding.sorted_planes import Images
 from geoident.model.arrays import Floats, Ints
 

@@ -16,10 +16,10 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import ActiveSets
 from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
-from geoident.fem.yielding.law import YieldPlanes
+from geoident.fem.yielding.law import ScaledPlanes, YieldPlanes
 from geoident.fem.yielding.nonassociated_return import Returns
+from geoident.fem.yielding.polyhedral import ReturnStep
 from geoident.fem.yielding.principal_axes import (
     PAIRS,
     Spectrum,
@@ -27,9 +27,7 @@ from geoident.fem.yielding.principal_axes import (
     rough_principal_values,
     spectrum,
 )
-from geoident.fem.yielding.projection import Rays, active_sets_of
-from geoident.fem.yielding.return_step import ReturnStep
-from geoident.fem.yielding.scaled_planes import ScaledPlanes
+from geoident.fem.yielding.projection import ActiveSets, Rays, active_sets_of
 from geoident.fem.yielding.sorted_planes import Images, images_of
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.active_sets import ActiveSets
+from geoident.fem.yielding.projection import ActiveSets
 from geoident.model.arrays import Bools, Floats, Ints
 
 

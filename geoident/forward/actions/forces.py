@@ -54,11 +54,13 @@ class Actions:
     ) -> None:
         self._case = case
         self._mesh = mesh
+        self._table = table
+        self._locator = locator
         self._sequence = sequence
         self._discretization = discretization
-        self._shares = _volume_shares(case, mesh, sequence, discretization)
-        self._edges = _held_edges(case, mesh, table, sequence, discretization)
-        self._loads = _ready_loads(mesh, table, locator, sequence, discretization)
+        self._shares = self._volume_shares()
+        self._edges = self._held_edges()
+        self._loads = self._ready_loads()
         self._pores: dict[Water, PorePressure] = {}
 
     @property
@@ -86,7 +88,7 @@ class Actions:
         yield from self._parts_of_groups(state, current.materials.keys())
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
-                yield f"the load '{name}'", self._loads[state, name].forces
+                yield f"the load '{name}'", self._loads[state, name]
 
     def _sum(self, parts: Iterable[ForcePart], point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) of several parts."""
@@ -150,6 +152,53 @@ class Actions:
         wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
+    def _volume_shares(self) -> list[Floats]:
+        """Per group the volume (n_nodes,) that belongs to each node, m3; no gravity, nothing."""
+        mesh, sequence, groups = self._mesh, self._sequence, range(len(self._sequence.groups))
+        if self._case.gravity is None:
+            return [np.zeros(mesh.n_nodes)] * len(groups)
+        geometries = self._discretization.geometries
+        return [weight_shares(mesh, geometries, sequence.elements(g)) for g in groups]
+
+    def _held_edges(self) -> dict[int, list[_HeldEdge]]:
+        """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
+        case, mesh, sequence = self._case, self._mesh, self._sequence
+        rows = self._table.free(sequence.present(0))
+        group_of_row = sequence.group_of[self._table.element[rows]]
+        edges = {}
+        for g in map(int, np.unique(group_of_row)):
+            if edges_held(case.in_situ_of.get(sequence.groups[g], case.in_situ)):
+                edges[g] = [
+                    _HeldEdge(case, mesh, patch, sequence, self._discretization)
+                    for patch in patches(mesh, self._table, rows[group_of_row == g])
+                ]
+        return edges
+
+    def _ready_loads(self) -> dict[tuple[int, str], ReadyLoad]:
+        """The loads of every state; what acts on the same ground is prepared once."""
+        made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
+        result = {}
+        for n, state in enumerate(self._sequence.states):
+            present = self._sequence.present(n)
+            for name, load in state.loads.items():
+                if isinstance(load, Seismic):
+                    continue
+                key = (load, present.tobytes())
+                if key not in made:
+                    made[key] = self._ready(load, present)
+                result[n, name] = made[key]
+        return result
+
+    def _ready(self, load: FaceLoad | PointForce, present: Bools) -> ReadyLoad:
+        mesh = self._mesh
+        if isinstance(load, PointForce):
+            return point_force(mesh, load, point_site(self._locator, load, present))
+        faces = load_patches(mesh, self._table, load.group, present)
+        if faces is None:
+            msg = f"load on '{load.group}' has no free face (see load_place_faults)"
+            raise ValueError(msg)
+        return face_load(mesh, load, faces, self._discretization.kinematics)
+
 
 class _HeldEdge:
     """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
@@ -186,73 +235,3 @@ def _wet(water: Water | None, groups: Ints, sequence: ConstructionSequence) -> B
     if water is None or water.groups is None:
         return np.full(len(groups), water is not None)
     return np.isin(groups, [sequence.groups.index(name) for name in water.groups])
-
-
-def _volume_shares(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization
-) -> list[Floats]:
-    """Per group the volume (n_nodes,) that belongs to each node, m3; without gravity nothing."""
-    if case.gravity is None:
-        return [np.zeros(mesh.n_nodes)] * len(sequence.groups)
-    groups = range(len(sequence.groups))
-    return [weight_shares(mesh, discretization.geometries, sequence.elements(g)) for g in groups]
-
-
-def _held_edges(
-    case: Case,
-    mesh: Mesh,
-    table: FaceTable,
-    sequence: ConstructionSequence,
-    discretization: Discretization,
-) -> dict[int, list[_HeldEdge]]:
-    """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
-    rows = table.free(sequence.present(0))
-    group_of_row = sequence.group_of[table.element[rows]]
-    held = {
-        int(g): patches(mesh, table, rows[group_of_row == g])
-        for g in np.unique(group_of_row)
-        if edges_held(case.in_situ_of.get(sequence.groups[g], case.in_situ))
-    }
-    return {
-        g: [_HeldEdge(case, mesh, patch, sequence, discretization) for patch in found]
-        for g, found in held.items()
-    }
-
-
-def _ready_loads(
-    mesh: Mesh,
-    table: FaceTable,
-    locator: Locator,
-    sequence: ConstructionSequence,
-    discretization: Discretization,
-) -> dict[tuple[int, str], ReadyLoad]:
-    """The loads of every state; what acts on the same ground is prepared once."""
-    made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
-    result = {}
-    for n, state in enumerate(sequence.states):
-        present = sequence.present(n)
-        for name, load in state.loads.items():
-            if isinstance(load, Seismic):
-                continue
-            key = (load, present.tobytes())
-            if key not in made:
-                made[key] = _ready(mesh, table, locator, discretization, load, present)
-            result[n, name] = made[key]
-    return result
-
-
-def _ready(
-    mesh: Mesh,
-    table: FaceTable,
-    locator: Locator,
-    discretization: Discretization,
-    load: FaceLoad | PointForce,
-    present: Bools,
-) -> ReadyLoad:
-    if isinstance(load, PointForce):
-        return point_force(mesh, load, point_site(locator, load, present))
-    faces = load_patches(mesh, table, load.group, present)
-    if faces is None:
-        msg = f"load on '{load.group}' has no free face (see load_place_faults)"
-        raise ValueError(msg)
-    return face_load(mesh, load, faces, discretization.kinematics)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,44 +21,26 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-
-class ReadyLoad(Protocol):
-    """A load that can be asked for its nodal forces."""
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n) and their derivatives, N."""
+ReadyLoad: TypeAlias = Callable[[ParameterPoint], Floats]
+"""A load that can be asked for its nodal forces (n_dofs, 1 + n) and their derivatives, N."""
 
 
-class ScaledForces:
-    """Forces that are given ones times numbers of the case.
-
-    Args:
-        terms: nodal forces (n_dofs,) with the number that scales them.
-    """
-
-    def __init__(self, terms: Sequence[tuple[Floats, Scalar]]) -> None:
-        self._terms = terms
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n) and their derivatives, N."""
-        parts = (np.outer(unit, point.number(scalar).columns) for unit, scalar in self._terms)
-        return np.asarray(sum(parts))
+def _scaled_forces(terms: Sequence[tuple[Floats, Scalar]], point: ParameterPoint) -> Floats:
+    """Nodal forces (n_dofs,) that are given, each times a number of the case: (n_dofs, 1 + n)."""
+    return np.asarray(sum(np.outer(unit, point.number(k).columns) for unit, k in terms))
 
 
-class WaterForces:
-    """Forces of water on faces.
+def _water_forces(
+    terms: Sequence[tuple[FacePressure, sp.csr_array]], point: ParameterPoint
+) -> Floats:
+    """Forces (n_dofs, 1 + n) of water on faces.
 
     Args:
         terms: the pressure at the quadrature points of a patch with the operator (n_dofs, m)
             that makes forces of it.
+        point: the parameters.
     """
-
-    def __init__(self, terms: Sequence[tuple[FacePressure, sp.csr_array]]) -> None:
-        self._terms = terms
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n) and their derivatives, N."""
-        return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in self._terms))
+    return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in terms))
 
 
 def face_load(
@@ -73,12 +56,12 @@ def face_load(
     """
     if isinstance(load, Pressure):
         push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
-        return ScaledForces([(push, load.value)])
+        return partial(_scaled_forces, [(push, load.value)])
     if isinstance(load, Traction):
         area = sum((traction_weights(mesh, p, kinematics) for p in faces), np.zeros(1))
         return _along_axes(mesh, area, load.value)
     ready = [pressure_operator(mesh, p, kinematics) for p in faces]
-    return WaterForces([(FacePressure(load, where), matrix) for where, matrix in ready])
+    return partial(_water_forces, [(FacePressure(load, where), matrix) for where, matrix in ready])
 
 
 def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
@@ -98,8 +81,8 @@ def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
     return _along_axes(mesh, shares, load.value)
 
 
-def _along_axes(mesh: Mesh, shares: Floats, value: Sequence[Scalar]) -> ScaledForces:
+def _along_axes(mesh: Mesh, shares: Floats, value: Sequence[Scalar]) -> ReadyLoad:
     """Forces shared by the nodes (n_nodes,), with one number per axis."""
     axes = np.eye(mesh.dim)
-    terms = zip(axes, value, strict=True)
-    return ScaledForces([(np.outer(shares, axis).ravel(), number) for axis, number in terms])
+    terms = [(np.outer(shares, a).ravel(), number) for a, number in zip(axes, value, strict=True)]
+    return partial(_scaled_forces, terms)

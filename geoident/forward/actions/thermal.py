@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.discretization import Discretization
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import ConstructionSequence
 from geoident.model.actions import TemperatureField
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -55,7 +55,12 @@ class ThermalStrains:
         if state == 0:
             return []
         current = self._sequence.states[state]
-        return _changed(current, self._sequence.states[current.base])
+        now, before = current.temperature, self._sequence.states[current.base].temperature
+        return sorted(
+            g
+            for g in now.keys() | before.keys()
+            if g in current.materials and (g in current.placed or now.get(g) != before.get(g))
+        )
 
     def strain(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """Normal strain (k or 1,) that a state imposes on a group that it warms.
@@ -106,14 +111,3 @@ def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     except QhullError:  # too few points, or all on a line
         return nearest
     return np.where(np.isnan(found), nearest, found)
-
-
-def _changed(current: ConstructionState, before: ConstructionState) -> list[int]:
-    """Groups that are there and whose temperature is not that of the state before."""
-    named = current.temperature.keys() | before.temperature.keys()
-    return sorted(
-        g
-        for g in named
-        if g in current.materials
-        and (g in current.placed or current.temperature.get(g) != before.temperature.get(g))
-    )

@@ -223,29 +223,26 @@ class Run:
         bases = BaseStates(states)
         lost: set[int] = set()
         for n, state in enumerate(states):
-            if n and state.base in lost:
-                lost.add(n)
-                self._tell(n)
-                yield _unknown(n, u, carried)
-                continue
-            bases.go_to(n, u, carried)
-            forces = np.zeros_like(u)
-            forces[:, : self._point.n_columns] = march.actions.forces(n, self._point)
-            if unit is not None:
-                unit.add_to(forces, n)
-            try:
-                yielded = self._advance(n, u, carried, forces)
-            except CollapseError as error:
-                if not self._options.partial:
-                    raise
-                self._collapses.append(error)
-                lost.add(n)
-                self._tell(n)
-                yield _unknown(n, u, carried)
-                continue
+            yielded = None
+            if n == 0 or state.base not in lost:
+                bases.go_to(n, u, carried)
+                forces = np.zeros_like(u)
+                forces[:, : self._point.n_columns] = march.actions.forces(n, self._point)
+                if unit is not None:
+                    unit.add_to(forces, n)
+                try:
+                    yielded = self._advance(n, u, carried, forces)
+                except CollapseError as error:
+                    if not self._options.partial:
+                        raise
+                    self._collapses.append(error)
             self._tell(n)
-            yield StageEnd(n, u, carried.stress, carried.members, yielded)
-            bases.leave(n, u, carried)
+            if yielded is None:
+                lost.add(n)
+                yield _unknown(n, u, carried)
+            else:
+                yield StageEnd(n, u, carried.stress, carried.members, yielded)
+                bases.leave(n, u, carried)
         self._factor.forget()
 
     def _at_rest(self) -> tuple[Floats, Carried]:

@@ -59,19 +59,6 @@ _LOAD_STEPS = (1, 4, 16)
 
 
 @dataclass(frozen=True)
-class PlasticOptions:
-    """How a march treats yielding.
-
-    Args:
-        explain: find the part of the load that can be carried, where there is a collapse.
-        partial: go on after a collapse with the states that do not build on it.
-    """
-
-    explain: bool = True
-    partial: bool = False
-
-
-@dataclass(frozen=True)
 class _Known:
     """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
 
@@ -121,6 +108,7 @@ class PlasticFindings:
     unbalanced: dict[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
 class PlasticSteps:
     """Solves the stages of one march in which materials yield.
 
@@ -132,26 +120,15 @@ class PlasticSteps:
         explain: find the part of the load that can be carried, where there is a collapse.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        systems: StageSystems,
-        warm: WarmStart,
-        findings: PlasticFindings,
-        *,
-        explain: bool,
-    ) -> None:
-        self._case = case
-        self._systems = systems
-        self._structures = systems.structures
-        self._warm = warm
-        self._findings = findings
-        self._record = findings.record
-        self._explain = explain
+    case: Case
+    systems: StageSystems
+    warm: WarmStart
+    findings: PlasticFindings
+    explain: bool
 
     def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
-        return any(self._case.materials[m].yields for m in state.materials.values())
+        return any(self.case.materials[m].yields for m in state.materials.values())
 
     def step(self, task: StageTask) -> tuple[Floats, Bools]:
         """Solve a stage; updates what is carried.
@@ -180,17 +157,17 @@ class PlasticSteps:
             mine = task.system.points_of[material]
             stress = np.ascontiguousarray(task.carried.stress[:, mine, 0])
             excess = law.excess(stress)
-            self._record.reach(material, excess)
+            self.findings.record.reach(material, excess)
             worst = np.unravel_index(np.argmax(excess), excess.shape)
             if excess[worst] > _OUTSIDE * np.abs(stress).max():
-                point = numbers(mine, self._systems.discretization.points.n_points)[worst[1]]
+                point = numbers(mine, self.systems.discretization.points.n_points)[worst[1]]
                 raise self._outside(law, material, int(worst[0]), int(point), excess[worst])
 
     def _outside(
         self, law: YieldLaw, material: str, plane: int, point: int, excess: float
     ) -> ModelError:
         distance = float(law.planes.distances.value[plane])
-        place = format_point(self._systems.discretization.points.position[point])
+        place = format_point(self.systems.discretization.points.position[point])
         msg = f"the in-situ stress is outside the yield surface of {material} near "
         msg += f"{place}, at its {law.planes.names[plane]}"
         if distance > 0.0:
@@ -198,7 +175,7 @@ class PlasticSteps:
         else:
             msg += f": by {excess:.3g} Pa"
         hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
-        source = self._case.source
+        source = self.case.source
         path = ("materials", material, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
@@ -206,10 +183,10 @@ class PlasticSteps:
         """The same in parts of the load; more of them where Newton's method fails."""
         start, before, done = task.carried.copy(), self._internal(task), 0.0
         for count in _LOAD_STEPS:
-            self._findings.unbalanced.pop(task.state.name, None)
-            self._record.forget(task.number)
+            self.findings.unbalanced.pop(task.state.name, None)
+            self.findings.record.forget(task.number)
             total = np.zeros_like(task.forces)
-            yielded = np.zeros(self._systems.discretization.points.n_points, dtype=bool)
+            yielded = np.zeros(self.systems.discretization.points.n_points, dtype=bool)
             for part in range(1, count + 1):
                 forces = before + part / count * (task.forces - before)
                 thermal = task.thermal if part == 1 else None
@@ -226,27 +203,27 @@ class PlasticSteps:
 
     def _internal(self, task: StageTask) -> Floats:
         """Forces (n_dofs, 1 + n + k) that hold what is carried."""
-        points = self._systems.discretization.points
+        points = self.systems.discretization.points
         internal = points.forces(task.carried.stress, task.system.volume)
-        if self._structures.n_rows:
-            internal += self._structures.nodal_forces(task.carried.members)
+        if self.systems.structures.n_rows:
+            internal += self.systems.structures.nodal_forces(task.carried.members)
         return internal
 
     def _part(
         self, task: StageTask, laws: Mapping[str, YieldLaw], *, warm: bool
     ) -> tuple[Floats, Bools]:
         equations = self._equations(task, laws)
-        balance = self._balance(task, equations, self._warm.guesses(task) if warm else [])
+        balance = self._balance(task, equations, self.warm.guesses(task) if warm else [])
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
         if du.shape[1] > 1:
-            du[:, 1:] = plastic_derivatives(task, self._systems, equations, balance)
+            du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
         self._accept(task, equations, balance.trial)
         if balance.unbalanced > 0.0:
-            known = self._findings.unbalanced.get(task.state.name, 0.0)
-            self._findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
+            known = self.findings.unbalanced.get(task.state.name, 0.0)
+            self.findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
         if warm:
-            self._warm.keep(task, du)
+            self.warm.keep(task, du)
         return du, yielded_points(equations, balance.trial)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
@@ -259,21 +236,21 @@ class PlasticSteps:
                 hardened = task.carried.multipliers(m, mine, 0)
             grounds.append(Ground(m, mine, moduli[m], law, hardened))
         members: Callable[[Floats], Floats] | None = None
-        if self._structures.n_rows:
+        if self.systems.structures.n_rows:
 
             def members(du: Floats) -> Floats:
-                more = task.moduli[:, 0] * self._structures.strain(du)
+                more = task.moduli[:, 0] * self.systems.structures.strain(du)
                 total = (task.carried.members[:, 0] + more)[:, None]
-                return self._structures.nodal_forces(total)[:, 0]
+                return self.systems.structures.nodal_forces(total)[:, 0]
 
         return StageEquations(
-            self._systems.discretization.points,
+            self.systems.discretization.points,
             volume=task.system.volume,
             dofs=task.system.pattern.dofs,
             grounds=grounds,
             stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],
-            tangents=_Tangents(self._systems, task, moduli),
+            tangents=_Tangents(self.systems, task, moduli),
             members=members,
         )
 
@@ -287,7 +264,7 @@ class PlasticSteps:
                 raise NoEquilibrium(found.trial.du)
             return found
         except NotPositiveDefinite as error:
-            place = self._systems.describe_unknown(task.system, error.unknown)
+            place = self.systems.describe_unknown(task.system, error.unknown)
             raise not_positive_definite(task.state.name, place) from error
         except EmptyDomain as error:
             msg = f"the yield planes of a material contradict each other: {error}"
@@ -298,14 +275,14 @@ class PlasticSteps:
             raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
             # Whoever searches needs only to know that there is none; load steps say it themselves.
-            if not (equations.associated and self._explain):
+            if not (equations.associated and self.explain):
                 raise self._collapse(task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 
     def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
         """Whether yielding points are strained beyond what small strains can describe."""
         flows = [mine for _, _, mine in flowing(equations, found.trial)]
-        strain = self._systems.discretization.points.strain(found.trial.du)
+        strain = self.systems.discretization.points.strain(found.trial.du)
         return any(np.abs(strain[:, mine]).max() > _WITHOUT_MEANING for mine in flows)
 
     def _after_limit(
@@ -333,23 +310,25 @@ class PlasticSteps:
         if np.isfinite(fraction):
             msg += f"; {100 * fraction:.3g} % of the change of load of this stage is carried"
         if mechanism is not None:
-            msg += self._systems.describe_motion(mechanism)
+            msg += self.systems.describe_motion(mechanism)
         return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
         """The state of what is carried after the step."""
         task.carried.stress[..., 0] = trial.stress
-        if self._structures.n_rows:
-            task.carried.members[:, 0] += task.moduli[:, 0] * self._structures.strain(trial.du)
+        if self.systems.structures.n_rows:
+            task.carried.members[:, 0] += task.moduli[:, 0] * self.systems.structures.strain(
+                trial.du
+            )
         for ground, projection, mine in flowing(equations, trial):
             if ground.hardens:
                 more = projection.multipliers.T[..., None]
                 task.carried.add_multipliers(ground.name, mine, slice(0, 1), more)
-            self._record.flow(task.number, ground.name, projection)
+            self.findings.record.flow(task.number, ground.name, projection)
         for ground in equations.grounds:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
-                self._record.reach(ground.name, excess)
+                self.findings.record.reach(ground.name, excess)
 
 
 class _Tangents:

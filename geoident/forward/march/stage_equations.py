@@ -6,7 +6,7 @@ They need strain points, weights, laws and a way to factorize; a mesh or a frame
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -110,6 +110,7 @@ class Trial:
         return worst / self.scale if self.scale > 0 else worst
 
 
+@dataclass(frozen=True, eq=False)
 class StageEquations:
     """The nonlinear equations of one stage.
 
@@ -124,40 +125,28 @@ class StageEquations:
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
     """
 
-    def __init__(
-        self,
-        operators: Operators,
-        *,
-        volume: Floats,
-        dofs: Ints,
-        grounds: Sequence[Ground],
-        stress: Floats,
-        forces: Floats,
-        tangents: Tangents,
-        members: Callable[[Floats], Floats] | None = None,
-    ) -> None:
-        self.operators = operators
-        self.volume = volume
-        self.dofs = dofs
-        self.grounds = tuple(grounds)
-        self.stress = stress
-        self.forces = forces
-        self._tangents = tangents
-        self._members = members
-        laws = [ground.law for ground in grounds if ground.law is not None]
-        self.associated = all(law.associated for law in laws)
+    operators: Operators
+    volume: Floats
+    dofs: Ints
+    grounds: Sequence[Ground]
+    stress: Floats
+    forces: Floats
+    tangents: Tangents
+    members: Callable[[Floats], Floats] | None = None
+
+    @cached_property
+    def associated(self) -> bool:
+        """Whether the flow of all materials that yield is associated."""
+        return all(ground.law is None or ground.law.associated for ground in self.grounds)
 
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
-        return StageEquations(
-            self.operators, volume=self.volume, dofs=self.dofs, grounds=self.grounds,
-            stress=self.stress, forces=forces, tangents=self._tangents, members=self._members,
-        )  # fmt: skip
+        return replace(self, forces=forces)
 
     def before(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
         internal = self.operators.forces(self.stress, self.volume)
-        return internal if self._members is None else internal + self._members(0.0 * internal)
+        return internal if self.members is None else internal + self.members(0.0 * internal)
 
     @cached_property
     def _at_work(self) -> float:
@@ -176,8 +165,8 @@ class StageEquations:
         strain = self.operators.strain(du)
         projections = [self._respond(ground, stress, strain) for ground in self.grounds]
         internal = self.operators.forces(stress, self.volume)
-        if self._members is not None:
-            internal = internal + self._members(du)
+        if self.members is not None:
+            internal = internal + self.members(du)
         scale = max(np.abs(internal).max(initial=0.0), self._at_work)
         rest = (self.forces - internal)[self.dofs]
         return Trial(du, stress, tuple(projections), rest, float(scale))
@@ -208,8 +197,8 @@ class StageEquations:
             return trial.error
         strain = self.operators.strain(trial.du)
         energy = -float(self.forces @ trial.du)
-        if self._members is not None:
-            ends = self._members(0.0 * trial.du) + self._members(trial.du)
+        if self.members is not None:
+            ends = self.members(0.0 * trial.du) + self.members(trial.du)
             energy += 0.5 * float(ends @ trial.du)
         for ground, projection in zip(self.grounds, trial.projections, strict=True):
             mine = ground.points
@@ -226,7 +215,7 @@ class StageEquations:
         for level in range(least, len(ELASTIC_PARTS)):
             part = (1.0 - ELASTIC_PARTS[level]) * change
             try:
-                return self._tangents(points, part, symmetric=self.associated), level
+                return self.tangents(points, part, symmetric=self.associated), level
             except NotPositiveDefinite:
                 if level == len(ELASTIC_PARTS) - 1 or not len(points):
                     raise

@@ -10,8 +10,7 @@ import numpy as np
 
 from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
-from geoident.fem.solvers.counts import SolverCounts
-from geoident.fem.solvers.protocol import LowerPattern, Solver, SymbolicFactorization
+from geoident.fem.solvers.protocol import LowerPattern, Solver, SolverCounts, SymbolicFactorization
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -80,9 +79,9 @@ class StageSystems:
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
-        ever = sorted({g for state in sequence.states for g in state.materials})
         self._blocks: dict[int, GroupBlocks] = {
-            g: group_blocks(mesh, geometries, sequence.elements(g), rank) for g in ever
+            g: group_blocks(mesh, geometries, sequence.elements(g), rank)
+            for g in discretization.points_of
         } | structures.blocks(rank)
         self.structures = structures
         self._sequence = sequence

@@ -10,8 +10,7 @@ from geoident.errors import InputError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
-from geoident.forward.protocols import Survey
-from geoident.forward.reading_places import ReadingPlaces
+from geoident.forward.protocols import ReadingPlaces, Survey
 from geoident.forward.stages import ConstructionSequence, states_of, used_groups
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
@@ -97,9 +96,8 @@ class OpeningModel:
         """
         values, failures = self.values(p), list[ModelError]()
         table = self.relative(values, self.names, failures=failures if partial else None)
-        states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        added = self.instrument_errors.added(values, self.names, rows, states)
-        table = (table + added.reshape(table.shape))[1:].swapaxes(0, 1)
+        table = self.instrument_errors.added_to_all(table, values, self.names)
+        table = table[1:].swapaxes(0, 1)  # without the virgin state
         if failures and not np.isfinite(table).any():
             raise failures[0]
         said = tuple(dict.fromkeys(error.message for error in failures))
@@ -198,13 +196,9 @@ class OpeningResponse:
     def _run(self, p: Floats, names: Sequence[str]) -> Floats:
         values = self._model.values(p)
         motions = self._model.relative(values, names, wanted=self._wanted)
-        table = motions[self._states, self._rows]
-        return np.asarray(
-            table
-            + self._model.instrument_errors.added(
-                values, names, self._rows, self._states, self._times
-            )
-        )
+        errors = self._model.instrument_errors
+        added = errors.added(values, names, self._rows, self._states, self._times)
+        return np.asarray(motions[self._states, self._rows] + added)
 
 
 def opening_model(case: Case) -> OpeningModel:

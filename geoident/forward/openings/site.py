@@ -181,8 +181,8 @@ class _OpeningSearch:
 
     def _around(self) -> list[int]:
         """Groups that stay and touch the wall."""
-        stays, at_wall = self._present & ~self._inside, np.zeros(self._mesh.n_elements, bool)
-        at_wall[self._elements_at(self._wall)] = True
+        touching = [np.isin(block.nodes, self._wall).any(axis=1) for block in self._mesh.blocks]
+        stays, at_wall = self._present & ~self._inside, np.concatenate(touching)
         return [int(g) for g in np.unique(self._sequence.group_of[stays & at_wall])]
 
     def _walls(self) -> frozenset[str]:
@@ -217,10 +217,6 @@ class _OpeningSearch:
         table = face_table(self._mesh)
         found = patches(self._mesh, table, table.free(self._present))
         return np.unique(np.concatenate([patch.nodes.ravel() for patch in found]))
-
-    def _elements_at(self, nodes: Ints) -> Ints:
-        touching = [np.isin(block.nodes, nodes).any(axis=1) for block in self._mesh.blocks]
-        return np.flatnonzero(np.concatenate(touching))
 
 
 def _listed(names: Iterable[str]) -> str:

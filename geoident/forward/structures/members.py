@@ -100,10 +100,13 @@ class Structures:
 
     def maps(self, state: ConstructionState, values: Values) -> dict[int, Floats]:
         """Stiffness maps (2 dim^2, dim^2) of the structures that stand, by key."""
-        return {
-            self.key(n): stiffness_map(*_stiffness(part.structure, values), dim=self._dim)
-            for n, part in self._in_place(state)
-        }
+        maps, point = {}, ParameterPoint(values, ())
+        for n, part in self._in_place(state):
+            axial, bending = rigidities(part.structure, point)
+            maps[self.key(n)] = stiffness_map(
+                float(axial.value), float(bending.value), dim=self._dim
+            )
+        return maps
 
     def moduli(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
@@ -147,12 +150,6 @@ def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]
     if structure.spacing is None:
         return axial, none
     return axial * _inverse(point.number(structure.spacing)), none
-
-
-def _stiffness(structure: Structure, values: Values) -> tuple[float, float]:
-    """EA and EI."""
-    axial, bending = rigidities(structure, ParameterPoint(values, ()))
-    return float(axial.value), float(bending.value)
 
 
 def _of_wall(beam: Beam, point: ParameterPoint) -> tuple[Dual, Dual]:

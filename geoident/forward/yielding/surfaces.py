@@ -30,9 +30,8 @@ import numpy as np
 from geoident.fem.yielding.law import YieldPlanes, common_inside
 from geoident.forward.ground.elasticity import material_axes
 from geoident.forward.yielding.even_directions import spread_deviators
-from geoident.forward.yielding.mohr_coulomb import mohr_coulomb, smooth_mohr_coulomb
+from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
 from geoident.forward.yielding.smooth_distance import deviator_basis, polygon_shrinkage, shrinkage
-from geoident.forward.yielding.tension import cut_off
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked

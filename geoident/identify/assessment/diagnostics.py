@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.objective.loss import robust_scale, weights
+from geoident.identify.objective.discrepancy import robust_scale, weights
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats, Ints
 

@@ -37,8 +37,7 @@ import numpy as np
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
 from geoident.identify.assessment.spectrum import SingularDirections
-from geoident.identify.problem.problem import Problem
-from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.result import NORMAL_95

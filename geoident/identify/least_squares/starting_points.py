@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.problem import Scaling
 from geoident.model.arrays import Floats
 
 

@@ -41,11 +41,13 @@ from geoident.identify.yield_limits.stationarity import (
     GLOBAL,
     NONE,
     StationarityCheck,
+    YieldIterate,
     certificate,
     check,
     open_above,
+    strengths,
+    yield_evaluator,
 )
-from geoident.identify.yield_limits.unreached import YieldIterate, strengths, yield_evaluator
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.yielding import Certificate

@@ -32,8 +32,8 @@ import numpy as np
 
 from geoident.identify.least_squares.descent import Evaluator
 from geoident.identify.least_squares.gauss_newton import phi_after_step
-from geoident.identify.problem.scaling import Scaling
-from geoident.identify.yield_limits.unreached import YieldIterate
+from geoident.identify.problem.problem import Scaling
+from geoident.identify.yield_limits.stationarity import YieldIterate
 from geoident.model.arrays import Bools, Floats
 
 STEP = 1.5

@@ -15,6 +15,11 @@ A strength whose planes are reached at a few points may owe that to noise; and i
 with the derivatives of the active pieces, ends above although they cease. So every strength whose
 planes are reached is raised to its upper bound, the others following to first order: if the
 discrepancy grows by less than `GROWTH_95`, the readings do not exclude that no point reaches them.
+
+Where n^T sigma stays below k everywhere and always, a smaller k, down to the largest n^T sigma,
+gives the same response to the last digit. So k is known to be at least that and no more: the
+*bound information* of planes that are not violated. A search brings such planes as near as can be
+(`yield_evaluator`): they yield as soon as their neighbours give way.
 """
 
 from __future__ import annotations
@@ -24,10 +29,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.descent import Evaluator, gradient_cosines
 from geoident.identify.least_squares.gauss_newton import phi_after_step
 from geoident.identify.least_squares.trust_region import bounded_least_squares
-from geoident.identify.yield_limits.unreached import YieldIterate, headroom, unreached
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History
+from geoident.identify.problem.protocols import YieldSystem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.result import NORMAL_95
 from geoident.model.yielding import Activity, Certificate
@@ -209,3 +217,85 @@ def _remarks(checked: StationarityCheck, *, at_kink: bool, exact: bool) -> Itera
         yield f"{place}: {checked.probes} points around it were compared, and none is better."
     if checked.lower is not None:
         yield f"{place}, and a point near it is better."
+
+
+CLOSE = 1e-6
+"""An unreached plane is kept this far, relative, from where it is reached."""
+
+_PART = 1e-12
+"""A derivative below this part of the largest is none."""
+
+
+@dataclass(frozen=True)
+class YieldIterate(Iterate):
+    """A point with its yield planes, those that no strain point reaches as near as can be.
+
+    Args:
+        unreached: (n,) strengths whose planes no strain point reaches.
+        activity: the planes at the point that was evaluated, before they were brought near.
+    """
+
+    unreached: Bools
+    activity: Activity
+
+
+def yield_evaluator(
+    discrepancy: Discrepancy, history: History, model: YieldSystem
+) -> Evaluator[YieldIterate]:
+    """An evaluator that brings unreached planes near.
+
+    Args:
+        discrepancy: of the problem.
+        history: is told of every point that is recorded.
+        model: of the problem.
+    """
+    scaling = discrepancy.scaling
+
+    def brought_near(point: Iterate) -> YieldIterate:
+        activity = model.activity(point.p)
+        idle = unreached(activity, point.model.jacobian)
+        room = headroom(activity) - CLOSE * np.abs(point.p)
+        near = idle & np.isfinite(room) & (room > 0.0)
+        x = scaling.to_scaled(np.where(near, point.p - np.where(near, room, 0.0), point.p))
+        return YieldIterate(x, scaling.to_natural(x), point.model, idle, activity)
+
+    return Evaluator(discrepancy, history, brought_near)
+
+
+def strengths(activity: Activity, scaling: Floats) -> Bools:
+    """Parameters (n,) whose growth moves planes away, and brings none nearer.
+
+    Args:
+        activity: the planes.
+        scaling: dp/dx (n,), SI.
+    """
+    slopes = activity.slopes * scaling
+    least = _PART * np.abs(slopes).max(initial=0.0)
+    return np.asarray((slopes > least).any(axis=0) & ~(slopes < -least).any(axis=0))
+
+
+def unreached(activity: Activity, jacobian: Floats) -> Bools:
+    """Parameters (n,) that act on planes only, none of which any strain point reaches.
+
+    Args:
+        activity: the planes.
+        jacobian: (g, n) derivatives of the readings there, in any scaling of the readings.
+    """
+    idle = (activity.points.sum(axis=1) == 0)[:, None]
+    moved = np.abs(activity.slopes) > _PART * np.abs(activity.slopes).max(initial=0.0)
+    silent = np.linalg.norm(jacobian, axis=0) == 0.0
+    return np.asarray(moved.any(axis=0) & (idle | ~moved).all(axis=0) & silent)
+
+
+def headroom(activity: Activity) -> Floats:
+    """By how much (n,), SI, each parameter alone can fall before a point reaches one of its planes.
+
+    The distances are linear in a strength. 0 where a plane is reached, infinite where no strain
+    point has the material or the parameter moves no plane outwards.
+    """
+    gap = np.maximum(activity.distances - activity.reached, 0.0)
+    gap[activity.points.sum(axis=1) > 0] = 0.0
+    slopes = activity.slopes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(slopes > 0.0, gap[:, None] / slopes, np.inf)
+    return np.asarray(room.min(axis=0, initial=np.inf), dtype=np.float64)

@@ -38,6 +38,25 @@ def attitude(
     )
 
 
+def strata(
+    context: Context,
+    dip: Given | None,
+    direction: Given | None,
+    normal: Sequence[Given] | None,
+) -> Attitude | Axes:
+    """A frame by angles, or by the normal if there is one.
+
+    Args:
+        context: of the section.
+        dip: its key `dip`.
+        direction: its key `dip_direction`.
+        normal: (2,) or (3,) its key `normal`: axes 1 and 2 are any two in its plane.
+    """
+    if normal is None:
+        return attitude(context, dip, direction)
+    return _axes_about(_unit_vector(context.at("normal"), normal))
+
+
 def axes_along(context: Context, first: Sequence[Given], second: Sequence[Given]) -> Axes:
     """A frame by two vectors; a fault if they are not perpendicular.
 
@@ -55,11 +74,6 @@ def axes_along(context: Context, first: Sequence[Given], second: Sequence[Given]
         return _axes_about(one)
     upright = _unit(tuple(b - slant * a for a, b in zip(one, two, strict=True)))
     return Axes(one, upright)
-
-
-def axes_about(context: Context, normal: Sequence[Given]) -> Axes:
-    """A frame by the key `normal`, (2,) or (3,): axes 1 and 2 are any two in its plane."""
-    return _axes_about(_unit_vector(context.at("normal"), normal))
 
 
 def _unit_vector(context: Context, given: Sequence[Given]) -> Vector3:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.frames import attitude, axes_about, axes_along
+from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.yielding import YieldSections, build_yields
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
@@ -150,11 +150,7 @@ class TransverselyIsotropicSection(_InclinedBase):
 
     def elasticity(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
-        frame = (
-            attitude(context, self.dip, self.dip_direction)
-            if self.normal is None
-            else axes_about(context, self.normal)
-        )
+        frame = strata(context, self.dip, self.dip_direction, self.normal)
         if self.E_p is not None:
             return TransverselyIsotropic(**self._scalars(_ENGINEERING), frame=frame)
         return LoveModuli(**self._scalars(_LOVE), frame=frame)

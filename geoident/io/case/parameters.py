@@ -104,15 +104,14 @@ class ParameterSection(Section):
             faults.add(("bounds",), "bad-bounds", message, "Raise the bound or use scale: linear.")
 
     def _check_prior(self, faults: SectionFaults) -> None:
-        if self.prior is None:
+        prior = self.prior
+        if prior is None:
             return
-        if self.prior.sd.factor <= 0:
-            message = f"the standard deviation '{self.prior.sd.text}' is not positive"
+        if prior.sd.factor <= 0:
+            message = f"the standard deviation '{prior.sd.text}' is not positive"
             faults.add(("prior", "sd"), "bad-prior", message, "Write one above zero.")
-        if self.prior.kind == "lognormal":
-            self._check_lognormal(faults, self.prior)
-
-    def _check_lognormal(self, faults: SectionFaults, prior: PriorSection) -> None:
+        if prior.kind != "lognormal":
+            return
         if prior.mean.factor <= 0:
             message = f"a lognormal prior needs a positive mean; found '{prior.mean.text}'"
             faults.add(("prior", "mean"), "bad-prior", message, "Use kind: normal.")

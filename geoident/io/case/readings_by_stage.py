@@ -339,7 +339,12 @@ def _difference(row: Reading, zero: Reading, calendar: Calendar) -> Reading:
 
 def _leave_out_early(found: Assigned, calendar: Calendar) -> None:
     """Leave out dated readings of the time before the zero of their channel."""
-    early = [r for r in found.readings if r.time is not None and _is_early(r, calendar)]
+    early = [
+        r
+        for r in found.readings
+        if r.time is not None
+        and (r.stage in ("", VIRGIN) or calendar.before_zero(r.channel, r.stage))
+    ]
     left_out = {id(reading) for reading in early}
     found.readings = [r for r in found.readings if id(r) not in left_out]
     for channel, number in Counter(reading.channel for reading in early).items():
@@ -349,11 +354,6 @@ def _leave_out_early(found: Assigned, calendar: Calendar) -> None:
         what = f"its zero at the end of '{zero}'{when}" if zero != VIRGIN else "the first stage"
         readings = "reading" if number == 1 else "readings"
         found.notes.append(f"{number} {readings} of {channel} before {what} left out.")
-
-
-def _is_early(reading: Reading, calendar: Calendar) -> bool:
-    stage = reading.stage or VIRGIN
-    return stage == VIRGIN or calendar.before_zero(reading.channel, stage)
 
 
 class _Check:

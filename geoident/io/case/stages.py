@@ -147,21 +147,15 @@ def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults)
     for number, stage in enumerate(stages):
         path: KeyPath = ("stages", number)
         if stage.base is not None and stage.base not in reached:
-            _refuse_base((*path, "base"), stage.base, stages, number, faults)
+            earlier = [VIRGIN, *(one.name for one in stages[:number])]
+            hint = faults.did_you_mean(stage.base, earlier, what="Stages before it")
+            later = any(one.name == stage.base for one in stages[number:])
+            what = "is not before this stage" if later else "is no stage"
+            faults.add((*path, "base"), "unknown-stage", f"'{stage.base}' {what}", hint)
         ground = reached.get(stage.base or "", trunk).copy()
         ground.build(path, stage)
         reached[stage.name] = ground
         trunk = trunk if stage.independent else ground
-
-
-def _refuse_base(
-    path: KeyPath, base: str, stages: Sequence[StageSection], number: int, faults: Faults
-) -> None:
-    earlier = [stage.name for stage in stages[:number]]
-    hint = faults.did_you_mean(base, [VIRGIN, *earlier], what="Stages before it")
-    later = base in {stage.name for stage in stages[number:]}
-    what = "is not before this stage" if later else "is no stage"
-    faults.add(path, "unknown-stage", f"'{base}' {what}", hint)
 
 
 class _Ground:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.frames import attitude, axes_about
+from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.schema.section import Context, Section, require_one_of
 from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
@@ -266,11 +266,7 @@ class WeakPlaneSection(_SurfaceBase):
         """The planes; their number counts in a solid only."""
         if context.dim == 3:
             _check_count(self.planes, 4, context, even=True)
-        frame = (
-            attitude(context, self.dip, self.dip_direction)
-            if self.normal is None
-            else axes_about(context, self.normal)
-        )
+        frame = strata(context, self.dip, self.dip_direction, self.normal)
         strengths = self.cohesion.scalar, self.friction.scalar, scalar_of(self.tension)
         return WeakPlane(frame, *strengths, self.planes)
 

@@ -217,7 +217,8 @@ class Of:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         units = UNITS if self.dimension is None else units_of(self.dimension)
-        pattern = rf"^\s*({quantity_pattern(units)}{_tie_pattern(tied=self.tied)})\s*$"
+        tie = rf"|(({NUMBER_PATTERN}\s*\*?\s*)|-)?\${NAME_PATTERN}" if self.tied else ""
+        pattern = rf"^\s*({quantity_pattern(units)}{tie})\s*$"
         kind = ["number", "string"] if self.dimension in {None, DIMENSIONLESS} else "string"
         return {
             "type": kind,
@@ -308,10 +309,6 @@ def quantity_pattern(units: Any) -> str:
     alternatives = "|".join(re.escape(unit).replace(r"\-", "-") for unit in units if unit)
     needed = "?" if "" in units else ""
     return rf"{NUMBER_PATTERN}(\s*({alternatives})){needed}"
-
-
-def _tie_pattern(*, tied: bool) -> str:
-    return rf"|(({NUMBER_PATTERN}\s*\*?\s*)|-)?\${NAME_PATTERN}" if tied else ""
 
 
 def share_unit(value: object) -> object:

@@ -101,6 +101,18 @@ def _same_file(one: str | Path, other: str | Path) -> bool:
         return False
 
 
+def make_folder(folder: Path | str) -> None:
+    """Make a folder for output if it is missing.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
 def output_error(path: str | Path, error: Exception) -> OutputError:
     """An `OutputError` that names the place, what the system said, and the remedy."""
     number = getattr(error, "errno", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -12,6 +13,14 @@ STDIN = "-"
 _CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _SAVE = "Save the file as plain text in UTF-8."
+
+
+def seen_from(folder: Path, path: Path | str) -> str:
+    """A path as a file in a folder names it; absolute where no relative one leads there."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive
+        return str(Path(path).absolute())
 
 
 def read_bytes(path: str, *, limit: int, what: str) -> bytes:

@@ -1,27 +1,40 @@
-"""The search for the parameters, kept in a checkpoint as it goes."""
+"""The search for the parameters, kept in a checkpoint as it goes, and how it ends.
+
+Its result, where that stands, and what is said of the readings.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import numpy as np
+
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
-from geoident.forward.protocols import CaseModel
+from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
+from geoident.io.result.file import read_result, write_result
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
-from geoident.model.result import Counts
+from geoident.model.result import Counts, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.readings import require_enough, select_readings, times_of
+from geoident.workflow.running.outputs import Standing, Target
+from geoident.workflow.running.readings import (
+    require_enough,
+    select_readings,
+    times_of,
+    unused_by_stage,
+    with_computed,
+)
 
 
 @dataclass(frozen=True)
@@ -151,17 +164,90 @@ def search(problem: Problem, methods: Sequence[MethodOptions], control: Control)
     return outcome
 
 
-def total(search_counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Counts of the search and of what the model did besides, between two of its counts.
+def surveyed(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+) -> tuple[Survey, ReadingTable, Counts]:
+    """The model at the end of a search, what it says of each reading, and what both have cost.
 
     Args:
-        search_counts: at the end of the search.
-        before: the model, when the search had ended.
-        after: the model, now.
+        setup: model and readings.
+        problem: of the search.
+        outcome: of the search.
+        fields: whether displacements and stresses are wanted.
     """
-    return Counts(
-        evaluations=search_counts.evaluations + after.evaluations - before.evaluations,
-        analyses=max(search_counts.analyses, after.analyses),
-        factorizations=search_counts.factorizations + after.factorizations - before.factorizations,
-        solves=search_counts.solves + after.solves - before.solves,
+    model, p = setup.model, outcome.values
+    before = model.counts
+    survey = model.survey(p, fields=fields, partial=True)
+    search, after = problem.response.counts, model.counts
+    counts = Counts(
+        evaluations=search.evaluations + after.evaluations - before.evaluations,
+        analyses=max(search.analyses, after.analyses),
+        factorizations=search.factorizations + after.factorizations - before.factorizations,
+        solves=search.solves + after.solves - before.solves,
     )
+    return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A result and where it stands.
+
+    Args:
+        result: what was found, now or before.
+        paths: the files that hold it, the result file first.
+        up_to_date: it stood there already and was not computed again.
+    """
+
+    result: Result
+    paths: tuple[str, ...]
+    up_to_date: bool = False
+
+
+def keep(place: Target) -> Finished:
+    """A result that is up to date."""
+    return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
+
+
+def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[str]) -> Finished:
+    """Put a result in its place.
+
+    Args:
+        result: what was found.
+        place: of the result.
+        found: what stands there.
+        inputs: paths that were read, and so must not be written.
+    """
+    overwrite = found is not Standing.NOTHING
+    return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
+
+
+def searched(
+    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome], Result]
+) -> Finished:
+    """Runs the search of a command and writes its result; keeps one that is up to date.
+
+    Args:
+        job: what to do.
+        control: progress, budget and stops.
+        result: what is written of the case, its problem and the outcome of the search.
+
+    Raises:
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if job.up_to_date:
+        return keep(job.place)
+    setup = prepare(job)
+    _tell_readings(setup, control)
+    with evaluation_log(job, control) as log:
+        problem = problem_of(setup, log, control)
+        outcome = search(problem, job.methods, control)
+        written = result(setup, problem, outcome)
+        return write(written, job.place, job.found, inputs=job.inputs.files)
+
+
+def _tell_readings(setup: Setup, control: Control) -> None:
+    """Say how many readings are used, which are not, and why."""
+    readings = setup.readings
+    control.monitor.detail(f"{np.count_nonzero(readings.used)} readings are used")
+    for unused in unused_by_stage(readings):
+        control.monitor.detail(f"not used: {unused}")

@@ -105,9 +105,7 @@ class Remembered:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        known = self._recall("evaluate", p)
-        if known is None:
-            known = self._compute("evaluate", p, lambda: self._evaluate(p))
+        known = self._known("evaluate", p, lambda: self._evaluate(p))
         return np.array(known["v"]), np.array(known["dv_dp"])
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
@@ -118,9 +116,7 @@ class Remembered:
             measured: (g,) readings, SI.
             sd: (g,) their standard deviations, SI.
         """
-        known = self._recall("condense", p)
-        if known is None:
-            known = self._compute("condense", p, lambda: self._condense(p, measured, sd))
+        known = self._known("condense", p, lambda: self._condense(p, measured, sd))
         return Condensed(
             readings=np.array(known["v"]),
             flexibility=np.array(known["flexibility"]),
@@ -134,10 +130,7 @@ class Remembered:
 
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,), logged: to find them again costs a whole analysis."""
-        known = self._recall("activity", p)
-        if known is None:
-            known = self._compute("activity", p, lambda: _stored(self._inner.activity(p)))
-        return _restored(known)
+        return _restored(self._known("activity", p, lambda: _stored(self._inner.activity(p))))
 
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, or None if they are one."""
@@ -164,6 +157,13 @@ class Remembered:
             "matrix": found.matrix,
             "vector": found.vector,
         }
+
+    def _known(
+        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
+    ) -> EvaluationArrays:
+        """What the log has, or what is computed for it."""
+        known = self._recall(kind, p)
+        return self._compute(kind, p, work) if known is None else known
 
     def _recall(self, kind: str, p: Floats) -> EvaluationArrays | None:
         known = self._log.find(kind, p)
@@ -202,12 +202,9 @@ class Remembered:
 def _stored(found: Activity) -> EvaluationArrays:
     """The planes as arrays of numbers, names as code points."""
     numbers = {name: np.asarray(getattr(found, name), dtype=float) for name in _ACTIVITY}
-    texts = {name: _code("\n".join(getattr(found, name))) for name in _NAMES}
-    return {**numbers, **texts}
-
-
-def _code(text: str) -> Floats:
-    return np.array([ord(letter) for letter in text], dtype=np.float64)
+    texts = {name: "\n".join(getattr(found, name)) for name in _NAMES}
+    codes = {name: np.array(list(map(ord, text)), dtype=float) for name, text in texts.items()}
+    return {**numbers, **codes}
 
 
 def _restored(known: EvaluationArrays) -> Activity:

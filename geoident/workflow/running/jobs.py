@@ -62,11 +62,6 @@ class Job:
         """The result stands there already and is to be kept."""
         return self.found is Standing.UP_TO_DATE and not self.request.fresh
 
-    @property
-    def files_read(self) -> tuple[str, ...]:
-        """Paths of all files that the job reads."""
-        return self.inputs.files
-
 
 def plan_fit(request: Request) -> Job:
     """Read a case that is to be fitted, and look at what stands where its result goes.
@@ -95,7 +90,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
     found = standing(place, identity)
     job = Job(request, command, tuple(methods), inputs, place, identity, found)
     if not job.up_to_date:
-        require_free(found, place, force=request.force, inputs=job.files_read)
+        require_free(found, place, force=request.force, inputs=inputs.files)
     return job
 
 

@@ -49,12 +49,14 @@ def predict_stages(
 def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
     """One sentence for every predicted stage that was read: how well the prediction came true."""
     sentences = []
+    measured = np.where(gauges.bad, np.nan, gauges.measured)  # without those known to be wrong
+    within = (measured >= prediction.lower95) & (measured <= prediction.upper95)
     for column, stage in enumerate(gauges.stages):
-        error = _good(gauges)[:, column] - prediction.mean[:, column]
+        error = measured[:, column] - prediction.mean[:, column]
         sd = prediction.sd[:, column]
         read = np.isfinite(error) & np.isfinite(sd)
         if np.any(read):
-            inside = _inside(gauges, prediction, column)[read]
+            inside = within[read, column]
             rms = float(np.sqrt(np.mean((error[read] / sd[read]) ** 2)))
             sentences.append(
                 f"Predicted stage {stage!r}: {np.count_nonzero(inside)} of {inside.size} readings"
@@ -62,17 +64,6 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
                 f" RMS of the standardized residuals {rms:.2f}."
             )
     return tuple(sentences)
-
-
-def _good(gauges: GaugeTable) -> Floats:
-    """The measured readings without those that are known to be wrong."""
-    return np.where(gauges.bad, np.nan, gauges.measured)
-
-
-def _inside(gauges: GaugeTable, prediction: Prediction, column: int) -> Bools:
-    measured = gauges.measured[:, column]
-    above = measured >= prediction.lower95[:, column]
-    return above & (measured <= prediction.upper95[:, column])
 
 
 def collapse_findings(survey: Survey) -> tuple[str, ...]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 from geoident import __version__
-from geoident.io.text.text_file import STDIN
+from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.result import Provenance
 from geoident.workflow.running.inputs import Inputs
 from geoident.workflow.running.jobs import Job
@@ -33,7 +32,8 @@ def provenance(
         command=command,
         versions=versions(),
         seed=seed,
-        case_file=_beside(inputs.path, output),
+        # relative to the folder of the result, so that both may move
+        case_file=seen_from(output.parent, "stdin" if inputs.path == STDIN else inputs.path),
         case_sha256=inputs.case_sha256,
         mesh_sha256=inputs.mesh_sha256,
         readings_sha256=inputs.readings_sha256,
@@ -57,12 +57,3 @@ def versions() -> dict[str, str]:
     """Versions of geoident, of Python and of the libraries that numbers go through."""
     found = {"geoident": __version__, "python": platform.python_version()}
     return found | {name: version(name) for name in LIBRARIES}
-
-
-def _beside(case: str, output: Path) -> str:
-    """The path of the case, relative to the folder of the result, so that both may move."""
-    place = Path("stdin") if case == STDIN else Path(case)
-    try:
-        return Path(os.path.relpath(place.absolute(), output.absolute().parent)).as_posix()
-    except ValueError:  # another drive
-        return str(place.absolute())

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -24,14 +23,7 @@ FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
 
 
-class Readable(Protocol):
-    """A model that can tell which channels it can read when."""
-
-    def unreadable(self, channel: str, stage: str) -> str | None:
-        """Why a channel cannot be read at the end of a stage, or None if it can."""
-
-
-def select_readings(case: Case, model: Readable) -> ReadingTable:
+def select_readings(case: Case, model: CaseModel) -> ReadingTable:
     """The readings of a case, and which of them an identification uses.
 
     Args:
@@ -41,15 +33,21 @@ def select_readings(case: Case, model: Readable) -> ReadingTable:
     return reading_table(case, [_why_unused(case, reading, model) for reading in case.readings])
 
 
-def _why_unused(case: Case, reading: Reading, model: Readable) -> str:
+def _why_unused(case: Case, reading: Reading, model: CaseModel) -> str:
     """Why a reading takes no part; empty if it does."""
-    if reading.value is None:
-        return "no value was read"
-    if reading.bad:
-        return f"{FLAGGED}{reading.bad}"
+    useless = why_useless(reading)
+    if useless:
+        return useless
     if case.fit.stages is not None and reading.stage not in case.fit.stages:
         return "the stage is not in fit.stages"
     return model.unreadable(reading.channel, reading.stage) or ""
+
+
+def why_useless(reading: Reading) -> str:
+    """Why nothing can use a reading; empty if something can."""
+    if reading.value is None:
+        return "no value was read"
+    return f"{FLAGGED}{reading.bad}" if reading.bad else ""
 
 
 def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,20 +23,13 @@ def parameter_table(
         values: (n,) SI.
         assessment: how well they are known.
     """
-    return ParameterTable(
-        names=tuple(q.name for q in parameters),
-        values=values,
+    return replace(
+        bare_parameter_table(parameters, values),
         sd=assessment.sd,
         lower95=assessment.lower95,
         upper95=assessment.upper95,
-        lower=np.array([q.lower for q in parameters], dtype=np.float64),
-        upper=np.array([q.upper for q in parameters], dtype=np.float64),
-        start=np.array([q.start for q in parameters], dtype=np.float64),
         at_bound=assessment.at_bound,
         determined=assessment.determined,
-        priors=tuple(q.prior for q in parameters),
-        units=tuple(q.unit for q in parameters),
-        dimensions=tuple(q.dimension for q in parameters),
         covariance=assessment.covariance,
         correlation=assessment.correlation,
     )

@@ -356,6 +356,13 @@ def test_entries_that_couple_with_shear_out_of_the_plane_are_refused():
     assert faults_of(Anisotropic(scalars({**PLANE_ENTRIES, "c35": 1e9}))) == []  # eps_zz = 0
 
 
+@pytest.mark.parametrize("entry", ["c15", "c16", "c25", "c26", "c45", "c46"])
+def test_every_entry_that_couples_with_shear_out_of_the_plane_is_refused(entry):
+    coupled = Anisotropic(scalars({**PLANE_ENTRIES, entry: 1e9}))
+    (message,) = faults_of(coupled)
+    assert message.startswith(f"{entry} of 'rock' couples")
+
+
 def test_strata_that_dip_are_refused_around_an_axis():
     flat = TransverselyIsotropic(**scalars(STRATA), frame=attitude(0.0))
     inclined = TransverselyIsotropic(**scalars(STRATA), frame=attitude(0.3))

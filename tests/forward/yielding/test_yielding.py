@@ -13,8 +13,8 @@ from support.meshes import box
 from support.plastic import Planes
 
 from geoident.forward.ground_at import GroundAt
+from geoident.forward.yielding.mohr_coulomb import cut_off
 from geoident.forward.yielding.surfaces import yield_planes
-from geoident.forward.yielding.tension import cut_off
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Attitude, Axes, Isotropic

@@ -10,7 +10,7 @@ from geoident.identify.least_squares.descent import Stopping, gradient_cosines
 from geoident.identify.least_squares.gauss_newton import gauss_newton_step, phi_after_step
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Linearization
-from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.problem import Scaling
 from geoident.model.parameter import Parameter
 
 

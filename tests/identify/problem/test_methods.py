@@ -99,6 +99,18 @@ def test_a_stopped_chain_gives_the_best_point_so_far(problem):
     assert outcome.objective == min(it.objective for it in outcome.iterations)
 
 
+def test_a_chain_that_is_stopped_begins_no_further_method(problem):
+    told = []
+
+    def observe(iteration):
+        told.append(iteration.method)
+        return "Time is up." if len(told) >= 3 else None
+
+    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), observe)
+    assert told == ["scan"] * 3
+    assert (outcome.status, len(outcome.iterations)) == ("out-of-budget", 3)
+
+
 # Scan
 
 

@@ -17,8 +17,14 @@ from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.global_bound import BranchAndBound
-from geoident.identify.yield_limits.stationarity import check, open_above
-from geoident.identify.yield_limits.unreached import headroom, strengths, unreached, yield_evaluator
+from geoident.identify.yield_limits.stationarity import (
+    check,
+    headroom,
+    open_above,
+    strengths,
+    unreached,
+    yield_evaluator,
+)
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 

@@ -15,20 +15,27 @@ import casadi
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
-from geoident.identify.objective.loss import transformed
-from geoident.identify.problem.problem import Problem
+from geoident.identify.objective.discrepancy import transformed
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
     condensing_obstacle,
     determined_unknowns,
     sizes_of_kinds,
 )
+from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import solve_box
 from geoident.identify.yield_limits.nonlinear_program import nonlinear_program
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
-from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
+from geoident.model.methods import (
+    ComplementarityOptions,
+    HuberOptions,
+    SquaredOptions,
+    StudentOptions,
+)
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import Bilinear, BilinearSystem
 
@@ -200,3 +207,20 @@ def test_branch_and_bound_lets_hardening_grow_with_the_multiplier(known):
     assert found.complete
     assert found.p * system.reference == pytest.approx([known, 2.8 - known], abs=0.01)
     assert found.bound == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("products", [True, False])
+def test_the_energy_has_one_form_only_where_no_parameter_changes_it(monkeypatch, products):
+    problem = Problem(None, np.array([1.5]), np.array([0.1]), PARAMETERS)
+    given = bars()
+    if not products:
+        given = replace(given, slacks=replace(given.slacks, products={}))
+    system = condensed(problem, given)
+    monkeypatch.setattr(BranchAndBound, "visit", lambda search, system, box: [])
+    first = Outcome(np.array([2.0, 1.0]), 3.0, "converged", "", ())
+    responded = replace(problem, response=PlasticBars([Frame([1.0, 1.0], [0, None], [1.0])], 1))
+    search = BranchAndBound(
+        responded, ComplementarityOptions(formulation="global"), lambda iteration: None, first
+    )
+    search.run(system)
+    assert (search.form is None) == products

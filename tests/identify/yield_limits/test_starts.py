@@ -7,9 +7,9 @@ import pytest
 
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Linearization
-from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.problem import Scaling
 from geoident.identify.yield_limits.starts import Restarts, strength_scan
-from geoident.identify.yield_limits.unreached import YieldIterate
+from geoident.identify.yield_limits.stationarity import YieldIterate
 from geoident.model.parameter import Parameter
 
 STRENGTHS = (

@@ -8,11 +8,14 @@ from geoident.identify.objective.discrepancy import Discrepancy, Linearization
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits.stationarity import (
     StationarityCheck,
+    YieldIterate,
     certificate,
     check,
+    headroom,
     open_above,
+    strengths,
+    unreached,
 )
-from geoident.identify.yield_limits.unreached import YieldIterate, headroom, strengths, unreached
 from geoident.model.parameter import Parameter
 from geoident.model.result import Counts
 from geoident.model.yielding import Activity
