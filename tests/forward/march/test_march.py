@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.cases import displacement, imbalance, material, model, rollers
@@ -298,6 +300,22 @@ def test_march_ends_with_the_last_stage_that_is_read():
     before = staged.counts.factorizations
     response.readings(p)
     assert staged.counts.factorizations - before == 3
+
+
+def test_a_gauge_that_is_zeroed_after_the_last_stage_that_is_read_is_no_hindrance():
+    early, late = (displacement(name, (1.0, 1.0), (1.0, 0.0)) for name in ("early", "late"))
+    staged = model(
+        square(),
+        materials={"rock": ROCK},
+        groups=dict.fromkeys(("rock", *BLOCKS), "rock"),
+        supports=rollers(2),
+        in_situ=STRESS,
+        channels=(early, replace(late, zero="b1")),
+        stages=tuple(Stage(b, excavate=(b,)) for b in BLOCKS[::-1]),
+    )
+    pairs = [("early", BLOCKS[4]), ("late", BLOCKS[0])]
+    both = staged.response(pairs).readings(np.empty(0))
+    np.testing.assert_allclose(staged.response(pairs[:1]).readings(np.empty(0)), both[:1])
 
 
 def test_equal_patterns_are_analysed_once_and_equal_ground_is_factorized_once():

@@ -93,3 +93,12 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(n, balanced)
         assert part > 1e-4
         expected = f"at stage 'open' {100 * part:.2g} % of the change of load is not balanced:"
         assert [note.startswith(expected) for note in notes] == [True]
+
+
+def test_what_has_yielded_stays_so_in_later_fields():
+    mesh = CAVITY.mesh("quad8", n=2, layers=8, reach=6)
+    stages = (Stage("open", excavate=("core",)), Stage("rest"))
+    staged = CAVITY.staged(mesh, mohr(3e6, 0.5), stages=stages)
+    yielded = staged.survey(NOTHING, fields=True).fields.yielded
+    assert yielded[1].any()
+    np.testing.assert_array_equal(yielded[2], yielded[1])
