@@ -147,7 +147,8 @@ def box_axes(axes: Any, low: Floats, high: Floats) -> None:
 
     Args:
         axes: of the view.
-        low, high: (3,) corners of the box, m.
+        low: (3,) lower corner of the box, m.
+        high: (3,) upper corner of the box, m.
     """
     for name, first, last in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{name}lim")(first, last)
