@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.compatibility import BlockGeometry
 from geoident.fem.elasticity import VOIGT
 from geoident.fem.elements import raised_rule, reference_element
 from geoident.fem.faces import FacetPatch
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.kinematics import BlockGeometry, Kinematics
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import Mesh, rows_in
 

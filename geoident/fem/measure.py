@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from geoident.fem.compatibility import block_geometry
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.kinematics import Kinematics, block_geometry
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.summary import MeshSummary, PartSummary

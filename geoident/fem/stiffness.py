@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.compatibility import BlockGeometry
+from geoident.fem.kinematics import BlockGeometry
 from geoident.fem.solvers.protocol import LowerPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, rows_in

@@ -17,8 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geoident.fem.compatibility import BlockGeometry
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.kinematics import BlockGeometry, Kinematics
 from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.compatibility import StrainPoints, block_geometry, strain_points
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.kinematics import Kinematics, StrainPoints, block_geometry, strain_points
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh

@@ -11,11 +11,16 @@ import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS_2D, box
 
-from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
-from geoident.fem.kinematics import AXISYMMETRIC, PLANE_STRAIN, Kinematics
+from geoident.fem.kinematics import (
+    AXISYMMETRIC,
+    PLANE_STRAIN,
+    Kinematics,
+    block_geometry,
+    strain_points,
+)
 from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
 from geoident.fem.mechanism import loose_body
 from geoident.fem.stiffness import group_blocks, stiffness_pattern

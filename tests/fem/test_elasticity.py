@@ -19,7 +19,6 @@ from support.anisotropy import (
 )
 from support.meshes import KINDS, KINDS_2D, box
 
-from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.elasticity import (
     anisotropic,
     axes_of_attitude,
@@ -31,7 +30,7 @@ from geoident.fem.elasticity import (
     transversely_isotropic,
     turned,
 )
-from geoident.fem.kinematics import PLANE_STRAIN, SOLID
+from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
 from geoident.model.dual import Dual
 from geoident.model.ground import ENTRIES
 

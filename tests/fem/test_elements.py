@@ -9,11 +9,10 @@ import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS, KINDS_2D, box, mixed_box
 
-from geoident.fem.compatibility import block_geometry, strain_points
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
-from geoident.fem.kinematics import PLANE_STRAIN, SOLID
+from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
 from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern

@@ -9,8 +9,7 @@ import pytest
 from support.meshes import KINDS, box
 
 from geoident.errors import InputError
-from geoident.fem.compatibility import block_geometry
-from geoident.fem.kinematics import PLANE_STRAIN, SOLID
+from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry
 from geoident.fem.orientation import oriented
 from geoident.model.cells import CELLS
 

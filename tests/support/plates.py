@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.compatibility import block_geometry, strain_points
-from geoident.fem.kinematics import kinematics_of
+from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
 from geoident.forward.staged_system import (
     Affine,
     LoadStage,

@@ -23,7 +23,7 @@ ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 
 
 class Operators(Protocol):
-    """C and C^T V: `geoident.fem.compatibility.StrainPoints`, or a frame's."""
+    """C and C^T V: `geoident.fem.kinematics.StrainPoints`, or a frame's."""
 
     @property
     def n_points(self) -> int:

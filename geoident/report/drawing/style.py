@@ -143,7 +143,13 @@ def hide_unused(panels: list[Axes], used: int) -> None:
 
 
 def box_axes(axes: Any, low: Floats, high: Floats) -> None:
-    """Limits (3,), m, and names of the axes of a view in space."""
+    """Limits and names of the axes of a view in space.
+
+    Args:
+        axes: of the view.
+        low: (3,) lower corner of the box, m.
+        high: (3,) upper corner of the box, m.
+    """
     for name, first, last in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{name}lim")(first, last)
         getattr(axes, f"set_{name}label")(f"{name} (m)")
