@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import BlockGeometry
-from geoident.fem.solvers.protocol import LowerPattern
+from geoident.fem.solvers.direct import LowerPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, rows_in
 

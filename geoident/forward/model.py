@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.fem.solvers.protocol import Solver
+from geoident.fem.solvers.direct import Solver
 from geoident.forward.actions.forces import Actions
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.checks import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.fem.solvers import SolverInfo, pick_solver, solver_report
-from geoident.workflow.running.provenance import versions
+from geoident.workflow.running.jobs import versions
 
 EXTRAS = {
     "report": ("matplotlib", "figures and pages"),

@@ -14,20 +14,26 @@ from geoident.model.arrays import Bools
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, Diagnostics, Result
-from geoident.workflow.running.certificate_text import bound_findings, opened, over_all_stages
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table, remarks
+from geoident.workflow.running.diagnosis import (
+    assess_robustly,
+    at_used,
+    bound_findings,
+    diagnostics_table,
+    opened,
+    over_all_stages,
+    parameter_table,
+    remarks,
+)
 from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
-from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predict_stages,
     predicted_stages,
     score,
 )
-from geoident.workflow.running.provenance import job_provenance
 from geoident.workflow.running.readings import accuracies, gauge_table, unused_notes
-from geoident.workflow.running.tables import parameter_table
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""

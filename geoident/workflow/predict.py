@@ -26,6 +26,7 @@ from geoident.workflow.running.inputs import (
     inputs_of_result,
     load_inputs,
 )
+from geoident.workflow.running.jobs import provenance
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,
@@ -34,7 +35,6 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
-from geoident.workflow.running.provenance import provenance
 from geoident.workflow.running.readings import (
     accuracies,
     gauge_table,

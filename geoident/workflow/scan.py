@@ -7,11 +7,10 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import bare_parameter_table
 from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
-from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.provenance import job_provenance
+from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes
-from geoident.workflow.running.tables import bare_parameter_table
 
 
 def scan(job: Job, control: Control) -> Finished:

@@ -22,7 +22,7 @@ from scipy.spatial import Delaunay
 
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers import pick_solver, solver_report
-from geoident.fem.solvers.protocol import LowerPattern
+from geoident.fem.solvers.direct import LowerPattern
 
 
 def box(n):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from geoident.fem.solvers.direct import LowerPattern
 from geoident.fem.solvers.factor_cost import factor_cost
-from geoident.fem.solvers.protocol import LowerPattern
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from geoident.errors import UsageError
 from geoident.fem import solvers
 from geoident.fem.solvers import SOLVERS, direct, pick_solver, solver_report, splu
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite
+from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite
 
 INSTALLED = {info.name: info.available for info in solver_report()}
 

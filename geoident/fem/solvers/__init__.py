@@ -8,7 +8,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.protocol import Solver, SolverCounts
+from geoident.fem.solvers.direct import Solver, SolverCounts
 
 __all__ = ["AUTO", "SOLVERS", "SolverCounts", "SolverInfo", "pick_solver", "solver_report"]
 

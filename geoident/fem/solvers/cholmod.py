@@ -9,8 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from geoident.fem.solvers.direct import DirectAnalysis, Solve, check_pivots
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
+from geoident.fem.solvers.direct import (
+    DirectAnalysis,
+    LowerPattern,
+    NotPositiveDefinite,
+    Solve,
+    SolverCounts,
+    check_pivots,
+)
 from geoident.model.arrays import Floats
 
 # Supernodal, and the order that is given, as it is: without a postorder of its own, column k of

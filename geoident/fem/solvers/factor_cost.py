@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.solvers.protocol import LowerPattern
+from geoident.fem.solvers.direct import LowerPattern
 from geoident.model.arrays import Ints
 
 

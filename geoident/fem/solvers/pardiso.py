@@ -8,9 +8,15 @@ import weakref
 import numpy as np
 import numpy.typing as npt
 
-from geoident.fem.solvers.direct import DirectAnalysis, Solve, check_pivots
+from geoident.fem.solvers.direct import (
+    DirectAnalysis,
+    LowerPattern,
+    NotPositiveDefinite,
+    Solve,
+    SolverCounts,
+    check_pivots,
+)
 from geoident.fem.solvers.mkl import library
-from geoident.fem.solvers.protocol import LowerPattern, NotPositiveDefinite, SolverCounts
 from geoident.model.arrays import Floats
 
 _SPD = 2

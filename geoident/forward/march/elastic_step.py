@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.state import Carried, StageTask
 from geoident.forward.march.systems import StageSystems

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.solvers.protocol import Factor
+from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
     NoEquilibrium,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.solvers.protocol import Factor
+from geoident.fem.solvers.direct import Factor
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.elastic_step import add_moduli_slopes
 from geoident.forward.march.equilibrium import Balance

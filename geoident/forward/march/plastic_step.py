@@ -17,8 +17,8 @@ import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
-from geoident.fem.solvers.general import GeneralFactor
-from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
+from geoident.fem.solvers.splu import GeneralFactor
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.discretization import numbers

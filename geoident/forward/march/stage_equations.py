@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.fem.solvers.protocol import Factor, NotPositiveDefinite
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
 from geoident.forward.discretization import Index, numbers

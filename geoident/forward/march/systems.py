@@ -10,7 +10,7 @@ import numpy as np
 
 from geoident.fem.location import format_point
 from geoident.fem.ordering import nested_dissection
-from geoident.fem.solvers.protocol import LowerPattern, Solver, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,

@@ -19,8 +19,13 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.identify.least_squares.acceptance import FIRST_RADIUS, Iterate, Step
-from geoident.identify.least_squares.descent import Descent, Ending, Stopping, plain_evaluator
-from geoident.identify.least_squares.starting_points import halton_starts
+from geoident.identify.least_squares.descent import (
+    Descent,
+    Ending,
+    Stopping,
+    halton_starts,
+    plain_evaluator,
+)
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem

@@ -29,9 +29,14 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
-from geoident.identify.least_squares.descent import Descent, Ending, Evaluator, Stopping
+from geoident.identify.least_squares.descent import (
+    Descent,
+    Ending,
+    Evaluator,
+    Stopping,
+    halton_starts,
+)
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
-from geoident.identify.least_squares.starting_points import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem

@@ -1,4 +1,4 @@
-"""The influence of each reading on a fit: tables and sentences."""
+"""What is known of a fit: the table of its parameters, the influence of readings, its proof."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.forward.protocols import Survey
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -14,7 +15,10 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable
+from geoident.model.parameter import Parameter
+from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ParameterTable
+from geoident.model.yielding import Certificate
+from geoident.units import DIMENSIONS, UNITS
 
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
@@ -154,3 +158,102 @@ def _scatter(found: Diagnostics) -> list[str]:
         "are less accurate than stated, or the model does not describe the ground; the intervals "
         "are then too narrow."
     ]
+
+
+def bound_findings(found: Certificate | None, parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """A sentence for each parameter whose yield planes no strain point reaches."""
+    if found is None:
+        return ()
+    unreached = [q for q in parameters if q.name in found.lower_bounds]
+    least = {q.name: found.lower_bounds[q.name] for q in unreached}
+    said = [
+        f"No strain point reaches the yield planes of {q.name}: "
+        f"{q.name} is at least {_in_unit(least[q.name], q)}, the other parameters being as found."
+        for q in unreached
+        if least[q.name] > max(q.lower, 0.0)
+    ]
+    said += [
+        f"No strain point reaches the yield planes of {q.name}, wherever it is within its bounds."
+        for q in unreached
+        if least[q.name] <= max(q.lower, 0.0)
+    ]
+    names = ", ".join(dict.fromkeys([*(q.name for q in unreached), *found.open_above]))
+    if names:
+        said.append(
+            f"The bands of predicted stages hold as long as {names} keeps the ground from yielding "
+            "as in the fitted stages; where a later stage loads it more, readings will tell."
+        )
+    return tuple(said)
+
+
+def opened(table: ParameterTable, found: Certificate | None) -> ParameterTable:
+    """The parameters, with intervals up to the bound where readings exclude nothing above."""
+    if found is None or not found.open_above:
+        return table
+    above = np.isin(table.names, found.open_above)
+    return replace(table, upper95=np.where(above, table.upper, table.upper95))
+
+
+def over_all_stages(found: Certificate | None, survey: Survey) -> Certificate | None:
+    """The certificate with what yields in predicted stages too.
+
+    What is known of planes that are never reached stays that of the stages with readings.
+    """
+    if found is None or survey.activity is None:
+        return found
+    yielding = survey.activity
+    activity = replace(found.activity, points=yielding.points, biactive=yielding.biactive)
+    return replace(found, activity=activity)
+
+
+def _in_unit(value: float, parameter: Parameter) -> str:
+    dimension, size = UNITS.get(parameter.unit, ("", 1.0))
+    if dimension != parameter.dimension:
+        return f"{value:.4g} {DIMENSIONS.get(parameter.dimension, '')}".rstrip()
+    return f"{value / size:.4g} {parameter.unit}"
+
+
+def parameter_table(
+    parameters: Sequence[Parameter], values: Floats, assessment: Assessment
+) -> ParameterTable:
+    """The parameters at their values with what is known of them.
+
+    Args:
+        parameters: the n unknowns.
+        values: (n,) SI.
+        assessment: how well they are known.
+    """
+    return replace(
+        bare_parameter_table(parameters, values),
+        sd=assessment.sd,
+        lower95=assessment.lower95,
+        upper95=assessment.upper95,
+        at_bound=assessment.at_bound,
+        determined=assessment.determined,
+        covariance=assessment.covariance,
+        correlation=assessment.correlation,
+    )
+
+
+def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> ParameterTable:
+    """The parameters at their values (n,) where nothing was asked about their uncertainty."""
+    n = len(parameters)
+    unknown = np.full(n, np.nan)
+    bounds = np.array([(q.lower, q.upper) for q in parameters], dtype=np.float64).reshape(n, 2)
+    return ParameterTable(
+        names=tuple(q.name for q in parameters),
+        values=values,
+        sd=unknown,
+        lower95=unknown,
+        upper95=unknown,
+        lower=bounds[:, 0],
+        upper=bounds[:, 1],
+        start=np.array([q.start for q in parameters], dtype=np.float64),
+        at_bound=np.any(bounds == values[:, None], axis=1),
+        determined=np.ones(n, dtype=np.bool_),
+        priors=tuple(q.prior for q in parameters),
+        units=tuple(q.unit for q in parameters),
+        dimensions=tuple(q.dimension for q in parameters),
+        covariance=np.full((n, n), np.nan),
+        correlation=np.full((n, n), np.nan),
+    )

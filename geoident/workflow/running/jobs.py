@@ -1,13 +1,20 @@
-"""What a command is asked for, and what that means for the files that are there."""
+"""What a command is asked for, and where its result comes from."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
 
+from geoident import __version__
 from geoident.errors import Fault, InputError
+from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.case import Case
 from geoident.model.methods import MethodOptions
+from geoident.model.result import Provenance
 from geoident.workflow.running.inputs import Inputs, load_inputs
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 
@@ -100,3 +107,49 @@ def _require_parameters(case: Case, command: str) -> None:
         hint = "Write what is unknown under 'parameters'; `geoident simulate` needs none."
         place = case.source.locate(("parameters",))
         raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
+
+
+LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
+
+
+def provenance(
+    inputs: Inputs, *, command: str, identity: str, seed: int, output: Path
+) -> Provenance:
+    """The provenance of a result that goes to ``output``.
+
+    Args:
+        inputs: the case and its mesh.
+        command: its name.
+        identity: hash of all that the result depends on.
+        seed: of random numbers.
+        output: path of the result.
+    """
+    return Provenance(
+        command=command,
+        versions=versions(),
+        seed=seed,
+        # relative to the folder of the result, so that both may move
+        case_file=seen_from(output.parent, "stdin" if inputs.path == STDIN else inputs.path),
+        case_sha256=inputs.case_sha256,
+        mesh_sha256=inputs.mesh_sha256,
+        readings_sha256=inputs.readings_sha256,
+        identity=identity,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def job_provenance(job: Job) -> Provenance:
+    """The provenance of the result of a job."""
+    return provenance(
+        job.inputs,
+        command=job.command,
+        identity=job.identity,
+        seed=job.request.seed,
+        output=job.place.path,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of geoident, of Python and of the libraries that numbers go through."""
+    found = {"geoident": __version__, "python": platform.python_version()}
+    return found | {name: version(name) for name in LIBRARIES}
