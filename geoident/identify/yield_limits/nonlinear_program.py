@@ -157,7 +157,7 @@ def _size(parameter: Parameter) -> float:
 
 
 def _loss(ca: Any, options: LossOptions, r: Expression) -> Expression:
-    """rho(r), the formulas of `loss`."""
+    """rho(r), the formulas of `discrepancy`."""
     match options:
         case HuberOptions(delta):
             tail = 2.0 * delta * ca.fabs(r) - delta**2
