@@ -16,7 +16,6 @@ from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
 
-
 PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
 
