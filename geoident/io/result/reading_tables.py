@@ -3,8 +3,9 @@
 ``/readings`` has one entry a reading (axis ``reading``): ``channel``, ``gauge``, ``stage``,
 ``time``, ``value``, ``sd``, ``used``, ``bad``, ``reason``, ``computed``, ``residual``,
 ``dimension``, ``unit``; of a fit also its influence and its ``sensitivity``; where readings share
-errors also ``own_sd``, what each has by itself, and ``epochs``, the days of a mean. Values are in the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by
-channel and stage, for who wants tables; they are written and, since format 2, not read.
+errors also ``own_sd``, what each has by itself, and ``epochs``, the days of a mean. Values are in
+the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by channel and
+stage, for who wants tables; they are written and, since format 2, not read.
 
 A file of format 1 has only the wide tables: one reading a channel and stage, without its time.
 """
@@ -82,7 +83,7 @@ def read_readings(file: h5py.File, n: int) -> ReadingTable:
         bad=group.bools("bad", k),
         sensitivity=group.floats("sensitivity", k, n) if "sensitivity" in group else None,
         own_sd=group.floats("own_sd", k) if "own_sd" in group else None,
-        epochs=group.floats("epochs", k).astype(np.int64) if "epochs" in group else None,
+        epochs=group.ints("epochs", k) if "epochs" in group else None,
         **columns,
     )
 
