@@ -215,8 +215,8 @@ UNITS: Mapping[str, tuple[str, float]] = {
     for units in _TABLE.values()
     for unit in units
 }
-"""Unit to its dimension and its size in the SI unit of that dimension: the first of the table, where
-a unit belongs to several (``mm/m`` is an angle or a strain; see `size_in`)."""
+"""Unit to its dimension and its size in the SI unit of that dimension: the first of the table, if a
+unit belongs to several (``mm/m`` is an angle or a strain; see `size_in`)."""
 
 NUMBER_PATTERN = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({NUMBER_PATTERN})\s*(.*)")
@@ -244,8 +244,8 @@ _WORDS = {
     **dict.fromkeys(("mwc", "mws"), "mH2O"),
     **dict.fromkeys(("micron", "microns"), "um"),
     **dict.fromkeys(("ue", "ustr", "ppm", "me"), "microstrain"),
-    **dict.fromkeys(("second", "seconds", "arcseconds", "″"), "arcsec"),
-    **dict.fromkeys(("minute", "minutes", "arcminutes", "′"), "arcmin"),
+    **dict.fromkeys(("second", "seconds", "arcseconds"), "arcsec"),
+    **dict.fromkeys(("minute", "minutes", "arcminutes"), "arcmin"),
 }
 """Units written out or otherwise, to the units that are meant."""
 _SAME = {
