@@ -15,6 +15,12 @@ from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
 
+Motion = tuple[tuple[float, ...], tuple[float, ...]]
+"""A point (dim,), m, and the vector (dim,) whose product with its displacement adds to a reading.
+
+A vector without unit adds a length; one in 1/m adds an angle.
+"""
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -37,6 +43,8 @@ class Channel:
         drift_per_stage: the same for every stage since the zero, SI.
         dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
         unit: in which people want to see them; lengths in mm.
+        terms: the motions that add up to the reading where it is not the difference of the two
+            points along the direction; empty where it is.
     """
 
     name: str
@@ -53,6 +61,16 @@ class Channel:
     drift_per_stage: Scalar | None = None
     dimension: str = "length"
     unit: str = "mm"
+    terms: tuple[Motion, ...] = ()
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """Points and the vectors that their displacements are multiplied with, all added up."""
+        if self.terms:
+            return self.terms
+        against = tuple(-x for x in self.direction)
+        ends = ((self.first, against), (self.second, self.direction))
+        return tuple((point, vector) for point, vector in ends if point is not None)
 
 
 @dataclass(frozen=True)
