@@ -1,6 +1,6 @@
-"""Gauges of a case: those that read motions of points, and the table of all kinds.
+"""Gauges of a case: their sections, and the channels that they are made into.
 
-A kind that is new is one line of `GaugeSection`.
+Every gauge, whatever its kind, is one or more relative displacements.
 """
 
 from __future__ import annotations
@@ -8,26 +8,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.gauge import (
-    MotionGauge,
-    Reference,
+    GaugeBase,
+    Motion,
     Vector,
-    along_axis,
-    distance_between,
-    motion_against,
+    axis_vector,
+    distance,
     point_of,
+    refuse_one_point,
     unit_vector,
 )
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
+from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name, shape_of
 from geoident.model.gauges import Channel
 
 _AXES = "xyz"
 
 
-class ExtensometerSection(MotionGauge):
+class ExtensometerSection(GaugeBase):
     """Change of distance between a head and anchors, positive when they move apart.
 
     One channel per anchor, named GAUGE.ANCHOR.
@@ -47,13 +47,13 @@ class ExtensometerSection(MotionGauge):
         found = []
         for anchor, given in self.anchors.items():
             place = context.at("anchors", anchor)
-            what = distance_between(head, point_of(given, place), place)
-            if what is not None:
-                found.append(self.reads(f"{name}.{anchor}", name, what, place))
+            motion = distance(self.kind, head, point_of(given, place), place)
+            if motion is not None:
+                found.append(self.reads(f"{name}.{anchor}", name, motion, place.path))
         return found
 
 
-class ConvergenceSection(MotionGauge):
+class ConvergenceSection(GaugeBase):
     """Change of distance between two points, positive when they move apart."""
 
     kind: Literal["convergence"]
@@ -63,11 +63,17 @@ class ConvergenceSection(MotionGauge):
         """The one channel."""
         place = context.at("between")
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(self.between))
-        what = distance_between(first, second, place)
-        return [] if what is None else [self.reads(name, name, what, context)]
+        motion = distance(self.kind, first, second, place)
+        return [] if motion is None else [self.reads(name, name, motion, context.path)]
 
 
-class DisplacementSection(MotionGauge):
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
+    Discriminator(shape_of),
+]
+
+
+class DisplacementSection(GaugeBase):
     """Displacement of a point in a direction, relative to the ground or to another point."""
 
     kind: Literal["displacement"]
@@ -92,8 +98,8 @@ class DisplacementSection(MotionGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        what = motion_against(self.point, self.relative_to, self._unit(context), context)
-        return [] if what is None else [self.reads(name, name, what, context)]
+        motion = _displacement(self, self._unit(context), context)
+        return [] if motion is None else [self.reads(name, name, motion, context.path)]
 
     def _unit(self, context: Context) -> Vector | None:
         if self.direction is not None:
@@ -101,13 +107,13 @@ class DisplacementSection(MotionGauge):
             return None if given is None else unit_vector(given)
         axis = _AXES.index(self.component or "x")
         if axis < context.dim:
-            return along_axis(axis, context.dim)
+            return axis_vector(axis, context.dim, 1.0)
         message = "a plane model has no displacement along z"
         context.at("component").refuse("wrong-dimension", message, "Use x or y.")
         return None
 
 
-class SettlementSection(MotionGauge):
+class SettlementSection(GaugeBase):
     """Settlement of a point, positive downwards, relative to the ground or to another point."""
 
     kind: Literal["settlement"]
@@ -116,9 +122,9 @@ class SettlementSection(MotionGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        down = along_axis(context.dim - 1, context.dim, -1.0)
-        what = motion_against(self.point, self.relative_to, down, context)
-        return [] if what is None else [self.reads(name, name, what, context)]
+        down = axis_vector(context.dim - 1, context.dim, -1.0)
+        motion = _displacement(self, down, context)
+        return [] if motion is None else [self.reads(name, name, motion, context.path)]
 
 
 GaugeSection = Annotated[
@@ -152,3 +158,18 @@ def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
                 )
             channels[channel.name] = channel
     return tuple(channels.values())
+
+
+def _displacement(
+    section: DisplacementSection | SettlementSection, direction: Vector | None, context: Context
+) -> Motion | None:
+    """Motion of a point against another one, or against fixed ground."""
+    point = point_of(section.point, context.at("point"))
+    given = section.relative_to
+    first = None if isinstance(given, str) else point_of(given, context.at("relative_to"))
+    if point is None or direction is None or (first is None and not isinstance(given, str)):
+        return None
+    if first == point:
+        refuse_one_point(context.at("relative_to"))
+        return None
+    return section.kind, first, point, direction
