@@ -16,6 +16,12 @@ from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
 
+MovingPoint = tuple[tuple[float, ...], tuple[float, ...]]
+"""A point (dim,), m, and the vector (dim,) whose product with its displacement adds to a reading.
+
+A vector without unit adds a length; one in 1/m adds an angle.
+"""
+
 PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
 
@@ -78,6 +84,8 @@ class Channel:
         drift_per_stage: the same for every stage since the zero, SI.
         dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
         unit: in which people want to see them; lengths in mm.
+        terms: the motions that add up to the reading where it is not the difference of the two
+            points along the direction; empty where it is.
         errors: what its readings share of their errors; None where all are independent. Their
             total is ``accuracy``.
         run: what the channel is a part of, along which errors add up, such as the casing of an
@@ -99,9 +107,19 @@ class Channel:
     drift_per_stage: Scalar | None = None
     dimension: str = "length"
     unit: str = "mm"
+    terms: tuple[MovingPoint, ...] = ()
     errors: ErrorParts | None = None
     run: str = ""
     along: float = 0.0
+
+    @property
+    def motions(self) -> tuple[MovingPoint, ...]:
+        """Points and the vectors that their displacements are multiplied with, all added up."""
+        if self.terms:
+            return self.terms
+        against = tuple(-x for x in self.direction)
+        ends = ((self.first, against), (self.second, self.direction))
+        return tuple((point, vector) for point, vector in ends if point is not None)
 
 
 @dataclass(frozen=True)
