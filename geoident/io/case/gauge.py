@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from geoident.io.schema.section import Context, Section, refuse
 from geoident.io.schema.values import Accuracy, Drift, Given, Name, Offset, scalar_of
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel
+from geoident.model.gauges import Channel, MovingPoint
 
 Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
@@ -58,7 +58,14 @@ class GaugeBase(Section):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The channels of a gauge of this name; none, with a fault, where they cannot be."""
 
-    def reads(self, channel: str, gauge: str, motion: Motion, key: KeyPath) -> Channel:
+    def reads(
+        self,
+        channel: str,
+        gauge: str,
+        motion: Motion,
+        key: KeyPath,
+        terms: tuple[MovingPoint, ...] = (),
+    ) -> Channel:
         """One channel.
 
         Args:
@@ -66,6 +73,8 @@ class GaugeBase(Section):
             gauge: name of the gauge.
             motion: what is read.
             key: where the channel is written.
+            terms: points and vectors whose motions add up to the reading, where it is not the
+                motion of one point against another along one direction.
         """
         kind, first, second, direction = motion
         return Channel(
@@ -83,6 +92,7 @@ class GaugeBase(Section):
             drift_per_stage=scalar_of(self.drift_per_stage),
             dimension=self.accuracy.dimension,
             unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
+            terms=terms,
         )
 
 
