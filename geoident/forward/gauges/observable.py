@@ -172,11 +172,11 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
             sites = ground.locator.sites(place)
             site, there = best_site(sites, ground.sequence, ground.zero(channel))
             if site is None:
-                faults.append(_point_fault(ground, channel, point, sites))
+                faults.append(point_fault(ground, channel, point, sites))
                 continue
             ends.append((site, turned * np.array(vector)))
             stays.append(there)
-            if site.outside > _SNAPPED:
+            if is_beside(site):
                 snapped.append(channel.name)
         rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
@@ -255,10 +255,22 @@ def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
     )
 
 
-def _point_fault(
+def is_beside(site: Site) -> bool:
+    """Whether a point lies just outside the element that takes it."""
+    return site.outside > _SNAPPED
+
+
+def point_fault(
     ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
-    """Why a point of a gauge stands in no ground."""
+    """Why a point of a gauge stands in no ground.
+
+    Args:
+        ground: where gauges are placed.
+        channel: of the gauge.
+        point: (dim,) m.
+        sites: elements that hold the point.
+    """
     place, sequence = format_point(point), ground.sequence
     if not sites:
         low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
