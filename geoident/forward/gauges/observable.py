@@ -112,7 +112,7 @@ class Placed:
 
 
 class RelativeDisplacements:
-    """direction . (u(second) - u(first)), m.
+    """Motions of points against each other or against fixed ground: sums of vector . u, SI.
 
     Args:
         rows: G', (g, n_dofs).
@@ -122,7 +122,7 @@ class RelativeDisplacements:
         self.rows = rows
 
     def values(self, state: MarchState) -> Floats:
-        """Values (g, 1 + n + k) at a state, m."""
+        """Values (g, 1 + n + k) at a state, SI."""
         return np.asarray(self.rows @ state.end.u)
 
 
@@ -162,20 +162,18 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
     faults: list[Fault] = []
     for channel in channels:
         ends, stays = [], [ground.from_zero(channel)]
-        for point, sign in ((channel.first, -1.0), (channel.second, 1.0)):
-            if point is None:
-                continue
+        for point, vector in channel.motions:
             place, turned = kinematics.in_section(point)
             sites = ground.locator.sites(place)
             site, there = best_site(sites, ground.sequence, ground.zero(channel))
             if site is None:
                 faults.append(_point_fault(ground, channel, point, sites))
                 continue
-            ends.append((site, sign * turned))
+            ends.append((site, turned * np.array(vector)))
             stays.append(there)
             if site.outside > _SNAPPED:
                 snapped.append(channel.name)
-        rows.append(_row(mesh, channel, ends))
+        rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
     when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
@@ -256,13 +254,12 @@ def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
     return np.asarray(~(gone[:, None] & way).any(axis=0) & later)
 
 
-def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
-    """One row of G': direction . (u(second) - u(first)); each end with its signs (dim,)."""
-    direction = np.array(channel.direction)
+def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
+    """One row of G': the sum of vector . u over points with their vectors (dim,)."""
     columns, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for site, signs in ends:
+    for site, vector in ends:
         columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-        values.append(np.outer(site.shapes, signs * direction).ravel())
+        values.append(np.outer(site.shapes, vector).ravel())
     column = np.concatenate(columns)
     return sp.csr_array(
         (np.concatenate(values), (np.zeros_like(column), column)),

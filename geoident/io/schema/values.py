@@ -181,9 +181,9 @@ class Of:
         return with_article(self.dimension) if self.dimension else "a number with its unit"
 
     def _quantity(self, text: str) -> Given:
-        quantity = read_quantity(text)
+        quantity = read_quantity(text, self.dimension or "")
         if self.dimension is not None:
-            require_dimension(quantity, self.dimension, text)
+            quantity = require_dimension(quantity, self.dimension, text)
         return Given(text, quantity.value, None, quantity.dimension, quantity.unit)
 
     def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:
