@@ -28,10 +28,10 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Bolts
+from geoident.model.structures import Bars
 
 _SNAPPED = 1e-6
 """How far outside an element a point is said to be snapped to it, in parts of its size."""
@@ -144,14 +144,7 @@ class AxialForces:
         members, point = state.end.members, state.point
         table = np.empty((len(self._bolts), members.shape[1]))
         for row, (name, number) in enumerate(self._bolts):
-            part = next(part for part in state.structures.parts if part.name == name)
-            smeared = members[part.rows.start + number]
-            assert isinstance(part.structure, Bolts)
-            spacing = part.structure.spacing
-            one = point.constant(1.0) if spacing is None else point.number(spacing)
-            n = point.n_columns
-            table[row] = smeared * one.value
-            table[row, :n] = (Dual(smeared[:n]) * one).columns
+            table[row] = state.structures.bar(name, number, members, point)
         return table
 
 
@@ -193,7 +186,7 @@ def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Plac
     ends_of = {
         ends: (name, number)
         for name, structure in ground.case.structures.items()
-        if isinstance(structure, Bolts)
+        if isinstance(structure, Bars)
         for number, ends in enumerate(structure.ends)
     }
     for channel in channels:
