@@ -17,7 +17,7 @@ values unless the case gives a zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,9 +130,7 @@ def nearest(ends: Floats, point: Floats) -> _Place:
     here = np.flatnonzero(at)
     normals = np.stack([span[here, 1], -span[here, 0]], axis=1) / length[here, None]
     ones = np.ones(len(here))
-    return _Place(
-        here, along[here], ones, foot[best], float(distance[best]), normals, length[here]
-    )
+    return _Place(here, along[here], ones, foot[best], float(distance[best]), normals, length[here])
 
 
 def _of_beam(
@@ -147,7 +145,7 @@ def _of_beam(
     there = middle[place.pieces] + lever[:, None] * shear[place.pieces]
     M = (place.turned[:, None] * there).mean(axis=0)
     if channel.kind == "load-cell":
-        return {"N": N, "M": M, "Q": Q}[channel.quantity]
+        return np.asarray({"N": N, "M": M, "Q": Q}[channel.quantity])
     axial, bending = rigidities(part.structure, point)
     strain = _scaled(N, 1.0 / axial)
     if channel.quantity == "axis":
@@ -197,16 +195,14 @@ def pressures_on_beams(channels: Sequence[Channel], ground: GaugeSurroundings) -
     turned, sites = zip(*(_facing(channel, ground) for channel in channels), strict=True)
     spots = Spots.of(turned, ground, sites)
     observable = Stresses(readers_of(spots, ground), spots.water(ground))
-    return Placed(
-        observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING
-    )
+    return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
 
 
 def _facing(channel: Channel, ground: GaugeSurroundings) -> tuple[Channel, tuple[Site, ...]]:
     """The channel at its place on the beam with the normal there, and the ground that presses."""
     mesh, name = ground.mesh, channel.structure
     present = present_throughout(ground.sequence, name)
-    edges, place, inside = _place(channel, ground)
+    _, place, inside = _place(channel, ground)
     foot = tuple(map(float, place.point))
     sites = ground.locator.sites(foot)
     nodes = {site.element: mesh.points[site.nodes].mean(axis=0) for site in sites}
@@ -291,3 +287,62 @@ _QUANTITIES = {
     "inside": "the strain",
     "outside": "the strain",
 }
+"""What a channel on a structure reads, by its quantity."""
+
+_MakesFault = Callable[..., Fault]
+
+
+def _dimension(channel: Channel, structure: Structure) -> str:
+    """The dimension of what a channel reads of a structure."""
+    if channel.kind == "strain":
+        return "strain"
+    if channel.kind == "pressure-cell":
+        return "pressure"
+    return "force" if isinstance(structure, Bars) else DIMENSIONS[channel.quantity]
+
+
+def _bar_faults(
+    channel: Channel, structure: Bars, fault: _MakesFault, named: str, of: str
+) -> Iterator[Fault]:
+    count = len(structure.ends)
+    if channel.kind == "pressure-cell":
+        message = f"{named} reads a pressure on {of}, whose bars the ground does not press on"
+        yield fault("wrong-structure", message, "name a beam, or give a point and a normal")
+    elif channel.quantity not in ("N", "", "axis"):
+        message = f"{named} reads '{channel.quantity}' of {of}; its bars bear only N"
+        yield fault("wrong-structure", message, "remove the key, or name a beam")
+    elif channel.member >= count:
+        message = f"{named} sits on bar {channel.member + 1} of {of}, which has {count}"
+        yield fault("no-such-bar", message, "correct 'bar'; they count from 1", "bar")
+
+
+def _beam_faults(
+    channel: Channel,
+    beam: Beam,
+    ground: GaugeSurroundings,
+    fault: _MakesFault,
+    named: str,
+    of: str,
+) -> Iterator[Fault]:
+    asked = format_point(channel.second)
+    edges, place, _ = _place(channel, ground)
+    if place.distance > REACH * place.lengths.max():
+        message = (
+            f"{named} sits at {asked}, which is not on {of}; its nearest place is "
+            f"{format_point(place.point)}, {place.distance:.3g} m away"
+        )
+        yield fault("not-on-structure", message, "correct the point or the structure", "point")
+        return
+    bends = channel.kind == "pressure-cell" or channel.quantity in BENDING
+    present = present_throughout(ground.sequence, channel.structure)
+    if bends and channel.towards is None and present is not None:
+        balance = facing_balance(ground.mesh, edges[place.pieces], present)
+        if not balance.all():
+            message = (
+                f"{named} reads {of} at {asked}, where there is ground on both sides of it or on "
+                "none: which side is its inside is not known"
+            )
+            yield fault("which-side", message, "give 'towards': a point on the inside")
+    if channel.quantity in ("inside", "outside") and not (beam.thickness or channel.fibre):
+        message = f"{named} reads a fibre of {of}, whose thickness is not given"
+        yield fault("no-thickness", message, "give 'fibre': its distance from the axis")

@@ -31,7 +31,6 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Bars
 
 _SNAPPED = 1e-6
 """How far outside an element a point is said to be snapped to it, in parts of its size."""
@@ -124,30 +123,6 @@ class RelativeDisplacements:
         return np.asarray(self.rows @ state.end.u)
 
 
-class AxialForces:
-    """Axial forces of single bolts, N, tension positive.
-
-    The march carries them per metre out of plane; one bolt bears that of its spacing, which may
-    itself be a parameter.
-
-    Args:
-        bolts: structure and index of the bolt in it.
-    """
-
-    rows = None  # EA(p) stands between the displacements and the force
-
-    def __init__(self, bolts: Sequence[tuple[str, int]]) -> None:
-        self._bolts = bolts
-
-    def values(self, state: MarchState) -> Floats:
-        """Values (g, 1 + n + k) at a state, N."""
-        members, point = state.end.members, state.point
-        table = np.empty((len(self._bolts), members.shape[1]))
-        for row, (name, number) in enumerate(self._bolts):
-            table[row] = state.structures.bar(name, number, members, point)
-        return table
-
-
 def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
@@ -178,28 +153,6 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
     return Placed(
         RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
     )
-
-
-def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
-    """Channels on the bolt whose ends are their two points; they can be read while it stands."""
-    bolts, readable, faults = [], [], []
-    ends_of = {
-        ends: (name, number)
-        for name, structure in ground.case.structures.items()
-        if isinstance(structure, Bars)
-        for number, ends in enumerate(structure.ends)
-    }
-    for channel in channels:
-        found = None if channel.first is None else ends_of.get((channel.first, channel.second))
-        if found is None:
-            faults.append(_bolt_fault(ground.case, channel))
-            continue
-        stands = [found[0] in state.structures for state in ground.sequence.states]
-        bolts.append(found)
-        readable.append(np.array(stands) & ground.from_zero(channel))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
-    why = "its bolt does not stand then"
-    return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
 
 
 def best_site(
@@ -280,16 +233,4 @@ def point_fault(
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
         f"is not there at stage '{channel.zero}', where the gauge is zeroed",
         hint="set 'zero' to a stage at which that ground is present, or correct the point",
-    )
-
-
-def _bolt_fault(case: Case, channel: Channel) -> Fault:
-    """There is no bolt between the points of a gauge."""
-    first = "fixed ground" if channel.first is None else format_point(channel.first)
-    return case.source.fault(
-        channel.key,
-        code="no-bolt",
-        message=f"no bolt reaches from {first} to {format_point(channel.second)}, where gauge "
-        f"'{channel.name}' reads its force",
-        hint="give the two ends of a bolt as 'structures' has them",
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import kinematics_of
@@ -43,6 +42,4 @@ def strains(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
             weights[NORMAL_COMPONENTS:] /= 2.0
         rows.append(sp.csr_array(weights[None] @ found.gradients))
     operator = sp.csr_array(sp.vstack(rows))
-    return Placed(
-        RelativeDisplacements(operator), spots.readable, spots.snapped, spots.faults
-    )
+    return Placed(RelativeDisplacements(operator), spots.readable, spots.snapped, spots.faults)

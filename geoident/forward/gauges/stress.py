@@ -7,8 +7,8 @@ the negative.
 
 Principal values lambda_i of a stress S are differentiated by perturbation, with its unit
 eigenvectors v_i: dlambda_i = v_i^T dS v_i. Where some coincide their eigenvectors V are not
-determined; as each parameter grows they part like the eigenvalues of V^T dS V, in their order. These
-one-sided derivatives are taken then, and `Stresses.coinciding` says where.
+determined; as each parameter grows they part like the eigenvalues of V^T dS V, in their order.
+These one-sided derivatives are taken then, and `Stresses.coinciding` says where.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class PoreWater:
 
 
 @dataclass(frozen=True)
-class _Reader:
+class Reader:
     """What one channel makes of the stress (n_strain, 1 + n + k) at its place.
 
     Args:
@@ -137,7 +137,7 @@ class Stresses:
 
     rows = None  # E(p) stands between the displacements and the stress, and the in-situ stress too
 
-    def __init__(self, readers: Sequence[_Reader], water: PoreWater) -> None:
+    def __init__(self, readers: Sequence[Reader], water: PoreWater) -> None:
         self._readers, self._water = readers, water
 
     def values(self, state: MarchState) -> Floats:
@@ -149,7 +149,7 @@ class Stresses:
         """Names of channels whose principal value is one of several equal ones there."""
         return tuple(r.name for r, stress in self._stresses(state) if r.coincides(stress))
 
-    def _stresses(self, state: MarchState) -> Iterator[tuple[_Reader, Floats]]:
+    def _stresses(self, state: MarchState) -> Iterator[tuple[Reader, Floats]]:
         pressure = self._water.at(state.end.state, state.point)
         for reader, own in zip(self._readers, pressure, strict=True):
             stress = reader.recovery.at(state.end.stress)
@@ -222,14 +222,19 @@ def normal_coefficients(direction: Floats, n_strain: int) -> Floats:
 
 def stresses(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
     """Channels that read the stress at a point, while its ground is there."""
-    kinematics, spots = kinematics_of(ground.case.analysis), Spots.of(channels, ground)
-    readers = [
-        _reader(spot, ground.mesh, kinematics, ground.sequence)
+    spots = Spots.of(channels, ground)
+    observable = Stresses(readers_of(spots, ground), spots.water(ground))
+    return Placed(observable, spots.readable, spots.snapped, spots.faults, GONE)
+
+
+def readers_of(spots: Spots, ground: GaugeSurroundings) -> list[Reader]:
+    """What channels at some places make of the stress there; none of those without ground."""
+    kinematics = kinematics_of(ground.case.analysis)
+    return [
+        _reader(spot, spot.site, ground, kinematics)
         for spot in spots.found
         if spot.site is not None
     ]
-    observable = Stresses(readers, spots.water(ground))
-    return Placed(observable, spots.readable, spots.snapped, spots.faults, GONE)
 
 
 def pore_pressures(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
@@ -278,18 +283,24 @@ class Spots:
     faults: tuple[Fault, ...]
 
     @classmethod
-    def of(cls, channels: Sequence[Channel], ground: GaugeSurroundings) -> Spots:
+    def of(
+        cls,
+        channels: Sequence[Channel],
+        ground: GaugeSurroundings,
+        given: Sequence[tuple[Site, ...]] | None = None,
+    ) -> Spots:
         """The places of channels.
 
         Args:
-            channels: some channels, each read at its second point.
+            channels: some channels (g,), each read at its second point.
             ground: in which they stand.
+            given: g times the elements that count as holding the point; None: all that do.
         """
         kinematics = kinematics_of(ground.case.analysis)
         found, faults = [], []
-        for channel in channels:
+        for row, channel in enumerate(channels):
             place, signs = kinematics.in_section(channel.second)
-            sites = ground.locator.sites(place)
+            sites = ground.locator.sites(place) if given is None else given[row]
             site, there = _site(channel, sites, ground)
             found.append(_Spot(channel, np.array(place), signs, site, there))
             if site is None:
@@ -333,22 +344,17 @@ def _site(
     return best, longest
 
 
-def _reader(
-    spot: _Spot, mesh: Mesh, kinematics: Kinematics, sequence: ConstructionSequence
-) -> _Reader:
-    if spot.site is None:
-        msg = "a channel without ground has no reader"
-        raise ValueError(msg)
-    channel, element = spot.channel, spot.site.element
-    group = sequence.group_of == sequence.group_of[element]
-    found = recovery(mesh, kinematics, element, group, spot.place)
+def _reader(spot: _Spot, site: Site, ground: GaugeSurroundings, kinematics: Kinematics) -> Reader:
+    channel, group_of = spot.channel, ground.sequence.group_of
+    group = group_of == group_of[site.element]
+    found = recovery(ground.mesh, kinematics, site.element, group, spot.place)
     sign = -1.0 if channel.compression else 1.0
     total = not channel.effective
     if channel.quantity in PRINCIPAL:
         axes, rank = PRINCIPAL[channel.quantity]
-        return _Reader(channel.name, found, None, axes, rank, sign, total)
+        return Reader(channel.name, found, None, axes, rank, sign, total)
     weights = component_weights(channel, spot.signs, kinematics.n_strain)
-    return _Reader(channel.name, found, weights, (), 0, sign, total)
+    return Reader(channel.name, found, weights, (), 0, sign, total)
 
 
 def component_weights(channel: Channel, signs: Floats, n_strain: int) -> Floats:
@@ -363,7 +369,7 @@ def component_weights(channel: Channel, signs: Floats, n_strain: int) -> Floats:
         place = COMPONENTS[n_strain].index(channel.quantity)
         i, j = _PLACES[place]
         turned = np.pad(signs, (0, NORMAL_COMPONENTS - len(signs)), constant_values=1.0)
-        return np.eye(n_strain)[place] * turned[i] * turned[j]
+        return np.asarray(np.eye(n_strain)[place] * turned[i] * turned[j])
     return normal_coefficients(np.array(channel.direction) * signs, n_strain)
 
 

@@ -20,9 +20,18 @@ from geoident.io.case.gauge import (
     refuse_one_point,
     unit_vector,
 )
+from geoident.io.case.gauges_of_force import (
+    LoadCellSection,
+    PiezometerSection,
+    PressureCellSection,
+    StrainSection,
+    StressSection,
+    on_structures,
+)
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name, shape_of
 from geoident.model.gauges import Channel
+from geoident.model.structures import Structure
 
 _AXES = "xyz"
 
@@ -128,7 +137,15 @@ class SettlementSection(GaugeBase):
 
 
 GaugeSection = Annotated[
-    ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
+    ExtensometerSection
+    | ConvergenceSection
+    | DisplacementSection
+    | SettlementSection
+    | StressSection
+    | PressureCellSection
+    | PiezometerSection
+    | LoadCellSection
+    | StrainSection,
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]
@@ -141,11 +158,14 @@ def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
     }
 
 
-def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
+def build_channels(
+    gauges: Gauges, structures: Mapping[str, Structure], context: Context
+) -> tuple[Channel, ...]:
     """The channels of all gauges, in the order of the file.
 
     Args:
         gauges: name to section.
+        structures: of the case, on which some of them sit.
         context: of the key `gauges`.
     """
     channels: dict[str, Channel] = {}
@@ -157,7 +177,7 @@ def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
                     channel.key, "duplicate-channel", message, "Rename one.", key=True
                 )
             channels[channel.name] = channel
-    return tuple(channels.values())
+    return tuple(on_structures(tuple(channels.values()), gauges, structures, context))
 
 
 def _displacement(
