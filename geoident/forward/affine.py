@@ -16,7 +16,7 @@ parts of their own here: modulus, expansion and temperature; released fraction a
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -198,6 +198,7 @@ def _parts(march: March) -> Iterator[EquationPart]:
     )
     for name, structure in case.structures.items():
         yield _rigidity_part(name, structure)
+    yield from _prestress_parts(march)
     yield from _force_parts(march)
     yield from _thermal_parts(march)
     yield from _release_parts(march)
@@ -269,11 +270,22 @@ def _rigidity_part(name: str, structure: Structure) -> EquationPart:
 
     def explain(names: Collection[str]) -> str | None:
         for key, scalar in structure.numbers.items():
-            if scalar.parameter in names and key not in ("E", "EA", "EI"):
+            if scalar.parameter in names and key in ("thickness", "nu", "diameter", "spacing"):
                 return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
         return None
 
     return EquationPart(f"the stiffness of the structure '{name}'", columns, explain)
+
+
+def _prestress_parts(march: March) -> Iterator[EquationPart]:
+    """Forces at which bars are locked off, as they act on the ground: spread over a spacing."""
+    for state in march.sequence.states:
+        for name in state.stressed:
+            one = replace(state, stressed={name: state.stressed[name]}, locked={})
+            yield EquationPart(
+                f"the prestress of the structure '{name}' at stage '{state.name}'",
+                partial(march.systems.structures.locked, one),
+            )
 
 
 def _force_parts(march: March) -> Iterator[EquationPart]:

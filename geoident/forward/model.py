@@ -239,7 +239,7 @@ class StagedModel:
         )
 
     def relative(self, observed: Floats) -> Floats:
-        """Readings from what the channels see since placing: less what was there at zero.
+        """Readings from what the channels see since placing: mostly less what was there at zero.
 
         Args:
             observed: (n_states, n_channels, k).
@@ -247,12 +247,11 @@ class StagedModel:
         Returns:
             (n_states, n_channels, k); NaN where a channel can't be read.
         """
-        zero, readable = self.observation.zero, self.observation.readable[: len(observed)]
-        rows = np.arange(observed.shape[1])
-        reachable = zero < len(observed)
-        result = observed - observed[np.where(reachable, zero, 0), rows]
-        result[~readable] = np.nan
-        return np.asarray(result)
+        states = np.arange(len(observed))[:, None]
+        rows = np.arange(observed.shape[1])[None]
+        result = self.observation.readings(observed, rows, states)
+        result[~self.observation.readable[: len(observed)]] = np.nan
+        return result
 
 
 class StagedResponse:
@@ -395,8 +394,7 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
-        zero = model.observation.zero[self._row]
-        table = observed[self._state, self._row] - observed[zero, self._row]
+        table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
         values = model.values(p)
         added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
@@ -415,9 +413,8 @@ class StagedResponse:
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
-        built_on = self._model.sequence.built_on.astype(np.float64)
-        zero = self._model.observation.zero[self._row]
-        return np.asarray(built_on[:, self._state] - built_on[:, zero])
+        built_on = self._model.sequence.built_on
+        return self._model.observation.steps(built_on, self._row, self._state)
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:

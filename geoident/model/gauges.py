@@ -7,13 +7,72 @@ kinds have one channel, named as the gauge.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 
 from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
+
+MovingPoint = tuple[tuple[float, ...], tuple[float, ...]]
+"""A point (dim,), m, and the vector (dim,) whose product with its displacement adds to a reading.
+
+A vector without unit adds a length; one in 1/m adds an angle.
+"""
+
+PARTS = ("reading", "zero", "head", "epoch", "along")
+"""What the error of a reading may be made of; see `ErrorParts`."""
+
+
+@dataclass(frozen=True)
+class ErrorParts:
+    """What the errors of a channel's readings are made of: standard deviations, SI.
+
+    Args:
+        reading: of each reading by itself, independent of all others.
+        zero: of the zero of the channel, which all its readings share.
+        head: of the head of the gauge, which all its channels share at an epoch.
+        epoch: of the set-up of a survey, which all its readings share at an epoch.
+        along: what adds up along the run of the channel as a random walk, per root of a metre.
+        survey: what is surveyed together; the name of the gauge if that is all.
+        estimated: pairs of a part and the component of variance to which it belongs, for parts that
+            are to be estimated: only their ratios within a component are then known before.
+    """
+
+    reading: float
+    zero: float = 0.0
+    head: float = 0.0
+    epoch: float = 0.0
+    along: float = 0.0
+    survey: str = ""
+    estimated: tuple[tuple[str, str], ...] = ()
+
+    def total(self, along: float = 0.0) -> float:
+        """Standard deviation of one reading, SI, at a place along its run, m.
+
+        >>> round(ErrorParts(3e-4, zero=4e-4, along=1e-4).total(75.0), 7)
+        0.001
+        """
+        walk = self.along * math.sqrt(along)
+        return math.hypot(self.reading, self.zero, self.head, self.epoch, walk)
+
+    def component(self, part: str) -> str | None:
+        """The component of variance to which a part belongs; None where its size is given."""
+        return dict(self.estimated).get(part)
+
+
+class Reads(Enum):
+    """Which states a reading is made of."""
+
+    CHANGE = "change"
+    """The state at the end of its stage, less that at the zero of its channel."""
+    VALUE = "value"
+    """The state at the end of its stage alone: an absolute reading, which has no zero."""
+    VIRGIN = "virgin"
+    """The virgin state alone, whenever it was read: overcoring in undisturbed ground."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +82,7 @@ class Channel:
     Args:
         name: name under which readings are given.
         gauge: name of the gauge it belongs to.
-        kind: of the gauge; says what is read (`forward.gauges.observable.OBSERVABLES`).
+        kind: of the gauge; says what is read (`forward.gauges.observation.OBSERVABLES`).
         first: (dim,) coordinates of the reference point in m; None for fixed ground.
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads
@@ -37,6 +96,24 @@ class Channel:
         drift_per_stage: the same for every stage since the zero, SI.
         dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
         unit: in which people want to see them; lengths in mm.
+        terms: the motions that add up to the reading where it is not the difference of the two
+            points along the direction; empty where it is.
+        errors: what its readings share of their errors; None where all are independent. Their
+            total is ``accuracy``.
+        run: what the channel is a part of, along which errors add up, such as the casing of an
+            inclinometer in one axis; empty for none.
+        along: place of the channel on its run, m from the end to which readings refer.
+        reads: whether it reads a change since its zero, or a value.
+        quantity: which of the quantities of its kind: a component of stress or strain (``xx``),
+            a principal value (``major``), the force (``N``, ``M``, ``Q``) or the fibre (``inside``,
+            ``outside``, ``axis``) of a beam; empty where the kind has one.
+        structure: name of the structure that it sits on; empty for none.
+        member: number of the bolt in its structure, from 0.
+        compression: what it reads is positive in compression.
+        effective: of a stress: of the skeleton; else of skeleton and water together.
+        towards: (dim,) a point on the side of a beam that counts as its inside, m; None: the side
+            without ground.
+        fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
     """
 
     name: str
@@ -53,6 +130,32 @@ class Channel:
     drift_per_stage: Scalar | None = None
     dimension: str = "length"
     unit: str = "mm"
+    terms: tuple[MovingPoint, ...] = ()
+    errors: ErrorParts | None = None
+    run: str = ""
+    along: float = 0.0
+    reads: Reads = Reads.CHANGE
+    quantity: str = ""
+    structure: str = ""
+    member: int = 0
+    compression: bool = False
+    effective: bool = False
+    towards: tuple[float, ...] | None = None
+    fibre: float | None = None
+
+    @property
+    def is_zeroed(self) -> bool:
+        """Whether it reads zero at its zero, by definition."""
+        return self.reads is Reads.CHANGE
+
+    @property
+    def motions(self) -> tuple[MovingPoint, ...]:
+        """Points and the vectors that their displacements are multiplied with, all added up."""
+        if self.terms:
+            return self.terms
+        against = tuple(-x for x in self.direction)
+        ends = ((self.first, against), (self.second, self.direction))
+        return tuple((point, vector) for point, vector in ends if point is not None)
 
 
 @dataclass(frozen=True)
@@ -71,6 +174,7 @@ class Reading:
         when: where the stage or date is written.
         key: path of keys in the case; empty for a row of a file.
         count: how many readings it is the mean of.
+        epochs: how many days these are from, if it is a mean of dated ones.
     """
 
     channel: str
@@ -83,6 +187,7 @@ class Reading:
     when: Location = field(default=Location(""), compare=False)
     key: tuple[str | int, ...] = field(default=(), compare=False)
     count: int = field(default=1, compare=False)
+    epochs: int = field(default=1, compare=False)
 
 
 @dataclass(frozen=True)
@@ -103,6 +208,8 @@ class ReadingTable:
         reason: k texts, why it is not used; empty for one that is.
         computed: (k,) the model at the time of the reading; NaN where it says nothing.
         sensitivity: (k, n) derivatives of ``computed``, SI, or None.
+        own_sd: (k,) the part of ``sd`` that no other reading shares; None where that is all.
+        epochs: (k,) over how many days each is a mean; None where each is of one.
     """
 
     channel: tuple[str, ...]
@@ -116,6 +223,8 @@ class ReadingTable:
     reason: tuple[str, ...]
     computed: Floats
     sensitivity: Floats | None = None
+    own_sd: Floats | None = None
+    epochs: Ints | None = None
 
     def __len__(self) -> int:
         return len(self.channel)

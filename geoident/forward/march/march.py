@@ -304,7 +304,7 @@ class Run:
         carried.clear(~system.present)
         for group in state.placed:
             carried.clear(self._systems.discretization.points_of[group])
-        self._structures.clear(state, carried.members)
+        self._structures.begin(state, carried.members, self._point)
         u[~system.touched] = 0.0
 
     def _task(

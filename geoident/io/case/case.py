@@ -93,7 +93,9 @@ class CaseSection(Section):
     )
     loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
     structures: dict[Name, StructureSection] = Field(
-        {}, description="Linings and rock bolts by name; a stage says when it builds them."
+        {},
+        description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
+        "builds them.",
     )
     stages: list[StageSection] = Field([], description="Construction, step by step.")
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")

@@ -2,9 +2,10 @@
 
 ``/readings`` has one entry a reading (axis ``reading``): ``channel``, ``gauge``, ``stage``,
 ``time``, ``value``, ``sd``, ``used``, ``bad``, ``reason``, ``computed``, ``residual``,
-``dimension``, ``unit``; of a fit also its influence and its ``sensitivity``. Values
-are in the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by
-channel and stage, for who wants tables; they are written and, since format 2, not read.
+``dimension``, ``unit``; of a fit also its influence and its ``sensitivity``; where readings share
+errors also ``own_sd``, what each has by itself, and ``epochs``, the days of a mean. Values are in
+the SI unit that stands in ``unit``. ``/gauges`` and ``/diagnostics`` hold the same by channel and
+stage, for who wants tables; they are written and, since format 2, not read.
 
 A file of format 1 has only the wide tables: one reading a channel and stage, without its time.
 """
@@ -55,6 +56,10 @@ def write_readings(
     out.add("bad", table.bad, "reading")
     out.add("dimension", dimensions, "reading")
     out.add("unit", [DIMENSIONS.get(name, "") for name in dimensions], "reading")
+    if table.own_sd is not None:
+        out.add("own_sd", table.own_sd, "reading")
+    if table.epochs is not None:
+        out.add("epochs", table.epochs, "reading")
     if table.sensitivity is not None:
         out.add("sensitivity", table.sensitivity, "reading", "parameter")
     if found is not None:
@@ -68,6 +73,7 @@ def read_readings(file: h5py.File, n: int) -> ReadingTable:
     group = TableReader(file, "readings")
     channel = group.texts("channel")
     k = len(channel)
+    columns: dict[str, Any] = {name: group.floats(name, k) for name in _FLOATS}
     return ReadingTable(
         channel=channel,
         gauge=group.texts("gauge", k),
@@ -76,7 +82,9 @@ def read_readings(file: h5py.File, n: int) -> ReadingTable:
         used=group.bools("used", k),
         bad=group.bools("bad", k),
         sensitivity=group.floats("sensitivity", k, n) if "sensitivity" in group else None,
-        **{name: group.floats(name, k) for name in _FLOATS},
+        own_sd=group.floats("own_sd", k) if "own_sd" in group else None,
+        epochs=group.ints("epochs", k) if "epochs" in group else None,
+        **columns,
     )
 
 

@@ -1,0 +1,149 @@
+"""What all gauges of a case have in common: accuracy, zero, errors of the instrument, points.
+
+The kinds of gauges are sections on this one: those that read motions in `gauges`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+from pydantic import Field, model_validator
+
+from geoident.io.schema.section import Context, Section, refuse
+from geoident.io.schema.values import Accuracy, Drift, Given, Name, Offset, scalar_of
+from geoident.model.case import VIRGIN, KeyPath
+from geoident.model.gauges import Channel, MovingPoint
+
+Vector = tuple[float, ...]
+Motion = tuple[str, Vector | None, Vector, Vector]
+"""Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
+
+
+class GaugeBase(Section):
+    """What every kind of gauge says beside its place."""
+
+    accuracy: Accuracy = Field(
+        description="Standard deviation of one reading.", examples=["0.1 mm"]
+    )
+    zero: Name = Field(
+        VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
+    )
+    offset: Offset | None = Field(
+        None,
+        description="Added to all readings after the zero: a misread zero, a head that slipped.",
+        examples=["$off1"],
+    )
+    drift: Drift | None = Field(
+        None,
+        description="Drift of the gauge with time since its zero; needs dates.",
+        examples=["$drift1"],
+    )
+    drift_per_stage: Offset | None = Field(
+        None, description="Drift of the gauge per stage since its zero."
+    )
+
+    @model_validator(mode="after")
+    def _one_drift(self) -> GaugeBase:
+        if self.drift is not None and self.drift_per_stage is not None:
+            message = "found drift and drift_per_stage; one of them is expected"
+            refuse((), "wrong-pair", message, "Give exactly one of them.")
+        return self
+
+    def channel_names(self, name: str) -> list[str]:
+        """Names of the channels of a gauge of this name."""
+        return [name]
+
+    @abstractmethod
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The channels of a gauge of this name; none, with a fault, where they cannot be."""
+
+    def reads(
+        self,
+        channel: str,
+        gauge: str,
+        motion: Motion,
+        key: KeyPath,
+        terms: tuple[MovingPoint, ...] = (),
+    ) -> Channel:
+        """One channel.
+
+        Args:
+            channel: its name.
+            gauge: name of the gauge.
+            motion: what is read.
+            key: where the channel is written.
+            terms: points and vectors whose motions add up to the reading, where it is not the
+                motion of one point against another along one direction.
+        """
+        kind, first, second, direction = motion
+        return Channel(
+            name=channel,
+            gauge=gauge,
+            kind=kind,
+            first=first,
+            second=second,
+            direction=direction,
+            accuracy=self.accuracy.factor,
+            zero=self.zero,
+            key=key,
+            offset=scalar_of(self.offset),
+            drift=scalar_of(self.drift),
+            drift_per_stage=scalar_of(self.drift_per_stage),
+            dimension=self.accuracy.dimension,
+            unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
+            terms=terms,
+        )
+
+
+def point_of(given: list[Given], place: Context) -> Vector | None:
+    """A point (dim,), m; None, with a fault, where it has another number of coordinates.
+
+    Args:
+        given: the coordinates as written.
+        place: where they stand.
+    """
+    return place.vector(given, "the point")
+
+
+def distance(
+    kind: str, first: Vector | None, second: Vector | None, place: Context
+) -> Motion | None:
+    """Change of distance between two points (dim,), m; None, with a fault, where they are one.
+
+    Args:
+        kind: of the gauge.
+        first: the reference point.
+        second: the other one.
+        place: where they stand.
+    """
+    if first is None or second is None:
+        return None
+    direction = unit_vector(tuple(b - a for a, b in zip(first, second, strict=True)))
+    if direction is None:
+        refuse_one_point(place)
+        return None
+    return kind, first, second, direction
+
+
+def refuse_one_point(place: Context) -> None:
+    """Note that the two points of a gauge are one."""
+    message = "both points are the same, so nothing can be read between them"
+    place.refuse("zero-length", message, "Correct the coordinates of one.")
+
+
+def unit_vector(components: Vector) -> Vector | None:
+    """The vector (dim,) of length one along another; None along one of length zero."""
+    length = math.hypot(*components)
+    return tuple(x / length for x in components) if length > 0 else None
+
+
+def axis_vector(axis: int, dim: int, sign: float) -> Vector:
+    """The vector (dim,) along an axis, or against it.
+
+    Args:
+        axis: number of the axis.
+        dim: space dimensions.
+        sign: 1, or -1 for against it.
+    """
+    return tuple(sign if n == axis else 0.0 for n in range(dim))
