@@ -22,7 +22,6 @@ from geoident.errors import Fault
 from geoident.fem.kinematics import Kinematics, kinematics_of
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
-from geoident.forward.actions.water import PorePressure
 from geoident.forward.gauges.observable import (
     GaugeSurroundings,
     MarchState,
@@ -31,6 +30,7 @@ from geoident.forward.gauges.observable import (
     is_beside,
     point_fault,
 )
+from geoident.forward.in_situ.water import PorePressure
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats
