@@ -28,8 +28,7 @@ fit: {method: gauss-newton}
 
 def plane(changed, gauge):
     """The sound case with a gauge G in place of the convergence, and no readings of that."""
-    text = changed(PLANE, f"  G: {gauge}").replace("readings: readings.csv\n", "")
-    return text
+    return changed(PLANE, f"  G: {gauge}").replace("readings: readings.csv\n", "")
 
 
 def channels(project, text):
@@ -175,7 +174,7 @@ def test_levelling_and_distortion(project, changed):
 
 
 def test_line_of_sight(project, changed):
-    """From a satellite at an incidence of 30 degrees in the west: the ground moves east and down."""
+    """From a satellite in the west, 30 degrees from the vertical: ground goes east and down."""
     gauge = (
         "{kind: line-of-sight, points: {a: [1, 2, 3 m]}, incidence: 30 deg, azimuth: 270 deg,"
         " positive: away, accuracy: 2 mm}"
