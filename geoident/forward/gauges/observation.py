@@ -40,6 +40,11 @@ OBSERVABLES: Mapping[str, Placing] = {
     "stress": stresses,
     "pressure-cell": stresses,
     "piezometer": pore_pressures,
+    "inclinometer": relative_displacements,
+    "target": relative_displacements,
+    "tilt": relative_displacements,
+    "levelling": relative_displacements,
+    "line-of-sight": relative_displacements,
 }
 """What the gauges of a kind read in the ground."""
 
@@ -59,8 +64,8 @@ def placing_of(channel: Channel) -> Placing:
 
 
 def reads_displacements(channel: Channel) -> bool:
-    """Whether a channel reads displacements and nothing else."""
-    return placing_of(channel) is relative_displacements
+    """Whether a channel reads displacements of points and nothing else."""
+    return placing_of(channel) is relative_displacements and not channel.turns
 
 
 @dataclass(frozen=True)
