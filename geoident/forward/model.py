@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -211,9 +211,11 @@ class StagedModel:
         run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
         recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
+        equal: dict[str, int] = {}
         for end in run.states():
             state = MarchState(end, run.point, self.structures)
             observed.append(self.observation.values(state))
+            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts:
@@ -232,6 +234,7 @@ class StagedModel:
             tuple(error.message for error in found.collapses),
             found.activity,
             (
+                *_equal_notes(equal, self.case.stage_names),
                 *_unbalanced_notes(found),
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
@@ -415,6 +418,16 @@ class StagedResponse:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
         return self._model.observation.steps(built_on, self._row, self._state)
+
+
+def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:
+    """Which channels read principal stresses that are not told apart, each with one such state."""
+    for channel, state in equal.items():
+        yield (
+            f"gauge '{channel}' reads one of several equal principal stresses at "
+            f"'{stages[state]}': which of them is not determined, and its sensitivities are those "
+            "for growing parameters"
+        )
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
