@@ -25,7 +25,7 @@ from geoident.model.summary import (
 )
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.estimate import require_possible
-from geoident.workflow.running.inputs import Inputs, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 
 
