@@ -18,15 +18,15 @@ from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import Finished, keep, write
-from geoident.workflow.running.inputs import (
+from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
     case_path,
     files_of_result,
     inputs_of_result,
     load_inputs,
+    provenance,
 )
-from geoident.workflow.running.jobs import provenance
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     chosen_stages,

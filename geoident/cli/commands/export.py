@@ -71,7 +71,7 @@ def command(
 
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.report.text.csv_tables import csv_tables, csv_text
-    from geoident.workflow.running.inputs import files_of_result
+    from geoident.workflow.running.jobs import files_of_result
     from geoident.workflow.running.outputs import write_text
     from geoident.workflow.show import show
 

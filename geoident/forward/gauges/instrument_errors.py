@@ -28,7 +28,6 @@ class InstrumentErrors:
 
     Args:
         case: channels, dates and readings.
-        zero: (n_channels,) state at which each channel reads zero.
         built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Attributes:
@@ -36,10 +35,11 @@ class InstrumentErrors:
             where nothing was read; NaN where there is no date.
     """
 
-    def __init__(self, case: Case, zero: Ints, built_on: Bools) -> None:
+    def __init__(self, case: Case, built_on: Bools) -> None:
         # [i, j]: stages in the history of j that are not in that of i
         self._stages_since = (~built_on).T.astype(np.int64) @ built_on.astype(np.int64)
         self._channels = case.channels
+        zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
         self._zero = zero
         ends = np.array([case.dates.get(name, np.nan) for name in case.stage_names])
         self._start = ends[zero]

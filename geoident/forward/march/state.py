@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.forward.discretization import Index
 from geoident.forward.ground_at import GroundAt
 from geoident.forward.march.systems import StageSystem
-from geoident.forward.stages import ConstructionState
+from geoident.forward.stages import ConstructionState, Index
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 

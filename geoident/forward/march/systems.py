@@ -19,8 +19,8 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
-from geoident.forward.discretization import Discretization, Index, as_index
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.actions.supports import fixed_dofs
+from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, nodes_in
@@ -54,27 +54,16 @@ class StageSystems:
     Equal patterns are analysed once, and only if something is solved on them.
 
     Args:
-        mesh: the mesh.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
-        fixed: (n_dofs,) degrees of freedom held by supports.
+        on_mesh: the case on its mesh.
         solver: factorizes.
-        structures: linings and bolts.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-        fixed: Bools,
-        solver: Solver,
-        structures: Structures,
-    ) -> None:
-        geometries = discretization.geometries
-        self.discretization = discretization
-        self._mesh = mesh
-        self._solver = solver
+    def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
+        mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
+        geometries, structures = discretization.geometries, Structures(on_mesh)
+        self.discretization, self.structures = discretization, structures
+        self._mesh, self._sequence, self._solver = mesh, sequence, solver
+        self._fixed = fixed_dofs(on_mesh)
         order = nested_dissection(mesh.points, *node_graph(mesh))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
@@ -83,9 +72,6 @@ class StageSystems:
             g: group_blocks(mesh, geometries, sequence.elements(g), rank)
             for g in discretization.points_of
         } | structures.blocks(rank)
-        self.structures = structures
-        self._sequence = sequence
-        self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)

@@ -16,17 +16,16 @@ from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result, write_result
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
+from geoident.model.response import Response
 from geoident.model.result import Counts, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
-from geoident.workflow.running.inputs import build_model
-from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     require_enough,

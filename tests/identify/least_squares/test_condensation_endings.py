@@ -11,10 +11,10 @@ import pytest
 from geoident.errors import InputError, ModelError
 from geoident.identify.least_squares.condensation import condensation, condensation_faults
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.problem.protocols import Condensed
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.response import Condensed
 from geoident.model.result import Counts, Iteration
 
 EQUATION = CondensationOptions(weighting="equation")

@@ -5,7 +5,6 @@ from support.plastic_bars import Frame, PlasticBars
 from geoident.errors import InputError
 from geoident.identify import METHODS, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
-from geoident.identify.problem.protocols import Response
 from geoident.model.methods import (
     METHOD_OPTIONS,
     ComplementarityOptions,
@@ -16,6 +15,7 @@ from geoident.model.methods import (
     SimplexOptions,
 )
 from geoident.model.parameter import Parameter
+from geoident.model.response import Response
 
 TRUE = np.array([4.0, 0.5])
 QUESTION = (Parameter("E", 30.0, 1.0, 100.0, "log"), Parameter("K0", 1.0, 0.0, 2.0))
