@@ -161,7 +161,7 @@ def test_fruitless_restarts_are_counted_in_a_row(monkeypatch):
     """Two in a row may be fruitless here; 0.05 % less is kept, but bears no fruit."""
     search = searching(restarts=50, max_evaluations=100)
     start = search.evaluator.evaluate(search.scaling.to_scaled(np.full(3, 0.9)))
-    size = np.sqrt(np.array([0.9, None, 0.9 * 0.9995, 0.4, 0.5, 0.4, 0.1]).astype(float))
+    size = np.sqrt(np.array([0.9, None, 0.9 * 0.9995, 0.4, 0.5, 0.4, 0.5, 0.4, 0.1]).astype(float))
     factors = iter(size)
 
     def restart(around, best):
@@ -182,6 +182,9 @@ def test_fruitless_restarts_are_counted_in_a_row(monkeypatch):
     second = search.improve(start)
     assert second.point.phi == pytest.approx(0.4 * start.phi)
     assert search.tried == 6
+    third = search.improve(second.point)
+    assert third.point.phi == second.point.phi
+    assert search.tried == 8
 
 
 def elsewhere(search, point, better=None):
