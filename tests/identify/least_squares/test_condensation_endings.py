@@ -74,6 +74,8 @@ def test_cycle_is_said() -> None:
     assert "cycle" in outcome.reason
     assert "gauss-newton" in outcome.reason
     assert len(outcome.iterations) == 3  # 2, 2.25 and 2 again
+    length = pytest.approx(np.log(2.25 / 2.0))
+    assert [at.step for at in outcome.iterations] == [0.0, length, length]
     assert outcome.values == pytest.approx([2.0])
 
 
