@@ -16,15 +16,15 @@ from geoident.forward.checks import (
     notes_on_mesh,
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState, Observation
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.state import UnitForces
+from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.protocols import ReadingPlaces, Survey
+from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
@@ -244,8 +244,8 @@ class StagedResponse:
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        places = ReadingPlaces.of(model.case, pairs, times)
-        self._row, self._state, self._times = places.rows, places.states, places.times
+        self._places = ReadingPlaces.of(model.case, pairs, times)
+        self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
 
     @property
@@ -302,9 +302,7 @@ class StagedResponse:
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start
         values = model.values(start)
-        added = model.instrument_errors.added(
-            values, self.names, self._row, self._state, self._times
-        )
+        added = model.instrument_errors.added(values, self.names, self._places)
         operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
         return export(model.march, self.names, start, rows, self._last)
@@ -365,8 +363,7 @@ class StagedResponse:
         zero = model.observation.zero[self._row]
         table = observed[self._state, self._row] - observed[zero, self._row]
         names = self.names if derivatives else ()
-        values = model.values(p)
-        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(model.values(p), names, self._places)
         table[:, : added.shape[1]] += added
         return np.asarray(table)
 
