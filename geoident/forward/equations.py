@@ -14,11 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
-from geoident.forward.discretization import numbers
-from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
+from geoident.forward.march.systems import GroundAt
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
+from geoident.forward.stages import numbers
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats

@@ -13,8 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FaceTable, FacetPatch, patches
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.faces import FacetPatch, patches
 from geoident.fem.loads import (
     facet_geometry,
     pressure_forces,
@@ -23,16 +22,13 @@ from geoident.fem.loads import (
     traction_weights,
     weight_shares,
 )
-from geoident.fem.location import Locator, Site
-from geoident.forward.actions.supports import group_nodes, load_patches, point_site
+from geoident.forward.actions.supports import group_nodes, load_patches
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.actions.water import FacePressure, PorePressure
-from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.stress import InSituStress, edges_held
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
@@ -59,17 +55,15 @@ def _water_forces(
     return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in terms))
 
 
-def face_load(
-    mesh: Mesh, load: FaceLoad, faces: Sequence[FacetPatch], kinematics: Kinematics
-) -> ReadyLoad:
+def face_load(on_mesh: CaseOnMesh, load: FaceLoad, faces: Sequence[FacetPatch]) -> ReadyLoad:
     """A load on the free faces of the ground.
 
     Args:
-        mesh: the mesh.
+        on_mesh: the case on its mesh.
         load: the load.
         faces: the free faces on which it acts.
-        kinematics: of the analysis.
     """
+    mesh, kinematics = on_mesh.mesh, on_mesh.kinematics
     if isinstance(load, Pressure):
         push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
         return partial(_scaled_forces, [(push, load.value)])
@@ -80,19 +74,20 @@ def face_load(
     return partial(_water_forces, [(FacePressure(load, where), matrix) for where, matrix in ready])
 
 
-def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
-    """A force at a site, shared by the nodes around it; or on the nodes of a group.
+def point_force(on_mesh: CaseOnMesh, load: PointForce, present: Bools) -> ReadyLoad:
+    """A force at a point, shared by the nodes around it; or on the nodes of a group.
 
     Args:
-        mesh: the mesh.
+        on_mesh: the case on its mesh.
         load: the force.
-        site: where it acts, or None where it acts on nodes.
+        present: (n_elements,) which elements are there.
     """
+    mesh = on_mesh.mesh
     shares = np.zeros(mesh.n_nodes)
     if isinstance(load.place, str):
         nodes = group_nodes(mesh, load.place)
         shares[nodes] = 1 / len(nodes)
-    elif site is not None:
+    elif (site := on_mesh.locator.best(load.place, present)) is not None:
         shares[site.nodes] = site.shapes
     return _along_axes(mesh, shares, load.value)
 
@@ -114,29 +109,13 @@ class Actions:
     """Nodal forces of everything that acts from outside; what is given is computed once.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        table: its faces.
-        locator: finds points in it.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        mesh: Mesh,
-        table: FaceTable,
-        locator: Locator,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-    ) -> None:
-        self._case = case
-        self._mesh = mesh
-        self._table = table
-        self._locator = locator
-        self._sequence = sequence
-        self._discretization = discretization
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._on_mesh = on_mesh
+        self._case, self._mesh, self._sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+        self._discretization = on_mesh.discretization
         self._shares = self._volume_shares()
         self._edges = self._held_edges()
         self._loads = self._ready_loads()
@@ -241,15 +220,15 @@ class Actions:
 
     def _held_edges(self) -> dict[int, list[_HeldEdge]]:
         """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
-        case, mesh, sequence = self._case, self._mesh, self._sequence
-        rows = self._table.free(sequence.present(0))
-        group_of_row = sequence.group_of[self._table.element[rows]]
+        case, sequence, table = self._case, self._sequence, self._on_mesh.table
+        rows = table.free(sequence.present(0))
+        group_of_row = sequence.group_of[table.element[rows]]
         edges = {}
         for g in map(int, np.unique(group_of_row)):
             if edges_held(case.in_situ_of.get(sequence.groups[g], case.in_situ)):
                 edges[g] = [
-                    _HeldEdge(case, mesh, patch, sequence, self._discretization)
-                    for patch in patches(mesh, self._table, rows[group_of_row == g])
+                    _HeldEdge(self._on_mesh, patch)
+                    for patch in patches(self._mesh, table, rows[group_of_row == g])
                 ]
         return edges
 
@@ -269,36 +248,27 @@ class Actions:
         return result
 
     def _ready(self, load: FaceLoad | PointForce, present: Bools) -> ReadyLoad:
-        mesh = self._mesh
         if isinstance(load, PointForce):
-            return point_force(mesh, load, point_site(self._locator, load, present))
-        faces = load_patches(mesh, self._table, load.group, present)
+            return point_force(self._on_mesh, load, present)
+        faces = load_patches(self._mesh, self._on_mesh.table, load.group, present)
         if faces is None:
             msg = f"load on '{load.group}' has no free face (see load_place_faults)"
             raise ValueError(msg)
-        return face_load(mesh, load, faces, self._discretization.kinematics)
+        return face_load(self._on_mesh, load, faces)
 
 
 class _HeldEdge:
     """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
 
-    def __init__(
-        self,
-        case: Case,
-        mesh: Mesh,
-        patch: FacetPatch,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-    ) -> None:
-        self._mesh = mesh
-        self._patch = patch
-        self._kinematics = discretization.kinematics
-        geometry = facet_geometry(mesh.points, patch, discretization.kinematics)
+    def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch) -> None:
+        mesh, sequence, water = on_mesh.mesh, on_mesh.sequence, on_mesh.case.water
+        self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
+        geometry = facet_geometry(mesh.points, patch, self._kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
         groups = sequence.group_of[patch.element].repeat(geometry.positions.shape[1])
-        self._skeleton = InSituStress(case, mesh, positions, groups, sequence.groups)
-        self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = _wet(case.water, groups, sequence)
+        self._skeleton = InSituStress(on_mesh, positions, groups)
+        self._pores = None if water is None else PorePressure(water, mesh, positions)
+        self._wet = _wet(water, groups, sequence)
 
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N."""

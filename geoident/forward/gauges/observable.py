@@ -24,10 +24,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site, format_point
-from geoident.forward.march.state import StageEnd
-from geoident.forward.stages import ConstructionSequence
+from geoident.fem.location import Site, format_point
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -65,31 +64,6 @@ class Observable(Protocol):
     @property
     def rows(self) -> sp.csr_array | None:
         """G' (g, n_dofs) with values G' u; None where they are not linear in u alone."""
-
-
-@dataclass(frozen=True)
-class GaugeSurroundings:
-    """Where gauges are to be placed.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: finds elements by points.
-        sequence: the states of construction.
-    """
-
-    case: Case
-    mesh: Mesh
-    locator: Locator
-    sequence: ConstructionSequence
-
-    def zero(self, channel: Channel) -> int:
-        """The state at which a channel reads zero."""
-        return self.case.stage_names.index(channel.zero)
-
-    def from_zero(self, channel: Channel) -> Bools:
-        """(n_states,) states from the zero of a channel on."""
-        return np.arange(len(self.sequence.states)) >= self.zero(channel)
 
 
 @dataclass(frozen=True)
@@ -157,26 +131,25 @@ class AxialForces:
         return table
 
 
-def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
     They can be read while their points stand in ground that has been there since the zero, on the
     way of construction from one to the other.
     """
-    kinematics = kinematics_of(ground.case.analysis)
-    mesh, rows, readable = ground.mesh, [], []
+    kinematics, mesh, rows, readable = on_mesh.kinematics, on_mesh.mesh, [], []
     snapped: list[str] = []
     faults: list[Fault] = []
     for channel in channels:
-        ends, stays = [], [ground.from_zero(channel)]
+        ends, stays = [], [_from_zero(on_mesh, channel)]
         for point, sign in ((channel.first, -1.0), (channel.second, 1.0)):
             if point is None:
                 continue
             place, turned = kinematics.in_section(point)
-            sites = ground.locator.sites(place)
-            site, there = best_site(sites, ground.sequence, ground.zero(channel))
+            sites = on_mesh.locator.sites(place)
+            site, there = best_site(sites, on_mesh.sequence, on_mesh.case.zero_of(channel))
             if site is None:
-                faults.append(_point_fault(ground, channel, point, sites))
+                faults.append(_point_fault(on_mesh, channel, point, sites))
                 continue
             ends.append((site, sign * turned))
             stays.append(there)
@@ -185,35 +158,35 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
         rows.append(_row(mesh, channel, ends))
         readable.append(np.all(stays, axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     return Placed(
         RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
     )
 
 
-def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def axial_forces(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels on the bolt whose ends are their two points; they can be read while it stands."""
     bolts, readable, faults = [], [], []
     ends_of = {
         ends: (name, number)
-        for name, structure in ground.case.structures.items()
+        for name, structure in on_mesh.case.structures.items()
         if isinstance(structure, Bolts)
         for number, ends in enumerate(structure.ends)
     }
     for channel in channels:
         found = None if channel.first is None else ends_of.get((channel.first, channel.second))
         if found is None:
-            faults.append(_bolt_fault(ground.case, channel))
+            faults.append(_bolt_fault(on_mesh.case, channel))
             continue
-        stands = [found[0] in state.structures for state in ground.sequence.states]
+        stands = [found[0] in state.structures for state in on_mesh.sequence.states]
         bolts.append(found)
-        readable.append(np.array(stands) & ground.from_zero(channel))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+        readable.append(np.array(stands) & _from_zero(on_mesh, channel))
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     why = "its bolt does not stand then"
     return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
 
 
-Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
+Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
 
 OBSERVABLES: Mapping[str, Placing] = {
     "extensometer": relative_displacements,
@@ -223,6 +196,11 @@ OBSERVABLES: Mapping[str, Placing] = {
     "load-cell": axial_forces,
 }
 """What the gauges of a kind read."""
+
+
+def _from_zero(on_mesh: CaseOnMesh, channel: Channel) -> Bools:
+    """(n_states,) states from the zero of a channel on."""
+    return np.arange(len(on_mesh.sequence.states)) >= on_mesh.case.zero_of(channel)
 
 
 def reads_displacements(channel: Channel) -> bool:
@@ -278,20 +256,20 @@ def _row(mesh: Mesh, channel: Channel, ends: list[tuple[Site, Floats]]) -> sp.cs
 
 
 def _point_fault(
-    ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+    on_mesh: CaseOnMesh, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
     """Why a point of a gauge stands in no ground."""
-    place, sequence = format_point(point), ground.sequence
+    place, sequence = format_point(point), on_mesh.sequence
     if not sites:
-        low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
-        return ground.case.source.fault(
+        low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+        return on_mesh.case.source.fault(
             channel.key,
             code="gauge-outside",
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
-    return ground.case.source.fault(
+    return on_mesh.case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
@@ -373,26 +351,16 @@ class Observation:
         return None
 
 
-def observe(
-    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
-) -> tuple[Observation, list[Fault]]:
-    """The gauges of a case on its mesh, and what is wrong with them.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: of the mesh.
-        sequence: the states of construction.
-    """
-    ground = GaugeSurroundings(case, mesh, locator, sequence)
-    channels, states = case.channels, len(sequence.states)
+def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
+    """The gauges of a case on its mesh, and what is wrong with them."""
+    channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
     readable = np.zeros((len(channels), states), dtype=bool)
     reasons = [""] * len(channels)
     parts, snapped, faults = [], set[str](), list[Fault]()
     placing = [OBSERVABLES[channel.kind] for channel in channels]
     for place in dict.fromkeys(placing):
         mine = np.flatnonzero([other is place for other in placing])
-        placed = place([channels[row] for row in mine], ground)
+        placed = place([channels[row] for row in mine], on_mesh)
         faults += placed.faults
         snapped |= set(placed.snapped)
         if not placed.faults:
@@ -401,7 +369,7 @@ def observe(
         for row in mine:
             reasons[row] = placed.unreadable
     names = tuple(channel.name for channel in channels)
-    zero = np.array([ground.zero(channel) for channel in channels], np.int64)
+    zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
     beside = tuple(name for name in names if name in snapped)
     found = Observation(names, tuple(parts), zero, readable.T, beside, tuple(reasons))
     return found, faults

@@ -8,14 +8,14 @@ a kink there, and the derivative by the level is one-sided.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import Fault
 from geoident.forward.in_situ.surfaces import Depths, is_known
-from geoident.forward.stages import ConstructionSequence, listed
+from geoident.forward.stages import CaseOnMesh, listed
 from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
@@ -34,16 +34,13 @@ class InSituStress:
     """The in-situ stress of a case at fixed positions: levels of surfaces are sought once.
 
     Args:
-        case: the case.
-        mesh: its mesh, for surfaces with topography.
+        on_mesh: the case on its mesh.
         positions: (m, dim) m.
         groups: (m,) group index of each position.
-        names: names of the groups by index.
     """
 
-    def __init__(
-        self, case: Case, mesh: Mesh, positions: Floats, groups: Ints, names: Sequence[str]
-    ) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, positions: Floats, groups: Ints) -> None:
+        case, mesh, names = on_mesh.case, on_mesh.mesh, on_mesh.sequence.groups
         self._shape = (_N_STRAIN[mesh.dim], len(positions))
         own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
         zones = [(case.in_situ, ~own)]
@@ -81,8 +78,9 @@ def in_situ_models(case: Case) -> Iterator[tuple[KeyPath, InSitu]]:
         yield ("in_situ", "groups", group), model
 
 
-def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def surface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Surfaces of the in-situ stress and tables of the water that the mesh does not have."""
+    case, mesh = on_mesh.case, on_mesh.mesh
     wanted: list[tuple[KeyPath, Surface]] = [
         ((*path, "surface"), model.surface)
         for path, model in in_situ_models(case)
@@ -103,8 +101,9 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     ]
 
 
-def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
+def zone_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
+    case, sequence = on_mesh.case, on_mesh.sequence
     virgin = {sequence.groups[g] for g in sequence.states[0].materials}
     return [
         case.source.fault(

@@ -7,36 +7,27 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.location import Locator, format_point
-from geoident.forward.actions.supports import group_nodes
-from geoident.forward.stages import ConstructionSequence, listed
+from geoident.fem.location import format_point
+from geoident.forward.actions.supports import fixed_dofs, group_nodes
+from geoident.forward.stages import CaseOnMesh, listed
 from geoident.forward.structures.members import (
     clamped_nodes,
-    holding_site,
     present_throughout,
     straight_pieces,
 )
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import nodes_in
 from geoident.model.structures import Beam, Bolts, Structure
 
 
-def structure_notes(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, fixed: Bools
-) -> list[str]:
-    """Structures that no stage builds; linings that end at supports and turn freely there.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: of the case.
-        fixed: (n_dofs,) degrees of freedom held by supports.
-    """
-    built = {name for state in sequence.states for name in state.structures}
-    held = np.logical_or.reduce(fixed.reshape(-1, mesh.dim), axis=1)
+def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
+    """Structures that no stage builds; linings that end at supports and turn freely there."""
+    mesh = on_mesh.mesh
+    built = {name for state in on_mesh.sequence.states for name in state.structures}
+    held = np.logical_or.reduce(fixed_dofs(on_mesh).reshape(-1, mesh.dim), axis=1)
     notes = []
-    for name, structure in case.structures.items():
+    for name, structure in on_mesh.case.structures.items():
         if name not in built:
             notes.append(f"no stage builds the structure '{name}'")
         elif isinstance(structure, Beam):
@@ -51,8 +42,9 @@ def structure_notes(
     return notes
 
 
-def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Structures on groups that the mesh does not have."""
+    case, mesh = on_mesh.case, on_mesh.mesh
     faults = []
     known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
     for name, beam in case.structures.items():
@@ -76,43 +68,36 @@ def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
-def structure_place_faults(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> list[Fault]:
-    """Structures whose nodes or ends lie in no ground at some stage at which they stand.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
-        locator: finds points in the mesh.
-    """
+def structure_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
+    case, sequence = on_mesh.case, on_mesh.sequence
     faults = []
     for name, structure in case.structures.items():
         for n, state in enumerate(sequence.states):
             if name not in state.structures:
                 continue
-            found = _missing(mesh, structure, sequence.present(n), locator)
+            found = _missing(on_mesh, structure, sequence.present(n))
             if found is not None:
                 faults.append(_no_ground(case, name, *found, state.name))
                 break
         else:
             present = present_throughout(sequence, name)
             if present is not None and isinstance(structure, Bolts):
-                found = _missing(mesh, structure, present, locator)
+                found = _missing(on_mesh, structure, present)
                 if found is not None:
                     faults.append(_no_ground(case, name, *found, "all at which it stands"))
     return faults
 
 
 def _missing(
-    mesh: Mesh, structure: Structure, present: Bools, locator: Locator
+    on_mesh: CaseOnMesh, structure: Structure, present: Bools
 ) -> tuple[KeyPath, str] | None:
     """Where a structure lacks ground: the key, and what lies where."""
+    mesh = on_mesh.mesh
     if isinstance(structure, Bolts):
         for n, pair in enumerate(structure.ends):
             for k, point in enumerate(pair):
-                if holding_site(locator, point, present) is None:
+                if on_mesh.locator.best(point, present) is None:
                     return ("ends", n, k), f"the end {format_point(point)} lies"
         return None
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
@@ -54,20 +53,14 @@ class Structures:
     `structure_checks` has made sure that each finds its nodes and elements.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
-        locator: finds points in the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-    ) -> None:
-        self._sequence = sequence
-        self._dim = mesh.dim
-        self.parts = tuple(_parts(case, mesh, sequence, locator))
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._sequence, self._dim = on_mesh.sequence, on_mesh.mesh.dim
+        self.parts = tuple(_parts(on_mesh))
         members = [part.members for part in self.parts]
-        operators = [m.operator for m in members] or [sp.csr_array((0, mesh.points.size))]
+        operators = [m.operator for m in members] or [sp.csr_array((0, on_mesh.mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
         self._transpose = self._operator.T.tocsr()
         self._weight = np.concatenate([m.weight for m in members] or [np.empty(0)])
@@ -177,21 +170,18 @@ def inadmissible(case: Case, values: Values) -> str | None:
     return None
 
 
-def _parts(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> Iterator[_Part]:
+def _parts(on_mesh: CaseOnMesh) -> Iterator[_Part]:
+    mesh, locator = on_mesh.mesh, on_mesh.locator
     first = 0
-    for name, structure in case.structures.items():
-        present = present_throughout(sequence, name)
+    for name, structure in on_mesh.case.structures.items():
+        present = present_throughout(on_mesh.sequence, name)
         if present is None:
             continue
         if isinstance(structure, Beam):
             edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
             members = beams(mesh, edges, clamped_nodes(mesh, structure))
         else:
-            sites = [
-                tuple(holding_site(locator, x, present) for x in pair) for pair in structure.ends
-            ]
+            sites = [tuple(locator.best(x, present) for x in pair) for pair in structure.ends]
             found = [(a, b) for a, b in sites if a is not None and b is not None]
             members = bars(mesh, np.array(structure.ends, dtype=np.float64), found)
         rows = slice(first, first + len(members.weight))
@@ -203,17 +193,6 @@ def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | Non
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
     there = [n for n, state in enumerate(sequence.states) if name in state.structures]
     return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
-
-
-def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
-    """The best present element that holds a point (dim,), m; None if there is none.
-
-    Args:
-        locator: finds points.
-        point: (dim,) m.
-        present: (n_elements,) which elements are there.
-    """
-    return next((s for s in locator.sites(point) if present[s.element]), None)
 
 
 def straight_pieces(mesh: Mesh, group: str) -> Ints:
