@@ -106,20 +106,18 @@ class StagedModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        start = {p.name: p.start for p in self.case.parameters}
         return tuple(
             notes_on_mesh(
                 self.on_mesh,
                 self.observation,
                 n_outside=max(self.march.n_outside, self.actions.n_outside),
-                in_tension=self.march.virgin_tension(start),
+                in_tension=self.march.virgin_tension(self.case.start),
             )
         )
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
-        start = {p.name: p.start for p in self.case.parameters}
-        _, imbalance = self.march.virgin(ParameterPoint(start, ()))
+        _, imbalance = self.march.virgin(ParameterPoint(self.case.start, ()))
         return tuple(imbalance_notes(imbalance))
 
     def admissible(self, p: Floats) -> str | None:
@@ -243,6 +241,7 @@ class StagedResponse:
         self._model = model
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in model.case.parameters])
+        self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
@@ -292,7 +291,7 @@ class StagedResponse:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
         not_linear = model.observation.not_linear(self._row)
-        return not_linear or export_obstacle(model.march, self.names, self._start)
+        return not_linear or export_obstacle(model.march, self._start_point)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -300,12 +299,11 @@ class StagedResponse:
 
     def staged_system(self) -> StagedSystem:
         """The equations stage by stage, as arrays."""
-        model, start = self._model, self._start
-        values = model.values(start)
-        added = model.instrument_errors.added(values, self.names, self._places)
+        model, start = self._model, self._start_point
+        added = model.instrument_errors.added(start.values, self.names, self._places)
         operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
-        return export(model.march, self.names, start, rows, self._last)
+        return export(model.march, start, rows, self._last)
 
     def opening(
         self, centre: tuple[float, float] | None, radius: float | None

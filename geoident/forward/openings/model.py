@@ -50,7 +50,7 @@ class OpeningModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return self.field.notes({p.name: p.start for p in self.case.parameters})
+        return self.field.notes(self.case.start)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values p (n,) by name."""
