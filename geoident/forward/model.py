@@ -16,15 +16,15 @@ from geoident.forward.checks import (
     notes_on_mesh,
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState, Observation
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.state import UnitForces
+from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.protocols import ReadingPlaces, Survey
+from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
@@ -106,20 +106,18 @@ class StagedModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        start = {p.name: p.start for p in self.case.parameters}
         return tuple(
             notes_on_mesh(
                 self.on_mesh,
                 self.observation,
                 n_outside=max(self.march.n_outside, self.actions.n_outside),
-                in_tension=self.march.virgin_tension(start),
+                in_tension=self.march.virgin_tension(self.case.start),
             )
         )
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
-        start = {p.name: p.start for p in self.case.parameters}
-        _, imbalance = self.march.virgin(ParameterPoint(start, ()))
+        _, imbalance = self.march.virgin(ParameterPoint(self.case.start, ()))
         return tuple(imbalance_notes(imbalance))
 
     def admissible(self, p: Floats) -> str | None:
@@ -243,9 +241,10 @@ class StagedResponse:
         self._model = model
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in model.case.parameters])
+        self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        places = ReadingPlaces.of(model.case, pairs, times)
-        self._row, self._state, self._times = places.rows, places.states, places.times
+        self._places = ReadingPlaces.of(model.case, pairs, times)
+        self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
 
     @property
@@ -292,7 +291,7 @@ class StagedResponse:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
         not_linear = model.observation.not_linear(self._row)
-        return not_linear or export_obstacle(model.march, self.names, self._start)
+        return not_linear or export_obstacle(model.march, self._start_point)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -300,14 +299,11 @@ class StagedResponse:
 
     def staged_system(self) -> StagedSystem:
         """The equations stage by stage, as arrays."""
-        model, start = self._model, self._start
-        values = model.values(start)
-        added = model.instrument_errors.added(
-            values, self.names, self._row, self._state, self._times
-        )
+        model, start = self._model, self._start_point
+        added = model.instrument_errors.added(start.values, self.names, self._places)
         operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
-        return export(model.march, self.names, start, rows, self._last)
+        return export(model.march, start, rows, self._last)
 
     def opening(
         self, centre: tuple[float, float] | None, radius: float | None
@@ -365,8 +361,7 @@ class StagedResponse:
         zero = model.observation.zero[self._row]
         table = observed[self._state, self._row] - observed[zero, self._row]
         names = self.names if derivatives else ()
-        values = model.values(p)
-        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(model.values(p), names, self._places)
         table[:, : added.shape[1]] += added
         return np.asarray(table)
 

@@ -192,6 +192,21 @@ class CaseOnMesh:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
 
+    def missing_group(
+        self, path: KeyPath, what: str, among: str, groups: Mapping[str, object]
+    ) -> Fault:
+        """The case names a group that the mesh does not have.
+
+        Args:
+            path: where it names it.
+            what: the group, with its kind.
+            among: what the groups are that would do.
+            groups: these, by name.
+        """
+        message = f"the mesh {self.mesh.file} has no {what}"
+        hint = f"its {among}: {listed(groups)}"
+        return self.case.source.fault(path, code="missing-group", message=message, hint=hint)
+
 
 def used_groups(case: Case) -> dict[str, KeyPath]:
     """Every element group that the case names, with the key that names it first."""
@@ -253,12 +268,7 @@ def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     case, mesh = on_mesh.case, on_mesh.mesh
     used = used_groups(case)
     faults = [
-        case.source.fault(
-            path,
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no element group '{name}'",
-            hint=f"its element groups: {listed(mesh.groups)}",
-        )
+        on_mesh.missing_group(path, f"element group '{name}'", "element groups", mesh.groups)
         for name, path in used.items()
         if name not in mesh.groups
     ]

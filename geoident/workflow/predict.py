@@ -107,11 +107,6 @@ class Task:
     found: Standing
 
     @property
-    def stages(self) -> tuple[str, ...]:
-        """Names of the stages that were asked for."""
-        return self.request.stages
-
-    @property
     def files_read(self) -> tuple[str, ...]:
         """Paths of the fit, of the case to predict, and of what they name."""
         return (*files_of_result(self.fit, self.request.result), *self.inputs.files)
@@ -299,13 +294,9 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     p = known.parameters.values
     readings = with_computed(_readings(task, known), case, model, survey, p)
     gauges = gauge_table(case, readings, survey.computed)
-    prediction = predict_stages(
-        survey.computed,
-        known.assessment,
-        sensitivity=survey.sensitivity,
-        accuracy=accuracies(case),
-        stages=chosen_stages(gauges, task.stages) if task.stages else predicted_stages(gauges),
-    )
+    names = task.request.stages
+    stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
+    prediction = predict_stages(survey, known.assessment, accuracies(case), stages)
     return Result(
         kind="predict",
         status="done",

@@ -9,7 +9,7 @@ import numpy as np
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.in_situ.stress import InSituStress
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import (

@@ -36,18 +36,17 @@ def group_nodes(mesh: Mesh, name: str) -> Ints:
 
 def support_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Supports on groups that the mesh does not have."""
-    case, mesh = on_mesh.case, on_mesh.mesh
-    known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
+    mesh = on_mesh.mesh
+    usual = {**mesh.facet_groups, **mesh.node_groups}
     return [
-        case.source.fault(
+        on_mesh.missing_group(
             ("supports", support.group),
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group '{support.group}'",
-            hint=f"its groups of faces and nodes: "
-            f"{listed({**mesh.facet_groups, **mesh.node_groups})}",
+            f"group '{support.group}'",
+            "groups of faces and nodes",
+            usual,
         )
-        for support in case.supports
-        if support.group not in known
+        for support in on_mesh.case.supports
+        if support.group not in {**usual, **mesh.groups}
     ]
 
 
@@ -67,37 +66,24 @@ def load_key(name: str, since: int) -> KeyPath:
 def load_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Loads on groups that the mesh does not have or that no element borders."""
     case, mesh = on_mesh.case, on_mesh.mesh
+    of_nodes = {**mesh.node_groups, **mesh.facet_groups, **mesh.groups}
     faults = []
     for path, load in load_keys(case):
-        if isinstance(load, PointForce | Seismic):
-            faults += _place_faults(case, mesh, path, load)
+        on = (*path, "on")
+        if isinstance(load, Seismic):
             continue
-        if load.group not in mesh.facet_groups:
-            message = f"the mesh {mesh.file} has no group of faces '{load.group}'"
+        if isinstance(load, PointForce):
+            if isinstance(load.place, str) and load.place not in of_nodes:
+                what = f"group '{load.place}'"
+                faults.append(on_mesh.missing_group(on, what, "groups of nodes", mesh.node_groups))
+        elif load.group not in mesh.facet_groups:
+            what = f"group of faces '{load.group}'"
+            faults.append(on_mesh.missing_group(on, what, "groups of faces", mesh.facet_groups))
         elif np.any(load_faces(mesh, on_mesh.table, load.group) < 0):
             message = f"some faces of '{load.group}' border no element"
-        else:
-            continue
-        hint = f"its groups of faces: {listed(mesh.facet_groups)}"
-        faults.append(
-            case.source.fault((*path, "on"), code="missing-group", message=message, hint=hint)
-        )
+            hint = f"its groups of faces: {listed(mesh.facet_groups)}"
+            faults.append(case.source.fault(on, code="missing-group", message=message, hint=hint))
     return faults
-
-
-def _place_faults(case: Case, mesh: Mesh, path: KeyPath, load: PointForce | Seismic) -> list[Fault]:
-    """A point force on a group that the mesh does not have."""
-    known = {**mesh.node_groups, **mesh.facet_groups, **mesh.groups}
-    if isinstance(load, Seismic) or not isinstance(load.place, str) or load.place in known:
-        return []
-    return [
-        case.source.fault(
-            (*path, "on"),
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group '{load.place}'",
-            hint=f"its groups of nodes: {listed(mesh.node_groups)}",
-        )
-    ]
 
 
 def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:

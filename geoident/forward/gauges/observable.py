@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Site, format_point
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints

@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.in_situ.surfaces import Depths, is_known
-from geoident.forward.stages import CaseOnMesh, listed
+from geoident.forward.in_situ.surfaces import Depths
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Water
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, KeyPath
@@ -90,14 +90,11 @@ def surface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(case.stages)]
     wanted += [((*path, "table"), water.table) for path, water in waters if water is not None]
     return [
-        case.source.fault(
-            path,
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group of faces '{surface}'",
-            hint=f"its groups of faces: {listed(mesh.facet_groups)}",
+        on_mesh.missing_group(
+            path, f"group of faces '{surface}'", "groups of faces", mesh.facet_groups
         )
         for path, surface in wanted
-        if not is_known(mesh, surface)
+        if isinstance(surface, str) and surface not in mesh.facet_groups
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.result import FieldSeries

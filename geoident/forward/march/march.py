@@ -43,12 +43,18 @@ from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
-from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress
-from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
-from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
-from geoident.forward.march.systems import StageSystem, StageSystems
+from geoident.forward.march.stage import (
+    BaseStates,
+    Carried,
+    LastFactor,
+    StageEnd,
+    StageTask,
+    UnitForces,
+    elastic_step,
+)
+from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats

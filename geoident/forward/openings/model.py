@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
-from geoident.forward.protocols import ReadingPlaces, Survey
+from geoident.forward.protocols import Survey
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
@@ -50,7 +50,7 @@ class OpeningModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return self.field.notes({p.name: p.start for p in self.case.parameters})
+        return self.field.notes(self.case.start)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values p (n,) by name."""
@@ -151,9 +151,8 @@ class OpeningResponse:
         places = ReadingPlaces.of(model.case, pairs, times)
         self._model = model
         self.covered: Bools = model.readable[places.states, places.rows]
-        covered = places.only(self.covered)
-        self._rows, self._states, self._times = covered.rows, covered.states, covered.times
-        self._wanted = set(map(int, (*self._states, *model.zero[self._rows])))
+        self._places = covered = places.only(self.covered)
+        self._wanted = set(map(int, (*covered.states, *model.zero[covered.rows])))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -191,9 +190,8 @@ class OpeningResponse:
     def _run(self, p: Floats, names: Sequence[str]) -> Floats:
         values = self._model.values(p)
         motions = self._model.relative(values, names, wanted=self._wanted)
-        errors = self._model.instrument_errors
-        added = errors.added(values, names, self._rows, self._states, self._times)
-        return np.asarray(motions[self._states, self._rows] + added)
+        added = self._model.instrument_errors.added(values, names, self._places)
+        return np.asarray(motions[self._places.states, self._places.rows] + added)
 
 
 def opening_model(case: Case) -> OpeningModel:

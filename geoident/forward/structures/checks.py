@@ -9,7 +9,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.stages import CaseOnMesh, listed
+from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     clamped_nodes,
     present_throughout,
@@ -44,25 +44,19 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
 
 def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Structures on groups that the mesh does not have."""
-    case, mesh = on_mesh.case, on_mesh.mesh
-    faults = []
+    mesh, faults = on_mesh.mesh, []
     known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
-    for name, beam in case.structures.items():
+    for name, beam in on_mesh.case.structures.items():
         if not isinstance(beam, Beam):
             continue
-        uses: list[tuple[KeyPath, str, Mapping[str, object]]] = [
-            (("on",), beam.group, mesh.facet_groups)
+        uses: list[tuple[KeyPath, str, str, Mapping[str, object]]] = [
+            (("on",), f"group '{beam.group}' of lines", beam.group, mesh.facet_groups)
         ]
-        uses += [(("clamped_on", n), g, known) for n, g in enumerate(beam.clamped_on)]
+        clamped = enumerate(beam.clamped_on)
+        uses += [(("clamped_on", n), f"group '{g}'", g, known) for n, g in clamped]
         faults += [
-            case.source.fault(
-                ("structures", name, *path),
-                code="missing-group",
-                message=f"the mesh {mesh.file} has no group '{group}'"
-                + (" of lines" if path == ("on",) else ""),
-                hint=f"its groups: {listed(groups)}",
-            )
-            for path, group, groups in uses
+            on_mesh.missing_group(("structures", name, *path), what, "groups", groups)
+            for path, what, group, groups in uses
             if group not in groups
         ]
     return faults

@@ -27,7 +27,6 @@ from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
-from geoident.io.text.blanks import refuse_blanks
 from geoident.io.text.faults import SET_FLAG, Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
@@ -40,6 +39,18 @@ STDIN_NAME = "<stdin>"
 _STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)""")
 _MAY_BE_NEW = {"fit"}
 _MOST_KEYS = 16
+
+BLANK = "FILL_IN"
+"""Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
+
+_HINTS = {
+    "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
+    "nu": "Poisson's ratio, such as 0.25.",
+    "groups": "The name of a material, or absent.",
+    "supports": "Groups and the directions in which they are fixed, such as {bottom: [x, y]}.",
+    "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
+    "gauges": "What is measured; the comment there has an example of each kind.",
+}
 
 
 @dataclass(frozen=True)
@@ -291,6 +302,26 @@ def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
         kinds = {"dict": "a mapping", "list": "a list"}
         kind = kinds.get(type(holder).__name__, "no mapping and no list")
         raise Refusal("bad-override", f"{outer} is {kind}, '{key}' cannot be set in it")
+
+
+def refuse_blanks(places: Places) -> None:
+    """Raise `InputError` with all values that are left to fill in."""
+    faults = Faults(places)
+    for path in _blanks(places.data, ()):
+        hint = next((_HINTS[str(key)] for key in reversed(path) if str(key) in _HINTS), "")
+        faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
+    faults.raise_any()
+
+
+def _blanks(node: Node, path: KeyPath) -> Iterator[KeyPath]:
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from _blanks(value, (*path, key))
+    elif isinstance(node, list):
+        for n, value in enumerate(node):
+            yield from _blanks(value, (*path, n))
+    elif node == BLANK:
+        yield path
 
 
 def _resolved_text(section: CaseSection, chain: Sequence[str]) -> str:

@@ -147,22 +147,6 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     )
 
 
-def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """Run the identifiers, one after the other.
-
-    Args:
-        problem: readings, model and parameters.
-        methods: options of the methods, in their order.
-        control: is told of iterations, and stops the run.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = identify(problem, methods, control.observe)
-    control.stop.check()
-    return outcome
-
-
 def surveyed(
     setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
 ) -> tuple[Survey, ReadingTable, Counts]:
@@ -239,7 +223,8 @@ def searched(
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
+        outcome = identify(problem, job.methods, control.observe)
+        control.stop.check()
         written = result(setup, problem, outcome)
         return write(written, job.place, job.found, inputs=job.inputs.files)
 
