@@ -131,6 +131,7 @@ def test_a_scan_along_one_parameter_keeps_the_others_at_their_start(problem):
     outcome = scan(problem, ScanOptions({"K0": ScanAxis(0.1, 0.9, 5)}), go_on)
     assert outcome.grid.names == ("K0",)
     assert {it.values[0] for it in outcome.iterations} == {30.0}
+    assert {(it.step, it.note) for it in outcome.iterations} == {(0.0, "grid")}
 
 
 def test_a_scan_without_a_grid_spans_the_bounds():
