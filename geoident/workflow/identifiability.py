@@ -17,7 +17,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.summary import Identifiability
 from geoident.workflow.running.diagnosis import parameter_table
-from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
 
 
 def identifiability(

@@ -12,7 +12,7 @@ from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
 
 
 class Noise(Enum):

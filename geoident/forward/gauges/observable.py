@@ -21,10 +21,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site, format_point
-from geoident.forward.march.state import StageEnd
-from geoident.forward.stages import ConstructionSequence
+from geoident.fem.location import Site, format_point
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -62,32 +61,6 @@ class Observable(Protocol):
     @property
     def rows(self) -> sp.csr_array | None:
         """G' (g, n_dofs) with values G' u; None where they are not linear in u alone."""
-
-
-@dataclass(frozen=True)
-class GaugeSurroundings:
-    """Where gauges are to be placed.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: finds elements by points.
-        sequence: the states of construction.
-    """
-
-    case: Case
-    mesh: Mesh
-    locator: Locator
-    sequence: ConstructionSequence
-
-    def zero(self, channel: Channel) -> int:
-        """The state at which a channel reads zero."""
-        return self.case.stage_names.index(channel.zero)
-
-    def from_zero(self, channel: Channel) -> Bools:
-        """(n_states,) states from the zero of a channel on; all of them where it has none."""
-        later = np.arange(len(self.sequence.states)) >= self.zero(channel)
-        return later if channel.is_zeroed else np.ones_like(later)
 
 
 @dataclass(frozen=True)
@@ -148,24 +121,23 @@ class AxialForces:
         return table
 
 
-def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
     They can be read while their points stand in ground that has been there since the zero, on the
     way of construction from one to the other.
     """
-    kinematics = kinematics_of(ground.case.analysis)
-    mesh, rows, readable = ground.mesh, [], []
+    kinematics, mesh, rows, readable = on_mesh.kinematics, on_mesh.mesh, [], []
     snapped: list[str] = []
     faults: list[Fault] = []
     for channel in channels:
-        ends, stays = [], [ground.from_zero(channel)]
+        ends, stays = [], [from_zero(on_mesh, channel)]
         for point, vector in channel.motions:
             place, turned = kinematics.in_section(point)
-            sites = ground.locator.sites(place)
-            site, there = best_site(sites, ground.sequence, ground.zero(channel))
+            sites = on_mesh.locator.sites(place)
+            site, there = best_site(sites, on_mesh.sequence, on_mesh.case.zero_of(channel))
             if site is None:
-                faults.append(_point_fault(ground, channel, point, sites))
+                faults.append(_point_fault(on_mesh, channel, point, sites))
                 continue
             moved = np.outer(site.shapes, turned * np.array(vector))
             if channel.turns:
@@ -177,32 +149,38 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
         rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     return Placed(
         RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
     )
 
 
-def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def axial_forces(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels on the bolt whose ends are their two points; they can be read while it stands."""
     bolts, readable, faults = [], [], []
     ends_of = {
         ends: (name, number)
-        for name, structure in ground.case.structures.items()
+        for name, structure in on_mesh.case.structures.items()
         if isinstance(structure, Bars)
         for number, ends in enumerate(structure.ends)
     }
     for channel in channels:
         found = None if channel.first is None else ends_of.get((channel.first, channel.second))
         if found is None:
-            faults.append(_bolt_fault(ground.case, channel))
+            faults.append(_bolt_fault(on_mesh.case, channel))
             continue
-        stands = [found[0] in state.structures for state in ground.sequence.states]
+        stands = [found[0] in state.structures for state in on_mesh.sequence.states]
         bolts.append(found)
-        readable.append(np.array(stands) & ground.from_zero(channel))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+        readable.append(np.array(stands) & from_zero(on_mesh, channel))
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     why = "its bolt does not stand then"
     return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
+
+
+def from_zero(on_mesh: CaseOnMesh, channel: Channel) -> Bools:
+    """(n_states,) states from the zero of a channel on; all of them where it has none."""
+    later = np.arange(len(on_mesh.sequence.states)) >= on_mesh.case.zero_of(channel)
+    return later if channel.is_zeroed else np.ones_like(later)
 
 
 def best_site(
@@ -252,20 +230,20 @@ def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
 
 
 def _point_fault(
-    ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+    on_mesh: CaseOnMesh, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
     """Why a point of a gauge stands in no ground."""
-    place, sequence = format_point(point), ground.sequence
+    place, sequence = format_point(point), on_mesh.sequence
     if not sites:
-        low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
-        return ground.case.source.fault(
+        low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+        return on_mesh.case.source.fault(
             channel.key,
             code="gauge-outside",
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
-    return ground.case.source.fault(
+    return on_mesh.case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "

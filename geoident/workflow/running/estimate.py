@@ -16,17 +16,16 @@ from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result, write_result
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
+from geoident.model.response import Response
 from geoident.model.result import Counts, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Remembered
-from geoident.workflow.running.inputs import build_model
-from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     require_enough,
@@ -148,22 +147,6 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     )
 
 
-def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """Run the identifiers, one after the other.
-
-    Args:
-        problem: readings, model and parameters.
-        methods: options of the methods, in their order.
-        control: is told of iterations, and stops the run.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = identify(problem, methods, control.observe)
-    control.stop.check()
-    return outcome
-
-
 def surveyed(
     setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
 ) -> tuple[Survey, ReadingTable, Counts]:
@@ -240,7 +223,8 @@ def searched(
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
+        outcome = identify(problem, job.methods, control.observe)
+        control.stop.check()
         written = result(setup, problem, outcome)
         return write(written, job.place, job.found, inputs=job.inputs.files)
 

@@ -23,26 +23,21 @@ def chosen_stages(gauges: GaugeTable, names: Sequence[str]) -> Bools:
 
 
 def predict_stages(
-    computed: Floats,
-    assessment: Assessment,
-    *,
-    sensitivity: Floats,
-    accuracy: Floats,
-    stages: Bools,
+    survey: Survey, assessment: Assessment, accuracy: Floats, stages: Bools
 ) -> Prediction:
     """Bands of the computed readings at the given stages.
 
     Args:
-        computed: (n_channels, n_stages) readings, m; NaN where a channel cannot be read.
+        survey: the model at the estimate; its readings are NaN where a channel cannot be read.
         assessment: how well the parameters are known.
-        sensitivity: (n_channels, n_stages, n) derivatives of the computed readings, SI.
-        accuracy: (n_channels, n_stages) standard deviation of a reading, m; NaN for no prediction.
+        accuracy: (n_channels, n_stages) standard deviation of a reading, SI; NaN for no prediction.
         stages: (n_stages,) the stages to predict.
     """
+    computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sd = np.full(computed.shape, np.nan)
-    sd[wanted] = predict_band(assessment, sensitivity[wanted], accuracy[wanted])
+    sd[wanted] = predict_band(assessment, survey.sensitivity[wanted], accuracy[wanted])
     return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
 
 
