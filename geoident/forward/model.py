@@ -85,7 +85,9 @@ class StagedModel:
         self.systems = StageSystems(
             mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
         )
-        self.actions = Actions(case, mesh, table, locator, sequence, self.discretization)
+        self.actions = Actions(
+            case, mesh, table, locator, sequence, self.discretization, self.structures.weights
+        )
         self.march = March(case, mesh, sequence, self.systems, self.actions)
 
     @property
