@@ -34,7 +34,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
-from geoident.model.in_situ import HeimStress
+from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.structures import Structure
 
@@ -253,7 +253,7 @@ def _yield_parts(material: Material, n_strain: int) -> Iterator[EquationPart]:
 
 def _explain_in_situ(case: Case, names: Collection[str]) -> str | None:
     for _, model in in_situ_models(case):
-        if not isinstance(model, HeimStress):
+        if not isinstance(model, HeimStress | GeostaticStress):
             continue
         if isinstance(model.surface, Scalar) and model.surface.parameter in names:
             return f"the in-situ stress ends at the level {model.surface.parameter} of the surface"

@@ -182,6 +182,7 @@ class Case:
         fit: how to identify.
         source: where the keys are written in the file.
         in_situ_of: element group to its own in-situ stress, where it differs.
+        imbalance_accepted: a virgin state whose weight and stress do not agree is taken knowingly.
         water: water in the pores in the initial state, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         notes: what is to be known of how the readings were understood.
@@ -208,6 +209,7 @@ class Case:
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     structures: Mapping[str, Structure] = field(default_factory=dict)
+    imbalance_accepted: bool = False
 
     @property
     def stage_names(self) -> tuple[str, ...]:

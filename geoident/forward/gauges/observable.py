@@ -167,7 +167,10 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
             if site is None:
                 faults.append(_point_fault(ground, channel, point, sites))
                 continue
-            ends.append((site, turned * np.array(vector)))
+            moved = np.outer(site.shapes, turned * np.array(vector))
+            if channel.turns:
+                moved = site.gradients @ (np.array(channel.turns) * np.outer(turned, turned)).T
+            ends.append((site, moved))
             stays.append(there)
             if site.outside > _SNAPPED:
                 snapped.append(channel.name)
@@ -236,11 +239,11 @@ def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
 
 
 def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
-    """One row of G': the sum of vector . u over points with their vectors (dim,)."""
+    """One row of G', from points and what their nodes add to it, (n_a, dim)."""
     columns, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for site, vector in ends:
+    for site, moved in ends:
         columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-        values.append(np.outer(site.shapes, vector).ravel())
+        values.append(moved.ravel())
     column = np.concatenate(columns)
     return sp.csr_array(
         (np.concatenate(values), (np.zeros_like(column), column)),

@@ -34,14 +34,19 @@ OBSERVABLES: Mapping[str, Placing] = {
     "convergence": relative_displacements,
     "displacement": relative_displacements,
     "settlement": relative_displacements,
+    "inclinometer": relative_displacements,
+    "target": relative_displacements,
+    "tilt": relative_displacements,
+    "levelling": relative_displacements,
+    "line-of-sight": relative_displacements,
     "load-cell": axial_forces,
 }
 """What the gauges of a kind read."""
 
 
 def reads_displacements(channel: Channel) -> bool:
-    """Whether a channel reads displacements and nothing else."""
-    return OBSERVABLES[channel.kind] is relative_displacements
+    """Whether a channel reads displacements of points and nothing else."""
+    return OBSERVABLES[channel.kind] is relative_displacements and not channel.turns
 
 
 @dataclass(frozen=True)

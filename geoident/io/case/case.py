@@ -141,6 +141,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         fit=section.fit.settings(strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
+        imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         water=None if section.water is None else section.water.water(),
         structures={
             name: part.structure(context.at("structures", name))

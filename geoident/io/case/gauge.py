@@ -7,11 +7,21 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.schema.section import Context, Section, refuse
-from geoident.io.schema.values import Accuracy, Drift, Given, Name, Offset, scalar_of
+from geoident.io.schema.values import (
+    Accuracy,
+    Coordinates,
+    Drift,
+    Given,
+    Name,
+    Offset,
+    scalar_of,
+    shape_of,
+)
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, MovingPoint
 
@@ -94,6 +104,13 @@ class GaugeBase(Section):
             unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
             terms=terms,
         )
+
+
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
+    Discriminator(shape_of),
+]
+"""What a motion is relative to: fixed ground, or a point."""
 
 
 def point_of(given: list[Given], place: Context) -> Vector | None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from geoident.io.case.gauge import (
     GaugeBase,
     Motion,
+    Reference,
     Vector,
     axis_vector,
     distance,
@@ -20,8 +21,15 @@ from geoident.io.case.gauge import (
     refuse_one_point,
     unit_vector,
 )
+from geoident.io.case.gauges_of_motion import (
+    InclinometerSection,
+    LevellingSection,
+    LineOfSightSection,
+    TargetSection,
+    TiltSection,
+)
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name, shape_of
+from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.gauges import Channel
 
 _AXES = "xyz"
@@ -65,12 +73,6 @@ class ConvergenceSection(GaugeBase):
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(self.between))
         motion = distance(self.kind, first, second, place)
         return [] if motion is None else [self.reads(name, name, motion, context.path)]
-
-
-Reference = Annotated[
-    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    Discriminator(shape_of),
-]
 
 
 class DisplacementSection(GaugeBase):
@@ -128,7 +130,15 @@ class SettlementSection(GaugeBase):
 
 
 GaugeSection = Annotated[
-    ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
+    ExtensometerSection
+    | ConvergenceSection
+    | DisplacementSection
+    | SettlementSection
+    | InclinometerSection
+    | TargetSection
+    | TiltSection
+    | LevellingSection
+    | LineOfSightSection,
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]
