@@ -23,17 +23,28 @@ DIMENSIONS: Mapping[str, str] = {
     "velocity": "m/s",
     "force": "N",
     "line load": "N/m",
+    "area": "m2",
+    "moment": "Nm",
+    "moment per length": "Nm/m",
     "bending stiffness": "Nm2/m",
     "angle": "rad",
     "temperature": "K",
     "expansion": "1/K",
+    "frequency": "Hz",
     DIMENSIONLESS: "",
+    "strain": "m/m",
 }
 """Dimension to its SI unit."""
 
 _DAY = 86400.0  # s
 _YEAR = 365.25 * _DAY  # Julian; a month is its twelfth part
+_FT = 0.3048  # m, international foot; an inch is its twelfth part
+_LBF = 4.4482216152605  # N: 0.45359237 kg times 9.80665 m/s2
+_KIP = 1e3 * _LBF
+_KGF = 9.80665  # N
 _PSI = 6894.757293168361  # Pa, 1 lbf/in2
+_ARCSEC = math.pi / 648e3
+_GON = math.pi / 200
 
 _TABLE: Mapping[str, Mapping[str, float]] = {
     "pressure": {
@@ -48,9 +59,21 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "MN/m2": 1e6,
         "N/mm2": 1e6,
         "kN/mm2": 1e9,
-        "kgf/cm2": 98066.5,
+        "kgf/cm2": _KGF * 1e4,
         "psi": _PSI,
         "ksi": _PSI * 1e3,
+        "psf": _LBF / _FT**2,
+        "ksf": _KIP / _FT**2,
+        "tsf": 2 * _KIP / _FT**2,  # short tons of 2000 lbf
+        "kgf/m2": _KGF,
+        "tf/m2": _KGF * 1e3,
+        "hPa": 1e2,
+        "mbar": 1e2,
+        "atm": 101325.0,
+        "N/cm2": 1e4,
+        "kN/cm2": 1e7,
+        "mH2O": _KGF * 1e3,  # conventional: 1000 kg/m3
+        "ftH2O": _KGF * 1e3 * _FT,
     },
     "length": {
         "m": 1.0,
@@ -59,59 +82,189 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "cm": 1e-2,
         "mm": 1e-3,
         "um": 1e-6,
-        "in": 0.0254,
-        "ft": 0.3048,
+        "in": _FT / 12,
+        "ft": _FT,
+        "mil": _FT / 12e3,
+        "yd": 3 * _FT,
     },
-    "density": {"kg/m3": 1.0, "t/m3": 1e3, "g/cm3": 1e3, "lb/ft3": 16.018463373960142},
+    "density": {
+        "kg/m3": 1.0,
+        "t/m3": 1e3,
+        "Mg/m3": 1e3,
+        "g/cm3": 1e3,
+        "lb/ft3": 16.018463373960142,
+        "pcf": 16.018463373960142,
+    },
     "unit weight": {
         "N/m3": 1.0,
         "kN/m3": 1e3,
         "MN/m3": 1e6,
         "kPa/m": 1e3,
         "MPa/m": 1e6,
-        "lbf/ft3": 157.08746384624,
+        "kgf/m3": _KGF,
+        "tf/m3": _KGF * 1e3,
+        "lbf/ft3": _LBF / _FT**3,
+        "kip/ft3": _KIP / _FT**3,
+        "pcf": _LBF / _FT**3,
+        "psf/ft": _LBF / _FT**3,
+        "ksf/ft": _KIP / _FT**3,
+        "psi/ft": _PSI / _FT,
     },
-    "acceleration": {"m/s2": 1.0, "cm/s2": 1e-2},
+    "acceleration": {"m/s2": 1.0, "cm/s2": 1e-2, "ft/s2": _FT},
     "velocity": {
         "m/s": 1.0,
+        "mm/h": 1e-3 / 3600,
         "mm/day": 1e-3 / _DAY,
         "mm/week": 1e-3 / (7 * _DAY),
         "mm/month": 12e-3 / _YEAR,
         "mm/year": 1e-3 / _YEAR,
         "cm/year": 1e-2 / _YEAR,
         "m/day": 1.0 / _DAY,
+        "in/day": _FT / 12 / _DAY,
+        "in/week": _FT / 12 / (7 * _DAY),
+        "in/month": _FT / _YEAR,
+        "in/year": _FT / 12 / _YEAR,
     },
-    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605},
-    "line load": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "GN/m": 1e9},
-    "bending stiffness": {"Nm2/m": 1.0, "kNm2/m": 1e3, "MNm2/m": 1e6, "GNm2/m": 1e9},
-    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "force": {
+        "N": 1.0,
+        "kN": 1e3,
+        "MN": 1e6,
+        "GN": 1e9,
+        "kgf": _KGF,
+        "tf": _KGF * 1e3,
+        "lbf": _LBF,
+        "kip": _KIP,
+    },
+    "line load": {
+        "N/m": 1.0,
+        "kN/m": 1e3,
+        "MN/m": 1e6,
+        "GN/m": 1e9,
+        "N/mm": 1e3,
+        "kN/mm": 1e6,
+        "kgf/m": _KGF,
+        "tf/m": _KGF * 1e3,
+        "lbf/ft": _LBF / _FT,
+        "plf": _LBF / _FT,
+        "kip/ft": _KIP / _FT,
+        "klf": _KIP / _FT,
+    },
+    "moment": {
+        "Nm": 1.0,
+        "kNm": 1e3,
+        "MNm": 1e6,
+        "GNm": 1e9,
+        "kgfm": _KGF,
+        "tfm": _KGF * 1e3,
+        "lbf-ft": _LBF * _FT,
+        "lbf-in": _LBF * _FT / 12,
+        "kip-ft": _KIP * _FT,
+        "kip-in": _KIP * _FT / 12,
+    },
+    "moment per length": {
+        "Nm/m": 1.0,
+        "kNm/m": 1e3,
+        "MNm/m": 1e6,
+        "GNm/m": 1e9,
+        "kgfm/m": _KGF,
+        "tfm/m": _KGF * 1e3,
+        "lbf-ft/ft": _LBF,
+        "kip-ft/ft": _KIP,
+        "kip-in/ft": _KIP / 12,
+    },
+    "bending stiffness": {
+        "Nm2/m": 1.0,
+        "kNm2/m": 1e3,
+        "MNm2/m": 1e6,
+        "GNm2/m": 1e9,
+        "tfm2/m": _KGF * 1e3,
+        "kip-ft2/ft": _KIP * _FT,
+        "kip-in2/ft": _KIP * _FT / 144,
+    },
+    "angle": {
+        "rad": 1.0,
+        "mrad": 1e-3,
+        "urad": 1e-6,
+        "deg": math.pi / 180,
+        "arcmin": 60 * _ARCSEC,
+        "arcsec": _ARCSEC,
+        "gon": _GON,
+        "mgon": _GON * 1e-3,
+        "mm/m": 1e-3,  # of a tilt or distortion: its tangent, which is the angle
+    },
+    "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6, "in2": 0.0254**2},
     "temperature": {"K": 1.0, "degC": 1.0},
-    "expansion": {"1/K": 1.0, "1/degC": 1.0},
+    "expansion": {"1/K": 1.0, "1/degC": 1.0, "1/degF": 1.8, "microstrain/degC": 1e-6},
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
     DIMENSIONLESS: {"": 1.0, "%": 1e-2},
+    "strain": {
+        "m/m": 1.0,
+        "mm/m": 1e-3,
+        "um/m": 1e-6,
+        "microstrain": 1e-6,
+        "ustrain": 1e-6,
+        "millistrain": 1e-3,
+        "1e-6": 1e-6,
+        "in/in": 1.0,
+        "%": 1e-2,
+    },
 }
+"""Dimension to the sizes of its units in SI. Sizes: BIPM, The International System of Units (9th
+edition); NIST Special Publication 811 (2008), appendix B, for those of other countries."""
 
 UNITS: Mapping[str, tuple[str, float]] = {
-    unit: (dimension, factor)
-    for dimension, units in _TABLE.items()
-    for unit, factor in units.items()
+    unit: next((name, known[unit]) for name, known in _TABLE.items() if unit in known)
+    for units in _TABLE.values()
+    for unit in units
 }
-"""Unit to its dimension and its size in the SI unit of that dimension."""
+"""Unit to its dimension and its size in the SI unit of that dimension: the first of the table, if a
+unit belongs to several (``mm/m`` is an angle or a strain; see `size_in`)."""
 
 NUMBER_PATTERN = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({NUMBER_PATTERN})\s*(.*)")
 _COMMA = re.compile(r"[-+]?[0-9]+(?:[.,'_ ][0-9]+)*,[0-9]+")
 _THOUSANDS = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:,[0-9]{3})+(?![0-9])")
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)\b", re.IGNORECASE)
-_SPELLINGS = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "^": "", "·": "", " ": ""})
+_SPELLINGS = str.maketrans(
+    {"²": "2", "³": "3", "µ": "u", "μ": "u", "^": "", "·": "", "*": "", " ": "", "ε": "strain"}
+)
 _LONGEST = 80
+_LISTED = 17
+"""Units in a message."""
 _WORDS = {
     **dict.fromkeys(("meter", "meters", "metre", "metres", "mtr"), "m"),
     **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
     **dict.fromkeys(("degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("pascal", "pascals"), "Pa"),
     **dict.fromkeys(("percent", "per cent"), "%"),
+    **dict.fromkeys(("kg/cm2", "ksc", "kp/cm2"), "kgf/cm2"),
+    **dict.fromkeys(("inch", "inches", '"', "''"), "in"),
+    **dict.fromkeys(("foot", "feet"), "ft"),
+    **dict.fromkeys(("kips", "klbf"), "kip"),
+    **dict.fromkeys(("lb", "lbs", "pounds"), "lbf"),
+    **dict.fromkeys(("kp", "kg"), "kgf"),
+    **dict.fromkeys(("mwc", "mws"), "mH2O"),
+    **dict.fromkeys(("micron", "microns"), "um"),
+    **dict.fromkeys(("ue", "ustr", "ppm", "me"), "microstrain"),
+    **dict.fromkeys(("second", "seconds", "arcseconds"), "arcsec"),
+    **dict.fromkeys(("minute", "minutes", "arcminutes"), "arcmin"),
 }
-"""Units written out, to the units that are meant."""
+"""Units written out or otherwise, to the units that are meant."""
+_SAME = {
+    "°": "deg",
+    "°C": "degC",
+    "-": "",
+    "10-6": "1e-6",
+    "x10-6": "1e-6",
+    "kipft": "kip-ft",
+    "kipin": "kip-in",
+    "kipft/ft": "kip-ft/ft",
+    "lbfft": "lbf-ft",
+    "ft-lbf": "lbf-ft",
+    "ft-kip": "kip-ft",
+    "kcf": "kip/ft3",
+}
+"""Spellings to the units that they are, once signs and blanks are gone."""
 
 
 class UnitError(ValueError):
@@ -143,8 +296,12 @@ class Quantity:
     unit: str
 
 
-def read_quantity(text: str) -> Quantity:
+def read_quantity(text: str, dimension: str = "") -> Quantity:
     """The quantity that a text says, whatever its dimension.
+
+    Args:
+        text: a number with its unit.
+        dimension: that is expected, for the hint where there is no such unit; empty for any.
 
     >>> read_quantity("12GPa")
     Quantity(value=12000000000.0, dimension='pressure', unit='GPa')
@@ -156,7 +313,7 @@ def read_quantity(text: str) -> Quantity:
     match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None or match[2].startswith((",", "'", "_", ".")):
         raise _not_a_quantity(text)
-    unit = normal_unit(match[2])
+    unit = normal_unit(match[2], dimension)
     dimension, factor = UNITS[unit]
     value = float(match[1]) * factor
     if not math.isfinite(value):
@@ -177,6 +334,10 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
     """
     if quantity.dimension == dimension:
         return quantity
+    size = _TABLE[dimension].get(quantity.unit)
+    if size is not None and quantity.unit:
+        value = quantity.value / UNITS[quantity.unit][1] * size
+        return Quantity(value, dimension, quantity.unit)
     units = unit_list(dimension)
     if dimension == DIMENSIONLESS:
         message = (
@@ -185,8 +346,9 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         raise UnitError(message, "Remove the unit.")
     if quantity.unit == "":
         message = f"'{text}' has no unit; {with_article(dimension)} is expected"
-        if dimension == "angle":  # whoever writes 30 means degrees
-            raise UnitError(message, f"Write '{text.strip()} deg', or one of {units}.")
+        meant = {"angle": "deg", "strain": "microstrain"}.get(dimension)
+        if meant:  # whoever writes 30 means degrees, and 250 of a strain gauge millionths
+            raise UnitError(message, f"Write '{text.strip()} {meant}', or one of {units}.")
         si = DIMENSIONS[dimension]
         raise UnitError(
             message, f"The SI unit is {si}: write '{text.strip()} {si}', or one of {units}."
@@ -213,32 +375,49 @@ def in_unit(value: float, unit: str, dimension: str) -> float:
     >>> in_unit(2.5e9, "GPa", "pressure")
     2.5
     """
-    known = UNITS.get(unit)
-    return value / known[1] if known and known[0] == dimension else value
+    return value / (size_in(unit, dimension) or 1.0)
 
 
 def shown_unit(unit: str, dimension: str) -> str:
     """The unit that `in_unit` gives."""
-    known = UNITS.get(unit)
-    return unit if known and known[0] == dimension else si_unit(dimension)
+    return unit if size_in(unit, dimension) is not None else si_unit(dimension)
 
 
-def normal_unit(text: str) -> str:
+def size_in(unit: str, dimension: str) -> float | None:
+    """Size of a unit in the SI unit of a dimension; None where it is no unit of it.
+
+    >>> size_in("mm/m", "strain"), size_in("mm/m", "length")
+    (0.001, None)
+    """
+    return _TABLE.get(dimension, {}).get(unit)
+
+
+def normal_unit(text: str, dimension: str = "") -> str:
     """The key of `UNITS` that a spelling means: ``kN/m³`` is ``kN/m3``.
+
+    Args:
+        text: the unit as written.
+        dimension: that is expected, for the hint; empty for any.
 
     Raises:
         UnitError: there is no such unit.
     """
     unit = text.strip().translate(_SPELLINGS)
-    unit = {"°": "deg", "°C": "degC", "-": ""}.get(unit, unit)
+    unit = _SAME.get(unit, unit)
     if unit in UNITS:
         return unit
-    raise UnitError(f"there is no unit '{text}'", _unit_hint(unit))
+    raise UnitError(f"there is no unit '{text}'", _unit_hint(unit, dimension))
 
 
 def unit_list(dimension: str) -> str:
-    """The units of a dimension for a message."""
-    return ", ".join(unit for unit in _TABLE[dimension] if unit)
+    """The units of a dimension for a message; where there are many, the more usual ones.
+
+    >>> unit_list("frequency")
+    'Hz, kHz'
+    """
+    units = [unit for unit in _TABLE[dimension] if unit]
+    more = f" and {len(units) - _LISTED} more" if len(units) > _LISTED + 1 else ""
+    return ", ".join(units[:_LISTED] if more else units) + more
 
 
 def units_of(dimension: str) -> tuple[str, ...]:
@@ -257,13 +436,19 @@ def with_article(dimension: str) -> str:
     return f"{'an' if dimension[0] in 'aeio' else 'a'} {dimension}"
 
 
-def _unit_hint(unit: str) -> str:
-    folded = {name.lower(): name for name in UNITS if name}
-    near = difflib.get_close_matches(unit.lower(), folded, n=1, cutoff=0.5)
-    meant = _WORDS.get(unit.lower()) or (folded[near[0]] if near else None)
+def _unit_hint(unit: str, dimension: str = "") -> str:
+    meant = _WORDS.get(unit.lower()) or _nearest(unit, dimension) or _nearest(unit, "")
     if meant:
         return f"Did you mean '{meant}'?"
+    if dimension:
+        return f"Units of {dimension}: {unit_list(dimension)}."
     return f"Known units: {', '.join(filter(None, UNITS))}."
+
+
+def _nearest(unit: str, dimension: str) -> str:
+    folded = {name.lower(): name for name in (_TABLE[dimension] if dimension else UNITS) if name}
+    near = difflib.get_close_matches(unit.lower(), folded, n=1, cutoff=0.5)
+    return folded[near[0]] if near else ""
 
 
 def _not_a_quantity(text: str) -> UnitError:

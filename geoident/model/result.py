@@ -15,7 +15,7 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.yielding import Certificate
-from geoident.units import UNITS, shown_unit
+from geoident.units import shown_unit, size_in
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -149,7 +149,8 @@ class GaugeTable:
 
     def in_units(self, values: Floats) -> Floats:
         """SI values (n_channels, ...) in the units in which people want to see them."""
-        size = np.array([UNITS[unit][1] for unit in self.shown_units], dtype=np.float64)
+        pairs = zip(self.shown_units, self.dimensions, strict=True)
+        size = np.array([size_in(*pair) or 1.0 for pair in pairs], dtype=np.float64)
         return np.asarray(values / size.reshape(-1, *(1,) * (values.ndim - 1)))
 
     def place(self, row: int) -> tuple[int, int] | None:

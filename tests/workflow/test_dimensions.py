@@ -89,7 +89,7 @@ def test_a_unit_of_another_quantity_is_refused_with_those_that_fit():
         parse_readings(b"gauge,stage,value,unit\nB1,drift,1,mm\n", "r.csv", LAYOUT)
     (fault,) = caught.value.faults
     assert fault.message == "'mm' is the unit of a length; a force is expected"
-    assert fault.hint == "Units of force: N, kN, MN, lbf."
+    assert fault.hint == "Units of force: N, kN, MN, GN, kgf, tf, lbf, kip."
 
 
 def test_wide_files_have_them_too():

@@ -44,9 +44,8 @@ def placements(ground: GaugeSurroundings, table: FaceTable) -> tuple[Placement, 
     outline, kinematics = _excavation_outline(case, mesh, table), kinematics_of(case.analysis)
     ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
     for channel in case.channels:
-        for point in (channel.first, channel.second):
-            if point is not None:
-                ends.setdefault((point, channel.zero), []).append(channel.name)
+        for point, _ in channel.motions:
+            ends.setdefault((point, channel.zero), []).append(channel.name)
     places = []
     for (point, zero), channels in ends.items():
         place, _ = kinematics.in_section(point)

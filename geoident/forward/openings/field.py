@@ -18,9 +18,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.gauges.observable import reads_displacements
+from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ.stress import InSituStress
+from geoident.forward.in_situ.stress import InSituStress, Places
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
@@ -31,6 +31,7 @@ from geoident.model.case import Analysis, Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
+from geoident.model.in_situ import GeostaticStress, InSitu
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
 from geoident.model.yielding import MohrCoulomb
@@ -62,7 +63,14 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return f"'{material}' has other yield limits than one of Mohr-Coulomb"
     if case.in_situ_of:
         return "groups have in-situ stresses of their own"
-    if not has_mesh and isinstance(getattr(in_situ, "surface", None), str):
+    return None if has_mesh else _needs_mesh(in_situ)
+
+
+def _needs_mesh(in_situ: InSitu | None) -> str | None:
+    """Why an in-situ stress can't be had without a mesh, a clause, or None if it can."""
+    if isinstance(in_situ, GeostaticStress):
+        return "the geostatic stress is the weight of the layers of a mesh"
+    if isinstance(getattr(in_situ, "surface", None), str):
         return "the depth is counted from a group of faces, which needs a mesh"
     return None
 
@@ -86,13 +94,16 @@ class OpeningField:
         a, (x, y) = site.radius, site.centre
         around = np.array([[x, y], [x - a, y], [x + a, y], [x, y - a], [x, y + a]])
         groups = np.full(len(around), site.ground)
-        self._in_situ = InSituStress(case, mesh, around, groups, sequence.groups)
-        self._ends = [_End(site, case.channels, which) for which in (0, 1)]
+        self._in_situ = InSituStress(case, mesh, Places(around, groups, sequence.groups))
+        ends = max((len(c.motions) for c in case.channels), default=0)
+        self._ends = [_End(site, case.channels, which) for which in range(ends)]
         own = [_obstacle(sequence, site, state) for state in sequence.states]
         self.obstacles = [_first(own, sequence, n) for n in range(len(own))]
         open_ = [not site.groups & state.materials.keys() for state in sequence.states]
         self.open: Bools = np.array(open_, dtype=np.bool_)
-        hidden = self._ends[0].inside | self._ends[1].inside
+        hidden = np.zeros(len(case.channels), dtype=np.bool_)
+        for end in self._ends:
+            hidden |= end.inside
         closed_form = np.array([reason is None for reason in self.obstacles], dtype=np.bool_)
         # (n_states, n_channels)
         self.covered: Bools = closed_form[:, None] & ~(self.open[:, None] & hidden)
@@ -207,18 +218,18 @@ class OpeningField:
 
 
 class _End:
-    """One end of every channel: where it lies around the opening, and what of it is read.
+    """One point of every channel: where it lies around the opening, and what of it is read.
 
     Attributes:
         inside: (n_channels,) the end lies where the opening is going to be.
     """
 
     def __init__(self, site: OpeningSite, channels: Sequence[Channel], which: int) -> None:
-        sign = 2.0 * which - 1.0
-        points = [(c.first, c.second)[which] for c in channels]
-        fixed = np.array([point is None for point in points], dtype=np.bool_)
-        # fixed ground lies anywhere: what moves there is not read
-        given = [(site.centre[0] + site.radius, site.centre[1]) if p is None else p for p in points]
+        # a channel of fewer points has one more that lies anywhere: its motion is not read
+        nowhere = (site.centre[0] + site.radius, site.centre[1]), (0.0, 0.0)
+        motions = [c.motions[which] if which < len(c.motions) else nowhere for c in channels]
+        given = [point for point, _ in motions]
+        fixed = np.array([motion is nowhere for motion in motions], dtype=np.bool_)
         x = np.array(given, dtype=np.float64).reshape(-1, 2) - np.array(site.centre)
         r = np.linalg.norm(x, axis=1)
         self.inside: Bools = (r < _INSIDE * site.radius) & ~fixed
@@ -227,8 +238,7 @@ class _End:
         self._cosine, self._sine = np.cos(2.0 * angle), np.sin(2.0 * angle)
         outwards = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         around = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
-        read = np.array([c.direction for c in channels]).reshape(-1, 2) * sign
-        read[fixed] = 0.0
+        read = np.array([vector for _, vector in motions]).reshape(-1, 2)
         self._outwards, self._around = (read * outwards).sum(axis=1), (read * around).sum(axis=1)
 
     def moved(self, state: GroundState, released: Dual, load: OpeningLoad) -> Dual:

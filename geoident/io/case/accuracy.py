@@ -313,7 +313,15 @@ def described_channels(
         message += "large residuals by wrong readings, an estimated accuracy by the gauge"
         hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
         faults.add(("fit", "loss"), "contradiction", message, hint)
-    return tuple(c if c.errors is None else _with_parts(c, c.errors) for c in found)
+    return tuple(c if c.errors is None else _complete(c, c.errors) for c in found)
+
+
+def _complete(channel: Channel, parts: ErrorParts) -> Channel:
+    """A channel with its total accuracy; without the error of a zero where it has no zero."""
+    if not channel.is_zeroed:
+        kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
+        parts = replace(parts, zero=0.0, estimated=kept)
+    return _with_parts(channel, parts)
 
 
 def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:

@@ -21,7 +21,7 @@ from geoident.io.case.accuracy import (
 from geoident.io.schema.section import Context, Section, refuse
 from geoident.io.schema.values import Drift, Given, Name, Offset, scalar_of
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel, ErrorParts
+from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
 Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
@@ -95,7 +95,14 @@ class GaugeBase(Section):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The channels of a gauge of this name; none, with a fault, where they cannot be."""
 
-    def reads(self, channel: str, gauge: str, motion: Motion, key: KeyPath) -> Channel:
+    def reads(
+        self,
+        channel: str,
+        gauge: str,
+        motion: Motion,
+        key: KeyPath,
+        terms: tuple[MovingPoint, ...] = (),
+    ) -> Channel:
         """One channel.
 
         Args:
@@ -103,6 +110,8 @@ class GaugeBase(Section):
             gauge: name of the gauge.
             motion: what is read.
             key: where the channel is written.
+            terms: points and vectors whose motions add up to the reading, where it is not the
+                motion of one point against another along one direction.
         """
         kind, first, second, direction = motion
         parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
@@ -122,6 +131,7 @@ class GaugeBase(Section):
             dimension=self.dimension,
             unit=unit_shown(self.accuracy, self.kind_name, self.dimension),
             errors=parts,
+            terms=terms,
         )
 
     def _accuracy(self, parts: ErrorParts | None) -> float:

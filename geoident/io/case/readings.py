@@ -16,7 +16,7 @@ from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Flag, Given, Name, Of, Text, require_text
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.wording import Refusal, listing, shorten
-from geoident.units import UNITS, UnitError, normal_unit, unit_list
+from geoident.units import UnitError, normal_unit, size_in, units_of
 
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "|": "|"}
 
@@ -55,7 +55,7 @@ def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
 READ = dimensions_of(get_args(get_args(GaugeSection)[0]))
 """Dimensions of what gauges read."""
 _WHAT = " or ".join(READ)
-_UNITS = ", ".join(unit_list(dimension) for dimension in READ)
+_UNITS = tuple(dict.fromkeys(unit for name in READ for unit in units_of(name) if unit))
 
 
 def _unit_read(value: object) -> str:
@@ -64,9 +64,9 @@ def _unit_read(value: object) -> str:
         unit = normal_unit(text)
     except UnitError as error:
         raise Refusal("unit", error.message, error.hint) from None
-    if UNITS[unit][0] not in READ:
+    if all(size_in(unit, dimension) is None for dimension in READ):
         message = f"'{text}' is no unit of {_WHAT}"
-        raise Refusal("unit", message, f"Units of {_WHAT}: {_UNITS}.")
+        raise Refusal("unit", message, f"Units of {_WHAT}: {listing(_UNITS)}.")
     return unit
 
 
@@ -98,7 +98,7 @@ DateFormat = Annotated[
 ]
 ReadValue = Annotated[Given, quantity_read(READ)]
 ReadAccuracy = Annotated[Given, quantity_read(READ, above=0.0)]
-UnitRead = Annotated[str, BeforeValidator(_unit_read), WithJsonSchema({"enum": _UNITS.split(", ")})]
+UnitRead = Annotated[str, BeforeValidator(_unit_read), WithJsonSchema({"enum": list(_UNITS)})]
 Sign = Annotated[int, BeforeValidator(_sign), WithJsonSchema({"enum": [1, -1]})]
 
 

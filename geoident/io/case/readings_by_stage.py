@@ -23,7 +23,7 @@ from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing, shorten
 from geoident.model.case import VIRGIN, KeyPath, format_path
 from geoident.model.gauges import Reading
-from geoident.units import unit_list, with_article
+from geoident.units import UNITS, size_in, unit_list, with_article
 
 DAY = 86400.0
 """Seconds; readings of one day are of one epoch."""
@@ -97,16 +97,23 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
 def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Faults) -> Reading:
     """A reading that stands in the case; its quantities must be those that its channel reads."""
     wanted = calendar.dimensions.get(entry.gauge)
+    known: dict[str, float] = {}
     for name, given in (("value", entry.value), ("accuracy", entry.accuracy)):
-        if given is not None and wanted is not None and given.dimension != wanted:
+        if given is None:
+            continue
+        known[name] = given.factor
+        size = size_in(given.unit, wanted) if wanted is not None else None
+        if size is not None:
+            known[name] *= size / UNITS[given.unit][1]
+        elif wanted is not None:
             found = f"'{shorten(given.text)}' is {with_article(given.dimension)}"
             message = f"{found}; {with_article(wanted)} is expected"
             faults.add((*path, name), "unit", message, f"Its units: {unit_list(wanted)}.")
     return Reading(
         channel=entry.gauge,
         stage=entry.stage,
-        value=entry.value.factor if entry.value else None,
-        accuracy=entry.accuracy.factor if entry.accuracy else None,
+        value=known.get("value"),
+        accuracy=known.get("accuracy"),
         location=faults.places.locate((*path, "gauge")),
         when=faults.places.locate((*path, "stage")),
         key=path,

@@ -15,6 +15,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from geoident.io.case.case import CaseSection
 from geoident.io.schema.values import Given
+from geoident.units import DIMENSIONS, units_of
 
 Schema = Mapping[str, Any]
 
@@ -25,6 +26,15 @@ Made from the code that reads cases (`geoident schema --markdown`). Bold keys ar
 A quantity carries its unit (`15 GPa`); where `$parameter` is allowed, a parameter of the case may
 take the place of the number, also with a factor (`0.6 $E_rock`).
 """
+_UNITS = """\
+## Units
+
+Powers and products may also be written `m³`, `m^3`, `kN·m`, `kN m`, and `µ` for `u`. A unit that
+stands in several rows takes the dimension that is expected. `tsf` is of short tons; `mH2O` is a
+head of water of 1000 kg/m3; `mm/m` of an angle is its tangent.
+
+| dimension | SI | units |
+|---|---|---|"""
 _REF = "#/$defs/"
 _SUFFIX = "Section"
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -79,7 +89,17 @@ def _key_page(schema: Schema) -> str:
     sections = schema["$defs"]
     parts = [_HEAD, _part("Case", schema, sections)]
     parts += [_part(title(name), sections[name], sections) for name in _in_order(schema)]
-    return "\n".join(parts)
+    return "\n".join([*parts, _units()])
+
+
+def _units() -> str:
+    """The units of each dimension."""
+    rows = [
+        f"| {dimension} | {f'`{si}`' if si else ''} | {', '.join(f'`{u}`' for u in known if u)} |"
+        for dimension, si in DIMENSIONS.items()
+        for known in (units_of(dimension),)
+    ]
+    return "\n".join([_UNITS, *rows, ""])
 
 
 def _referred(node: object) -> list[str]:

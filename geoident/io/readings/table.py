@@ -14,7 +14,16 @@ from typing import Literal
 from geoident.errors import Fault, Location
 from geoident.io.text.dates import ISO, DateError, read_date
 from geoident.io.text.wording import shorten
-from geoident.units import UNITS, UnitError, normal_unit, read_quantity, unit_list, with_article
+from geoident.units import (
+    DIMENSIONLESS,
+    UNITS,
+    UnitError,
+    normal_unit,
+    read_quantity,
+    size_in,
+    unit_list,
+    with_article,
+)
 
 _GOOD = frozenset({"", "0", "no", "false", "good", "ok"})
 _BAD = frozenset({"1", "x", "yes", "true", "bad"})
@@ -186,15 +195,16 @@ class Table:
             dimension: of what is read, a key of `geoident.units.DIMENSIONS`.
         """
         try:
-            found, factor = UNITS[normal_unit(cell.text)]
+            unit = normal_unit(cell.text, dimension)
         except UnitError as error:
             comma = cell.text.replace(".", "").isdigit()
             hint = "If the value has a decimal comma, write a point." if comma else error.hint
             self.refuse((number, cell.column), "unit", error.message, hint)
             return None
-        if found == dimension:
+        factor = size_in(unit, dimension) if unit or dimension == DIMENSIONLESS else None
+        if factor is not None:
             return factor
-        text, wanted = cell.text, with_article(dimension)
+        text, found, wanted = cell.text, UNITS[unit][0], with_article(dimension)
         message = f"'{text}' is the unit of {with_article(found)}" if text else "no unit"
         hint = f"Units of {dimension}: {unit_list(dimension)}."
         self.refuse((number, cell.column), "unit", f"{message}; {wanted} is expected", hint)

@@ -18,7 +18,7 @@ from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
 from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ParameterTable
 from geoident.model.yielding import Certificate
-from geoident.units import DIMENSIONS, UNITS
+from geoident.units import in_unit, shown_unit
 
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
@@ -222,10 +222,8 @@ def over_all_stages(found: Certificate | None, survey: Survey) -> Certificate | 
 
 
 def _in_unit(value: float, parameter: Parameter) -> str:
-    dimension, size = UNITS.get(parameter.unit, ("", 1.0))
-    if dimension != parameter.dimension:
-        return f"{value:.4g} {DIMENSIONS.get(parameter.dimension, '')}".rstrip()
-    return f"{value / size:.4g} {parameter.unit}"
+    unit = parameter.unit, parameter.dimension
+    return f"{in_unit(value, *unit):.4g} {shown_unit(*unit)}".rstrip()
 
 
 def parameter_table(

@@ -114,3 +114,70 @@ def test_long_texts_take_no_time(text):
     with pytest.raises(UnitError):
         read_quantity(text)
     assert time.perf_counter() - begin < 0.1
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("1 ksf", "pressure", 47880.25898033584),
+        ("1 tsf", "pressure", 95760.51796067168),
+        ("1 psf", "pressure", 47.88025898033584),
+        ("1 kgf/cm2", "pressure", 98066.5),
+        ("10 mH2O", "pressure", 98066.5),
+        ("1 bar", "pressure", 1e5),
+        ("1 GN", "force", 1e9),
+        ("1 kip", "force", 4448.2216152605),
+        ("1 tf", "force", 9806.65),
+        ("1 kip/ft", "line load", 14593.902937206365),
+        ("1 kip-ft", "moment", 1355.8179483314004),
+        ("1 kip·ft", "moment", 1355.8179483314004),
+        ("250 kN·m", "moment", 250e3),
+        ("250 kN m/m", "moment per length", 250e3),
+        ("1 kip-in/ft", "moment per length", 4448.2216152605 / 12),
+        ("1 mrad", "angle", 1e-3),
+        ("3600 arcsec", "angle", math.pi / 180),
+        ("400 gon", "angle", 2 * math.pi),
+        ("2 mm/m", "angle", 2e-3),
+        ("2 mm/m", "strain", 2e-3),
+        ("120 microstrain", "strain", 120e-6),
+        ("120 µε", "strain", 120e-6),
+        ("120 1e-6", "strain", 120e-6),
+        ("120 ·10^-6", "strain", 120e-6),
+        ("120e-6 m/m", "strain", 120e-6),
+        ("0.1 %", "strain", 1e-3),
+        ("120 pcf", "density", 1922.2156),
+        ("120 pcf", "unit weight", 18850.496),
+        ("62.4 lbf/ft3", "unit weight", 9802.2577),
+        ("2800 Hz", "frequency", 2800.0),
+        ("0.5 in/month", "velocity", 12 * 0.0127 / (365.25 * 86400)),
+    ],
+)
+def test_units_of_other_countries_and_instruments(text, dimension, value):
+    """Sizes: NIST Special Publication 811, appendix B.8; weights of a cubic foot by hand."""
+    quantity = require_dimension(read_quantity(text), dimension, text)
+    assert quantity.value == pytest.approx(value, rel=3e-8)
+    assert quantity.dimension == dimension
+    assert in_unit(quantity.value, quantity.unit, dimension) == pytest.approx(
+        read_quantity(text).value / UNITS[quantity.unit][1], rel=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "message", "hint"),
+    [
+        ("250", "strain", "'250' has no unit; a strain is expected", "Write '250 microstrain', or"),
+        ("30", "angle", "'30' has no unit; an angle is expected", "Write '30 deg', or"),
+        ("3 kg/cm2", "pressure", "there is no unit 'kg/cm2'", "Did you mean 'kgf/cm2'?"),
+        ("3 kips", "force", "there is no unit 'kips'", "Did you mean 'kip'?"),
+        ("3 KSF", "pressure", "there is no unit 'KSF'", "Did you mean 'ksf'?"),
+        ("3 inches", "length", "there is no unit 'inches'", "Did you mean 'in'?"),
+        ("3 kNm/m", "moment", "is a moment per length; a moment is expected", "kip-ft"),
+        ("2800 Hz", "strain", "'2800 Hz' is a frequency; a strain is expected", "microstrain"),
+        ("2 mm/m", "length", "'2 mm/m' is an angle; a length is expected", "mm"),
+    ],
+)
+def test_what_other_units_are_not(text, dimension, message, hint):
+    with pytest.raises(UnitError) as caught:
+        require_dimension(read_quantity(text), dimension, text)
+    assert message in caught.value.message
+    assert hint in caught.value.hint
