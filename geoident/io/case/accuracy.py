@@ -271,7 +271,13 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
 
 
 def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:
-    """The unit in which people want to see what a gauge reads."""
+    """The unit in which people want to see what a gauge reads.
+
+    Args:
+        given: how accurate it is, as the case says.
+        kind: of the gauge.
+        dimension: of what it reads.
+    """
     if dimension == "length":
         return "mm"
     parts = [given] if isinstance(given, Given) else [given.reading, given.zero, given.epoch]
