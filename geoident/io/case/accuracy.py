@@ -187,6 +187,16 @@ ACCURACY = Discriminator(accuracy_shape)
 LengthAccuracy = Annotated[
     Annotated[Given, Size("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
+AngleAccuracy = Annotated[
+    Annotated[Given, Size("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+PressureAccuracy = Annotated[
+    Annotated[Given, Size("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+StrainAccuracy = Annotated[
+    Annotated[Given, Size("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+ForceAccuracy = Annotated[Annotated[Given, Size(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY]
 AnyAccuracy = Given | ErrorsSection
 
 EstimatedKinds = Annotated[

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.accuracy import (
     ESTIMATE,
@@ -19,7 +20,15 @@ from geoident.io.case.accuracy import (
     unit_shown,
 )
 from geoident.io.schema.section import Context, Section, refuse
-from geoident.io.schema.values import Drift, Given, Name, Offset, scalar_of
+from geoident.io.schema.values import (
+    Coordinates,
+    Drift,
+    Given,
+    Name,
+    Offset,
+    scalar_of,
+    shape_of,
+)
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
@@ -140,6 +149,13 @@ class GaugeBase(Section):
             return parts.total()
         assert isinstance(self.accuracy, Given)
         return self.accuracy.factor
+
+
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
+    Discriminator(shape_of),
+]
+"""What a motion is relative to: fixed ground, or a point."""
 
 
 def point_of(given: list[Given], place: Context) -> Vector | None:

@@ -54,6 +54,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "angle": "30 deg",
     "temperature": "10 degC",
     "expansion": "1e-5 1/K",
+    "strain": "50 microstrain",
     DIMENSIONLESS: "0.25",
     None: "15 GPa",
 }
