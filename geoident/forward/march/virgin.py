@@ -29,7 +29,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.in_situ.stress import OnTheGround, Places
+from geoident.forward.in_situ.stress import OnTheGround, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import is_wet
 from geoident.forward.march.march import March
@@ -303,7 +303,7 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         if model.surface is None:
             continue
         here = present & np.isin(group_of_point, groups)
-        places = Places(points.position[here], group_of_point[here], sequence.groups)
+        places = StressPlaces(points.position[here], group_of_point[here], sequence.groups)
         above = march.overburden.above(places.positions)
         on_top = OnTheGround(model, march.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value
