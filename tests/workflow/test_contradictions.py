@@ -150,8 +150,8 @@ def test_a_load_that_the_stress_does_not_know_is_out_of_balance(case):
     force = "loads: {crane: {at: [1 m, 4 m], line_force: [0 N/m, -50 kN/m]}}\n"
     (message,) = faults(case(GRAVITY + force + heim("18.639 kN/m3")))
     assert message.startswith("the initial state is out of balance near (1, 4) m in 'rock' by ")
-    # in both elements of 1 m at the node the stress is 18.639 kPa times the depth d, N = (1-d)(1-x):
-    # the integrals of N,x s and N,d s are 1/6 and 1/4 of it; the weight is 1/4 of each element's
+    # in both elements of 1 m at the node the stress is 18.639 kPa times the depth d and
+    # N = (1-d)(1-x): the integrals of N,x s and N,d s are 1/6 and 1/4 of it, as the weight
     x, y = 18.639 / 6, 18.639 / 4
     size = 2 * (x**2 + y**2) ** 0.5 + 2 * y + 50.0
     assert f"by {100 * 50 / size:.2g} % of the local stress: 50 of {size:.3g} kN/m" in message
@@ -175,8 +175,8 @@ def test_a_unit_weight_that_is_fitted_away_from_the_density_is_said_at_the_end(c
     free = "  gamma: {start: 18.639 kN/m3, bounds: [10 kN/m3, 400 kN/m3]}\nmaterials:"
     path = case(
         GRAVITY + heim("$gamma"), ("  K0: {start: 1.0, bounds: [0.2, 4]}\n", ""), ("$K0", "1.5"),
-        ("materials:", free), ("start: 2 GPa, bounds: [0.1 GPa, 50 GPa]",
-                               "start: 2 GPa, bounds: [1 GPa, 50 GPa]"),
+        ("  E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}\n", ""), ("$E", "1 GPa"),
+        ("materials:", free),
     )  # fmt: skip
     assert faults(path) == []
     told = run_command("fit", path, "--json", "-q")
