@@ -365,6 +365,18 @@ def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
 
     Bending moments then are positive with tension on the open side.
     """
+    balance = facing_balance(mesh, edges, present)
+    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+
+
+def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
+    """On which side of edges (n, 2) present ground is: (n,) positive for left, 0 for both or none.
+
+    Args:
+        mesh: a plane mesh.
+        edges: nodes of the two ends of each.
+        present: (n_elements,) which elements are there.
+    """
     balance = np.zeros(len(edges))
     along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
     for block, here in rows_in(mesh.blocks, present):
@@ -374,7 +386,7 @@ def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
         to_centre = centre[both.col] - mesh.points[edges[both.row, 0]]
         a = along[both.row]
         np.add.at(balance, both.row, np.sign(a[:, 0] * to_centre[:, 1] - a[:, 1] * to_centre[:, 0]))
-    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+    return balance
 
 
 def _incidence(mesh: Mesh, nodes: Ints) -> sp.csr_array:
