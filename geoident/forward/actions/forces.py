@@ -28,7 +28,7 @@ from geoident.forward.actions.supports import group_nodes, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import InSituStress, OnTheGround, Places, edges_held
+from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPlaces, edges_held
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
@@ -327,7 +327,7 @@ class _HeldEdge:
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         groups = sequence.group_of[elements]
-        places = Places(positions, groups, sequence.groups, elements)
+        places = StressPlaces(positions, groups, sequence.groups, elements)
         self._skeleton = InSituStress(case, mesh, places, around.overburden)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
         self._wet = is_wet(case.water, groups, sequence.groups)
