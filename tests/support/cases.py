@@ -8,7 +8,7 @@ import numpy as np
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.in_situ.stress import InSituStress, Places
+from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.stages import CaseOnMesh
@@ -104,5 +104,5 @@ def in_situ_stress(
     mesh = Mesh(np.empty((0, positions.shape[1])), ())
     groups = np.zeros(len(positions), dtype=np.int64)
     on_mesh = CaseOnMesh(make_case(mesh, in_situ=model), mesh)
-    found = InSituStress(on_mesh, Places(positions, groups))
+    found = InSituStress(on_mesh, StressPlaces(positions, groups))
     return found.columns(ParameterPoint(values or {}, ()))[..., 0]

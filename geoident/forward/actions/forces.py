@@ -25,7 +25,7 @@ from geoident.fem.loads import (
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import InSituStress, OnTheGround, Places, edges_held
+from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPlaces, edges_held
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
@@ -112,10 +112,13 @@ class Actions:
 
     Args:
         on_mesh: the case on its mesh.
+        beside: what acts in a state beside loads and on what is no ground: weight of structures.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh) -> None:
-        self._on_mesh = on_mesh
+    def __init__(
+        self, on_mesh: CaseOnMesh, beside: Callable[[ConstructionState], Iterable[ForcePart]]
+    ) -> None:
+        self._on_mesh, self._beside = on_mesh, beside
         self._case, self._mesh, self._sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         self._discretization = on_mesh.discretization
         self._shares = self._volume_shares()
@@ -146,6 +149,7 @@ class Actions:
         """Everything that acts in a state, one by one."""
         current = self._sequence.states[state]
         yield from self._parts_of_groups(state, current.materials.keys())
+        yield from self._beside(current)
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
                 yield f"the load '{name}'", self._loads[state, name]
@@ -284,7 +288,7 @@ class _HeldEdge:
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         groups = sequence.group_of[elements]
-        self._skeleton = InSituStress(on_mesh, Places(positions, groups, elements))
+        self._skeleton = InSituStress(on_mesh, StressPlaces(positions, groups, elements))
         self._pores = None if water is None else PorePressure(water, mesh, positions)
         self._wet = is_wet(water, groups, sequence.groups)
 

@@ -30,7 +30,7 @@ from geoident.model.in_situ import (
     HeimStress,
     InSitu,
     ProfileStress,
-    Ratio,
+    StressRatio,
     Surface,
 )
 from geoident.model.mesh import Mesh
@@ -43,7 +43,7 @@ _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
 
 
 @dataclass(frozen=True)
-class Places:
+class StressPlaces:
     """Where a stress is asked for.
 
     Args:
@@ -56,10 +56,10 @@ class Places:
     groups: Ints
     elements: Ints | None = None
 
-    def of(self, here: Bools) -> Places:
-        """Some of them."""
+    def of(self, here: Bools) -> StressPlaces:
+        """Some of them, by a mask (m,)."""
         elements = None if self.elements is None else self.elements[here]
-        return Places(self.positions[here], self.groups[here], elements)
+        return StressPlaces(self.positions[here], self.groups[here], elements)
 
 
 class InSituStress:
@@ -70,7 +70,7 @@ class InSituStress:
         places: the positions.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, places: Places) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         case, mesh, names = on_mesh.case, on_mesh.mesh, on_mesh.sequence.groups
         positions, groups = places.positions, places.groups
         self._shape = (_N_STRAIN[mesh.dim], len(positions))
@@ -160,7 +160,7 @@ class _Uniform:
 
     n_outside = 0
 
-    def __init__(self, model: ConstantStress, on_mesh: CaseOnMesh, places: Places) -> None:
+    def __init__(self, model: ConstantStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         self._components = model.components
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -171,7 +171,7 @@ class _Uniform:
 class _Heim:
     """Stress by Heim's rule."""
 
-    def __init__(self, model: HeimStress, on_mesh: CaseOnMesh, places: Places) -> None:
+    def __init__(self, model: HeimStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         positions = places.positions
         self._model = model
         self._dim = positions.shape[1]
@@ -244,7 +244,7 @@ class OnTheGround:
 class _Geostatic:
     """The weight of what stands above, less the pressure of the water, and parts of it."""
 
-    def __init__(self, model: GeostaticStress, on_mesh: CaseOnMesh, places: Places) -> None:
+    def __init__(self, model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         case, mesh, positions = on_mesh.case, on_mesh.mesh, places.positions
         self._model, self._case = model, case
         self._groups, self._names = places.groups, on_mesh.sequence.groups
@@ -268,7 +268,7 @@ class _Geostatic:
         found = _components(vertical, along, across, model.azimuth, point, self._dim)
         return _with_tectonic(found, model.tectonic, point)
 
-    def _ratio(self, given: Ratio, point: ParameterPoint) -> Dual:
+    def _ratio(self, given: StressRatio, point: ParameterPoint) -> Dual:
         """A ratio of stresses, the same everywhere or (m,) by groups."""
         if isinstance(given, Scalar):
             return point.number(given)
@@ -281,7 +281,7 @@ class _Geostatic:
 class _Profile:
     """Stress that changes linearly with depth."""
 
-    def __init__(self, model: ProfileStress, on_mesh: CaseOnMesh, places: Places) -> None:
+    def __init__(self, model: ProfileStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         self._model = model
         self._depths = Depths(on_mesh.mesh, model.surface, places.positions)
         self.n_outside = self._depths.n_outside

@@ -43,7 +43,7 @@ from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
-from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, Places
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.stage import (
     BaseStates,
@@ -111,11 +111,11 @@ class March:
     def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
-        self.actions = Actions(on_mesh)
+        self.actions = Actions(on_mesh, systems.structures.weights)
         self.thermal = ThermalStrains(on_mesh)
         points = on_mesh.discretization.points
         groups = self.sequence.group_of[points.element]
-        self.in_situ = InSituStress(on_mesh, Places(points.position, groups))
+        self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions)
         self.warm = WarmStart()
 

@@ -13,6 +13,7 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     clamped_nodes,
     held_points,
+    hinge_nodes,
     present_throughout,
     straight_pieces,
 )
@@ -37,6 +38,7 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
         elif isinstance(structure, Beam):
             nodes, count = np.unique(straight_pieces(mesh, structure.group), return_counts=True)
             free = held & ~clamped_nodes(mesh, structure)
+            free &= ~on_mesh.kinematics.on_axis(mesh.points)
             ends = nodes[(count == 1) & free[nodes]]
             if len(ends):
                 notes.append(
@@ -58,12 +60,78 @@ def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         ]
         clamped = enumerate(beam.clamped_on)
         uses += [(("clamped_on", n), f"group '{g}'", g, known) for n, g in clamped]
+        hinges = [(n, hinge) for n, hinge in enumerate(beam.hinges) if isinstance(hinge, str)]
+        uses += [(("hinges", n), f"group '{g}'", g, known) for n, g in hinges]
         faults += [
             on_mesh.missing_group(("structures", name, *path), what, "groups", groups)
             for path, what, group, groups in uses
             if group not in groups
         ]
+        if all(group in groups for _, _, group, groups in uses):
+            faults += _hinge_faults(on_mesh, name, beam)
+            faults += _axis_faults(on_mesh, name, beam)
+        faults += _weight_faults(on_mesh.case, name, beam)
     return faults
+
+
+def _hinge_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
+    """Hinges that lie at no node of their beam."""
+    mesh, faults = on_mesh.mesh, []
+    nodes = np.unique(straight_pieces(mesh, beam.group))
+    for n, hinge in enumerate(beam.hinges):
+        if len(hinge_nodes(mesh, beam, hinge)):
+            continue
+        if isinstance(hinge, str):
+            message = f"no node of the group '{hinge}' lies on the beam '{name}'"
+        else:
+            nearest = nodes[np.linalg.norm(mesh.points[nodes] - hinge, axis=1).argmin()]
+            message = (
+                f"the hinge {format_point(hinge)} is at no node of the beam '{name}'; its nearest "
+                f"node is {format_point(mesh.points[nearest])}"
+            )
+        faults.append(
+            on_mesh.case.source.fault(
+                ("structures", name, "hinges", n),
+                code="no-hinge-there",
+                message=message,
+                hint="a hinge stands at a node of the beam, where two of its pieces meet",
+            )
+        )
+    return faults
+
+
+def _axis_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
+    """Shells of revolution with pieces on the axis itself."""
+    mesh = on_mesh.mesh
+    on_axis = on_mesh.kinematics.on_axis(mesh.points)
+    pieces = straight_pieces(mesh, beam.group)
+    count = int(np.count_nonzero(on_axis[pieces].all(axis=1)))
+    if not count:
+        return []
+    return [
+        on_mesh.case.source.fault(
+            ("structures", name, "on"),
+            code="on-the-axis",
+            message=f"{count} pieces of the beam '{name}' lie on the axis x = 0, where a shell of "
+            "revolution has no radius",
+            hint="let the group end at the axis",
+        )
+    ]
+
+
+def _weight_faults(case: Case, name: str, beam: Beam) -> list[Fault]:
+    """Beams with a weight where nothing weighs."""
+    if not beam.has_weight or (case.gravity is not None and any(case.gravity)):
+        return []
+    key = "weight" if beam.density is None else "density"
+    return [
+        case.source.fault(
+            ("structures", name, key),
+            code="no-gravity",
+            message=f"the beam '{name}' has a weight, but there is no gravity",
+            hint=f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
+        )
+    ]
 
 
 def structure_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:

@@ -27,10 +27,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Prior
@@ -151,7 +153,8 @@ class AffineElastic(Response, Protocol):
         Args:
             p: (n,) parameters.
             measured: (g,) readings, SI.
-            sd: (g,) their standard deviations, SI.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
         """
 
 
@@ -219,9 +222,11 @@ class Problem:
     Args:
         response: the model.
         measured: (g,) readings v*, SI.
-        sd: (g,) their standard deviations s, SI; the weights are 1/s^2.
+        sd: (g,) their standard deviations s, SI; the weights are 1/s^2. Of readings that share
+            errors: of what each has by itself.
         parameters: the n unknowns with bounds, scale and prior; ``start`` is where to begin.
         loss: how much a large residual counts.
+        shared: what readings share of their errors, or None if all are independent.
     """
 
     response: Response
@@ -229,6 +234,18 @@ class Problem:
     sd: Floats
     parameters: tuple[Parameter, ...]
     loss: LossOptions = field(default_factory=SquaredOptions)
+    shared: SharedErrors | None = None
+
+    @cached_property
+    def covariance(self) -> Covariance | None:
+        """Of the errors of the readings; None where they are independent."""
+        return None if self.shared is None else Covariance(self.sd, self.shared)
+
+    def whiten(self, values: Floats) -> Floats:
+        """Values (g,) or (g, k) of the readings, SI, in independent standard deviations."""
+        if self.covariance is not None:
+            return self.covariance.whiten(values)
+        return values / (self.sd if values.ndim == 1 else self.sd[:, None])
 
     @property
     def start(self) -> Floats:

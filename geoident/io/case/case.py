@@ -123,6 +123,10 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     gravity = section.gravity is not None
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
+    structures = {
+        name: part.structure(context.at("structures", name))
+        for name, part in section.structures.items()
+    }
     return Case(
         title=section.title,
         analysis=context.analysis,
@@ -138,17 +142,14 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
             stage.stage(context.at("stages", n), gravity=gravity)
             for n, stage in enumerate(section.stages)
         ),
-        channels=build_channels(section.gauges, context.at("gauges")),
+        channels=build_channels(section.gauges, structures, context.at("gauges")),
         readings=(),
         fit=section.fit.settings(strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         water=None if section.water is None else section.water.water(),
-        structures={
-            name: part.structure(context.at("structures", name))
-            for name, part in section.structures.items()
-        },
+        structures=structures,
     )
 
 
@@ -299,6 +300,11 @@ def _check_stages(section: CaseSection, faults: Faults) -> None:
     zeros = {VIRGIN: 0, **names}
     for name, gauge in section.gauges.items():
         _require_stage(("gauges", name, "zero"), gauge.zero, zeros, faults)
+        structure = getattr(gauge, "structure", None)
+        if structure is not None and structure not in section.structures:
+            key = "on" if hasattr(gauge, "on") else "structure"
+            place = ("gauges", name, key)
+            faults.add_unknown(place, "structure", structure, section.structures)
 
 
 def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:

@@ -21,6 +21,14 @@ from geoident.io.case.gauge import (
     refuse_one_point,
     unit_vector,
 )
+from geoident.io.case.gauges_of_force import (
+    LoadCellSection,
+    PiezometerSection,
+    PressureCellSection,
+    StrainSection,
+    StressSection,
+    on_structures,
+)
 from geoident.io.case.gauges_of_motion import (
     InclinometerSection,
     LevellingSection,
@@ -31,6 +39,7 @@ from geoident.io.case.gauges_of_motion import (
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.gauges import Channel
+from geoident.model.structures import Structure
 
 _AXES = "xyz"
 
@@ -134,6 +143,11 @@ GaugeSection = Annotated[
     | ConvergenceSection
     | DisplacementSection
     | SettlementSection
+    | StressSection
+    | PressureCellSection
+    | PiezometerSection
+    | LoadCellSection
+    | StrainSection
     | InclinometerSection
     | TargetSection
     | TiltSection
@@ -151,11 +165,14 @@ def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
     }
 
 
-def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
+def build_channels(
+    gauges: Gauges, structures: Mapping[str, Structure], context: Context
+) -> tuple[Channel, ...]:
     """The channels of all gauges, in the order of the file.
 
     Args:
         gauges: name to section.
+        structures: of the case, on which some of them sit.
         context: of the key `gauges`.
     """
     channels: dict[str, Channel] = {}
@@ -167,7 +184,7 @@ def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
                     channel.key, "duplicate-channel", message, "Rename one.", key=True
                 )
             channels[channel.name] = channel
-    return tuple(channels.values())
+    return tuple(on_structures(tuple(channels.values()), gauges, structures, context))
 
 
 def _displacement(

@@ -111,6 +111,8 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
+    if result.accuracies is not None:
+        reading_tables.write_accuracies(file, result.accuracies)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -234,6 +236,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        accuracies=(
+            reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
+        ),
     )
 
 

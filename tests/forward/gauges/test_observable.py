@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.cases import displacement
 from support.derivatives import assert_exact
-from support.load_cells import GAUGES, VALUES, P, cell, nailed
+from support.load_cells import ENDS, GAUGES, VALUES, P, cell, nailed
 
 from geoident.errors import InputError
 
@@ -26,8 +26,8 @@ def test_a_load_cell_reads_the_axial_force_of_its_bolt():
 def test_it_is_read_while_the_bolt_stands():
     staged = nailed(*GAUGES)
     assert staged.unreadable("n1", "go on") is None
-    assert staged.unreadable("n1", "open") == "its bolt does not stand then"
-    assert staged.unreadable("n1", "cut") == "its bolt does not stand then"
+    assert staged.unreadable("n1", "open") == "its structure does not stand then"
+    assert staged.unreadable("n1", "cut") == "its structure does not stand then"
     assert "later stage" in staged.unreadable("late", "bolt")
 
 
@@ -45,19 +45,30 @@ def test_methods_of_unit_forces_along_readings_refuse_it():
         assert why == "gauge 'n1' reads something else than displacements"
 
 
-def test_a_cell_between_points_without_a_bolt_is_a_fault():
+def test_a_cell_on_a_bar_that_is_not_there_is_a_fault():
     with pytest.raises(InputError) as error:
-        nailed(GAUGES[0], cell("x", (1.1, 2.1), (3.6, 0.7)))
+        nailed(GAUGES[0], cell("x", *ENDS[0], member=2))
     (fault,) = error.value.faults
-    assert fault.code == "no-bolt"
-    assert fault.path == "gauges.x"
-    assert "from (1.1, 2.1) m to (3.6, 0.7) m" in fault.message
+    assert fault.code == "no-such-bar"
+    assert fault.path == "gauges.x.bar"
+    assert fault.message == "gauge 'x' sits on bar 3 of the structure 'nails', which has 2"
 
 
-def test_every_point_outside_the_mesh_and_every_missing_bolt_is_said_at_once():
+def test_a_cell_is_zeroed_only_while_its_structure_stands():
+    with pytest.raises(InputError) as error:
+        nailed(GAUGES[0], cell("x", *ENDS[0], zero="open"))
+    (fault,) = error.value.faults
+    assert fault.code == "zero-before-structure"
+    assert fault.message == (
+        "gauge 'x' reads zero at stage 'open', at which the structure 'nails' does not stand; it "
+        "stands at: bolt, go on"
+    )
+
+
+def test_every_point_outside_the_mesh_and_every_missing_bar_is_said_at_once():
     far = replace(displacement("far", (9.0, 6.0), (1.0, 0.0)), first=(7.0, 8.0))
     wide = replace(displacement("wide", (1.0, 1.5), (1.0, 0.0)), first=(-3.0, 2.0))
-    cells = (cell("x", (1.1, 2.1), (3.6, 0.7)), cell("y", (1.2, 0.4), (3.4, 3.2)))
+    cells = (cell("x", *ENDS[0], member=2), cell("y", *ENDS[1], member=3))
     with pytest.raises(InputError) as error:
         nailed(far, wide, *cells)
     said = "\n".join(fault.message for fault in error.value.faults)
