@@ -91,7 +91,14 @@ class StagedModel:
         )
         overburden = Overburden(case, mesh, table)
         self.actions = Actions(
-            case, mesh, table, locator, sequence, self.discretization, overburden
+            case,
+            mesh,
+            table,
+            locator,
+            sequence,
+            self.discretization,
+            overburden,
+            self.structures.weights,
         )
         self.march = March(case, mesh, sequence, self.systems, self.actions, overburden)
 

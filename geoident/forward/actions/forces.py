@@ -123,6 +123,7 @@ class Actions:
         sequence: the states of construction.
         discretization: strain points of the mesh.
         overburden: what stands above places of the mesh.
+        beside: what acts in a state beside loads and on what is no ground: weight of structures.
     """
 
     def __init__(
@@ -134,7 +135,9 @@ class Actions:
         sequence: ConstructionSequence,
         discretization: Discretization,
         overburden: Overburden,
+        beside: Callable[[ConstructionState], Iterable[ForcePart]],
     ) -> None:
+        self._beside = beside
         self._case = case
         self._mesh = mesh
         self._table = table
@@ -170,6 +173,7 @@ class Actions:
         """Everything that acts in a state, one by one."""
         current = self._sequence.states[state]
         yield from self._parts_of_groups(state, current.materials.keys())
+        yield from self._beside(current)
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
                 yield f"the load '{name}'", self._loads[state, name]
