@@ -14,10 +14,11 @@ external forces f_ka of each kind k (weight, water, loads, held edges), the part
 
     |sum_k f_ka - sum_e q_ea|  /  (sum_e |q_ea| + sum_k |f_ka|)
 
-over the free directions. Both sides are forces of the patch of elements around the node, so it is
-the local stress that counts: near a free surface, where stresses vanish, the weight of the patch
-remains below the line. A weight that is wrong by the part d is out of balance by d / 2 at most, so
-what the unit weights may differ is never told as out of balance.
+over the free directions; mid-nodes count half to the corners beside them. Both sides are forces of
+the patch of elements around the node, so it is the local stress that counts: near a free surface,
+where stresses vanish, the weight of the patch remains below the line. A weight that is wrong by the
+part d is out of balance by d / 2 at most, so what the unit weights may differ is never told as out
+of balance.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ from geoident.forward.in_situ.water import is_wet
 from geoident.forward.march.march import March
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case, KeyPath
+from geoident.model.cells import CELLS
 from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import GeostaticStress, HeimStress, InSitu, ProfileStress, Surface
-from geoident.model.mesh import spans
+from geoident.model.mesh import Mesh, spans
 from geoident.model.parameter import Scalar, Values
 
 UNIT_WEIGHT = 0.02
@@ -257,7 +259,8 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)
     free = np.zeros(len(rest), dtype=bool)
     free[system.pattern.dofs] = True
-    left = np.linalg.norm(np.where(free, rest, 0.0).reshape(-1, mesh.dim), axis=1)
+    unheld = _at_corners(mesh, np.where(free, rest, 0.0).reshape(-1, mesh.dim))
+    left, size = np.linalg.norm(unheld, axis=1), _at_corners(mesh, size[:, None])[:, 0]
     floor = max(_NOTHING * float(size.max(initial=0.0)), np.finfo(float).tiny)
     ratio = np.where(size > floor, left / np.maximum(size, floor), 0.0)
     worst = int(np.argmax(ratio))
@@ -269,6 +272,25 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         mesh.points[worst],
         group,
     )
+
+
+def _at_corners(mesh: Mesh, forces: Floats) -> Floats:
+    """Forces (n_nodes, k) with those of mid-nodes shared by the corners beside them.
+
+    The part of a stress that an element of second order cannot follow moves forces to and fro
+    between its corners and mid-nodes, which is no imbalance of the patch.
+    """
+    beside = np.zeros((mesh.n_nodes, 2), dtype=np.int64)
+    middle = np.zeros(mesh.n_nodes, dtype=bool)
+    for block in mesh.blocks:
+        cell = CELLS[block.kind]
+        for n, edge in enumerate(cell.edges):
+            nodes = block.nodes[:, cell.n_corners + n]
+            beside[nodes], middle[nodes] = block.nodes[:, edge], True
+    shared = np.where(middle[:, None], 0.0, forces)
+    for corner in beside[middle].T:
+        np.add.at(shared, corner, 0.5 * forces[middle])
+    return shared
 
 
 def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints]:
