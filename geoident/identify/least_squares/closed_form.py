@@ -16,8 +16,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
-from geoident.identify.problem.problem import Observer, Outcome, Problem
-from geoident.identify.problem.protocols import HasOpening, OpeningForm
+from geoident.identify.problem.problem import HasOpening, Observer, OpeningForm, Outcome, Problem
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 
 
@@ -51,7 +50,13 @@ def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer)
 def _covered(problem: Problem, form: OpeningForm) -> Problem:
     """The problem of the readings that the closed form answers."""
     kept = form.covered
-    return replace(problem, response=form, measured=problem.measured[kept], sd=problem.sd[kept])
+    return replace(
+        problem,
+        response=form,
+        measured=problem.measured[kept],
+        sd=problem.sd[kept],
+        shared=None if problem.shared is None else problem.shared.only(kept),
+    )
 
 
 def _left_out(form: OpeningForm) -> list[str]:

@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from geoident.io.case.accuracy import ESTIMATE, ForceAccuracy, PressureAccuracy, StrainAccuracy
 from geoident.io.case.gauge import GaugeBase, Vector, distance, point_of, unit_vector
 from geoident.io.schema.section import Context, SectionFaults, refuse
 from geoident.io.schema.values import (
@@ -36,11 +37,8 @@ from geoident.model.structures import Bars, Beam, Structure, Struts
 Component = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
 
-PressureAccuracy = Annotated[Given, Of("pressure", above=0.0)]
 PressureOffset = Annotated[Given, Of("pressure", tied=True)]
-StrainAccuracy = Annotated[Given, Of("strain", above=0.0)]
 StrainOffset = Annotated[Given, Of("strain", tied=True)]
-ForceAccuracy = Annotated[Given, Of(None, above=0.0)]
 ForceOffset = Annotated[Given, Of(None, tied=True)]
 GivenLength = Annotated[Given, Of("length", above=0.0)]
 Stations = Annotated[list[Length], SharesUnit()]
@@ -270,13 +268,24 @@ class LoadCellSection(_ForceGauge):
     )
     towards: Coordinates | None = Field(None, description=_TOWARDS)
 
+    @property
+    def dimension(self) -> str:
+        """Dimension of what it reads: of one bar a force, of a beam a force or moment per metre."""
+        if isinstance(self.accuracy, Given) and self.accuracy.text != ESTIMATE:
+            return self.accuracy.dimension
+        if self.point is None:
+            return "force"
+        return "moment per length" if self.quantity == "M" else "line load"
+
     @model_validator(mode="after")
     def _forces(self) -> LoadCellSection:
         faults = SectionFaults()
         numbers = {"accuracy": self.accuracy, "offset": self.offset}
         numbers["drift_per_stage"] = self.drift_per_stage
         for key, given in numbers.items():
-            if given is None or given.parameter is not None:
+            if not isinstance(given, Given) or given.parameter is not None:
+                continue
+            if given.text == ESTIMATE:
                 continue
             if given.dimension not in _FORCES:
                 message = f"'{given.text}' is no force, line load or moment per length"
@@ -287,6 +296,16 @@ class LoadCellSection(_ForceGauge):
             faults.add(("sign",), "wrong-pair", message, "Remove it; 'towards' turns moments.")
         faults.raise_any()
         return self
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of the force that is read: that of its accuracy, which tells them apart."""
+        stated = self.accuracy if isinstance(self.accuracy, Given) else self.accuracy.reading
+        if stated is not None and stated.text != ESTIMATE:
+            return stated.dimension
+        if self.point is None:
+            return "force"
+        return "moment per length" if self.quantity == "M" else "line load"
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from geoident.io.case.accuracy import AngleAccuracy
 from geoident.io.case.gauge import (
     GaugeBase,
     Motion,
@@ -39,7 +40,6 @@ from geoident.io.schema.values import (
 from geoident.model.gauges import Channel, MovingPoint
 
 Depths = Annotated[list[Length], SharesUnit()]
-AngleAccuracy = Annotated[Given, Of("angle", above=0.0)]
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
 GivenLength = Annotated[Given, Of("length", above=0.0)]
 GivenAngle = Annotated[Given, Of("angle")]
