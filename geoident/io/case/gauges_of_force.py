@@ -297,16 +297,6 @@ class LoadCellSection(_ForceGauge):
         faults.raise_any()
         return self
 
-    @property
-    def dimension(self) -> str:
-        """Dimension of the force that is read: that of its accuracy, which tells them apart."""
-        stated = self.accuracy if isinstance(self.accuracy, Given) else self.accuracy.reading
-        if stated is not None and stated.text != ESTIMATE:
-            return stated.dimension
-        if self.point is None:
-            return "force"
-        return "moment per length" if self.quantity == "M" else "line load"
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
         found = _on_structure(self, name, self.point, self.bar, self.towards, context)
