@@ -14,6 +14,7 @@ import pytest
 import xarray
 
 from geoident.errors import InputError
+from geoident.io.case.accuracy import FORCES
 from geoident.io.case.file import read_case
 from geoident.io.case.gauges import ConvergenceSection
 from geoident.io.case.readings import READ, dimensions_of, quantity_read
@@ -189,10 +190,11 @@ class ForceSection(Section):
 
 
 def test_what_gauges_read_is_what_their_accuracies_say():
-    assert READ == ("length",)
+    assert set(READ) == {"length", "angle", "pressure", "strain", *FORCES}
     read = dimensions_of([ConvergenceSection, ForceSection, ConvergenceSection])
     assert read == ("length", "force")
-    assert quantity_read(READ) == Of("length")
+    assert quantity_read(READ) == Of(None)
+    assert quantity_read(("length",)) == Of("length")
     assert quantity_read(read, above=0.0) == Of(None, above=0.0)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from geoident.io.case.accuracy import dimension_read
+from geoident.io.case.accuracy import FORCES, dimension_read
 from geoident.io.case.gauges import GaugeSection
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import format_of
@@ -43,8 +43,11 @@ def _date_format(value: object) -> str:
 
 def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
     """Dimensions of what gauges of some kinds read: those of their accuracies."""
-    found = [dimension_read(kind) for kind in kinds]
-    return tuple(dict.fromkeys(name for name in found if name is not None))
+    found: list[str] = []
+    for kind in kinds:
+        one = dimension_read(kind)
+        found += FORCES if one is None else (one,)
+    return tuple(dict.fromkeys(found))
 
 
 def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
