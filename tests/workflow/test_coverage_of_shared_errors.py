@@ -8,6 +8,7 @@ independent fail.
 import numpy as np
 import pytest
 
+from geoident.fem.solvers import pick_solver
 from geoident.forward.model import staged_model
 from geoident.identify.assessment.later_readings import given_used
 from geoident.identify.assessment.uncertainty import assess, predict_band
@@ -167,7 +168,9 @@ def test_trench_with_zeros_heads_and_surveys(tmp_path):
     end = "readings: []\nfit: {method: gauss-newton, stages: [first]}\n"
     path.write_text(head + GAUGES.replace("accuracy: A", f"accuracy: {SHARED}") + end)
     case = read_case(str(path)).case
-    model = staged_model(read_mesh(tmp_path / "trench.inp", dim=2), case)
+    model = staged_model(
+        read_mesh(str(tmp_path / "trench.inp"), dim=2), case, solver=pick_solver("auto")
+    )
     truth = np.array([5e9, 1.5])
     survey = model.survey(truth, fields=False)
     names = [c.name for c in case.channels]
