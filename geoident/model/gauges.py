@@ -139,6 +139,7 @@ class Reading:
         key: path of keys in the case; empty for a row of a file.
         count: how many readings it is the mean of.
         epochs: how many days these are from, if it is a mean of dated ones.
+        note: remark of the field sheet; empty for none.
     """
 
     channel: str
@@ -152,6 +153,7 @@ class Reading:
     key: tuple[str | int, ...] = field(default=(), compare=False)
     count: int = field(default=1, compare=False)
     epochs: int = field(default=1, compare=False)
+    note: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
