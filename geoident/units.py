@@ -23,6 +23,7 @@ DIMENSIONS: Mapping[str, str] = {
     "velocity": "m/s",
     "force": "N",
     "line load": "N/m",
+    "area": "m2",
     "moment": "Nm",
     "moment per length": "Nm/m",
     "bending stiffness": "Nm2/m",
@@ -191,6 +192,7 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "mgon": _GON * 1e-3,
         "mm/m": 1e-3,  # of a tilt or distortion: its tangent, which is the angle
     },
+    "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6, "in2": 0.0254**2},
     "temperature": {"K": 1.0, "degC": 1.0},
     "expansion": {"1/K": 1.0, "1/degC": 1.0, "1/degF": 1.8, "microstrain/degC": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},

@@ -169,6 +169,37 @@ def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
     )
 
 
+def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
+    """Identity (k,) in the face table of every facet of a group, -1 where it borders no element.
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        group: name of the group.
+    """
+    found = np.concatenate([table.find(block) for block in mesh.facets])
+    return np.asarray(found[mesh.facet_groups[group]])
+
+
+def load_patches(
+    mesh: Mesh, table: FaceTable, group: str, present: Bools
+) -> tuple[FacetPatch, ...] | None:
+    """The loaded free faces of the present body; None if a face is not free (inside, or absent).
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        group: name of the group.
+        present: (n_elements,) which elements are there.
+    """
+    wanted = np.unique(load_faces(mesh, table, group))
+    rows = table.free(present)
+    rows = rows[np.isin(table.face[rows], wanted)]
+    if len(rows) != len(wanted):
+        return None
+    return patches(mesh, table, rows)
+
+
 def nonconforming(mesh: Mesh, table: FaceTable) -> Floats:
     """Centres (k, dim), m, of quadrilaterals against which other elements have triangles.
 

@@ -1,4 +1,4 @@
-"""Straight members: bars and beams, as generalized strains of the displacements of the mesh.
+"""Straight members: bars, beams, shells of revolution, as generalized strains of displacements.
 
 A member works like a strain point: strains e = B u, forces q = D e, nodal forces f = B^T w q with
 weights w, and K = B^T w D B. Its three rows, with t its direction, L its length, n to the left of
@@ -53,26 +53,54 @@ class Members:
         return len(self.ends)
 
 
-def bars(mesh: Mesh, ends: Floats, sites: Sequence[tuple[Site, Site]]) -> Members:
+def bars(
+    mesh: Mesh,
+    ends: Floats,
+    sites: Sequence[tuple[Sequence[Site], Sequence[Site]]],
+    extent: Floats | None = None,
+) -> Members:
     """Bars between points that elements hold, embedded by the shape functions of these elements.
 
     Args:
         mesh: the mesh.
         ends: (n, 2, dim) end points, m.
-        sites: for every bar the elements that hold its ends.
+        sites: for every bar what holds its ends: a point in an element, several that share the
+            force evenly (the end moves as they do on average), or none for an end that is fixed.
+        extent: (n,) to what the stiffness of each is multiplied, as the circumference on which bars
+            are counted by their spacing, m; 1 if missing.
     """
     direction, length = _directions(ends)
     rows, columns, data = [], [], []
     for n, pair in enumerate(sites):
-        for sign, site in zip((-1.0, 1.0), pair, strict=True):
-            part = np.outer(site.shapes, sign * direction[n] / length[n])
-            columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-            data.append(part.ravel())
-            rows.append(np.full(part.size, n))
+        for sign, held in zip((-1.0, 1.0), pair, strict=True):
+            for site in held:
+                part = np.outer(site.shapes, sign * direction[n] / length[n]) / len(held)
+                columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
+                data.append(part.ravel())
+                rows.append(np.full(part.size, n))
     entries = (np.concatenate(rows), np.concatenate(columns))
     shape = (len(ends), mesh.points.size)
     operator = sp.csr_array((np.concatenate(data), entries), shape=shape)
-    return Members(operator, length, np.zeros(len(ends), dtype=bool), ends)
+    weight = length if extent is None else length * extent
+    return Members(operator, weight, np.zeros(len(ends), dtype=bool), ends)
+
+
+def grouted_parts(ends: Floats, grouted: float, count: int) -> tuple[Floats, Floats]:
+    """Free lengths of anchors, and points spread evenly along their grouted lengths.
+
+    Args:
+        ends: (n, 2, dim) head and toe, m.
+        grouted: length at the toe, m, shorter than every anchor.
+        count: of points of one anchor, each in the middle of its part of the grouted length.
+
+    Returns:
+        Ends (n, 2, dim) of the free lengths, and points (n, count, dim), from head to toe.
+    """
+    direction, length = _directions(ends)
+    free = length - grouted
+    along = free[:, None] + grouted * (np.arange(count) + 0.5) / count
+    points = ends[:, :1] + along[..., None] * direction[:, None]
+    return np.stack([ends[:, 0], ends[:, 0] + free[:, None] * direction], axis=1), points
 
 
 def beams(mesh: Mesh, edges: Ints, clamped: Bools) -> Members:

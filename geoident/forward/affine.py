@@ -16,7 +16,7 @@ parts of their own here: modulus, expansion and temperature; released fraction a
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -34,7 +34,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
-from geoident.model.in_situ import HeimStress
+from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.structures import Structure
 
@@ -198,6 +198,7 @@ def _parts(march: March) -> Iterator[EquationPart]:
     )
     for name, structure in case.structures.items():
         yield _rigidity_part(name, structure)
+    yield from _prestress_parts(march)
     yield from _force_parts(march)
     yield from _thermal_parts(march)
     yield from _release_parts(march)
@@ -252,7 +253,7 @@ def _yield_parts(material: Material, n_strain: int) -> Iterator[EquationPart]:
 
 def _explain_in_situ(case: Case, names: Collection[str]) -> str | None:
     for _, model in in_situ_models(case):
-        if not isinstance(model, HeimStress):
+        if not isinstance(model, HeimStress | GeostaticStress):
             continue
         if isinstance(model.surface, Scalar) and model.surface.parameter in names:
             return f"the in-situ stress ends at the level {model.surface.parameter} of the surface"
@@ -269,11 +270,22 @@ def _rigidity_part(name: str, structure: Structure) -> EquationPart:
 
     def explain(names: Collection[str]) -> str | None:
         for key, scalar in structure.numbers.items():
-            if scalar.parameter in names and key not in ("E", "EA", "EI"):
+            if scalar.parameter in names and key in ("thickness", "nu", "diameter", "spacing"):
                 return f"{key} of the structure '{name}' enters its stiffness nonlinearly"
         return None
 
     return EquationPart(f"the stiffness of the structure '{name}'", columns, explain)
+
+
+def _prestress_parts(march: March) -> Iterator[EquationPart]:
+    """Forces at which bars are locked off, as they act on the ground: spread over a spacing."""
+    for state in march.sequence.states:
+        for name in state.stressed:
+            one = replace(state, stressed={name: state.stressed[name]}, locked={})
+            yield EquationPart(
+                f"the prestress of the structure '{name}' at stage '{state.name}'",
+                partial(march.systems.structures.locked, one),
+            )
 
 
 def _force_parts(march: March) -> Iterator[EquationPart]:

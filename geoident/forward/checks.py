@@ -25,7 +25,7 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observable import Observation, observe, reading_faults
+from geoident.forward.gauges.observation import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import (

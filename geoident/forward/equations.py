@@ -19,7 +19,7 @@ from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
-from geoident.forward.structures.members import rigidities
+from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
@@ -111,7 +111,7 @@ class _Exporter:
         self.laws: list[PointLaw] = []
         self.set_of: dict[int, int] = {}
         self.law_of: dict[str, int] = {}
-        self.members: list[tuple[str, int, int]] = []
+        self.members: list[tuple[StructureMembers, int, int]] = []
 
     def system(self, readings: ReadingRows, last: int) -> StagedSystem:
         """All states; the virgin one only where its stress must be balanced first."""
@@ -162,7 +162,7 @@ class _Exporter:
                 chosen = np.flatnonzero(part.members.bending == bending)
                 if chosen.size:
                     none = np.zeros((1, chosen.size, 1 + self.n))
-                    self.members.append((part.name, len(self.sets), len(self.laws)))
+                    self.members.append((part, len(self.sets), len(self.laws)))
                     C = sp.csr_array(part.members.operator)[chosen]
                     weight = part.members.weight[chosen]
                     self.sets.append(PointSet(part.name, C, weight, self.affine(none)))
@@ -181,16 +181,20 @@ class _Exporter:
     def _stage(self, number: int, first: int) -> LoadStage:
         state, system = self.march.sequence.states[number], self.march.systems[number]
         forces = self.march.actions.forces(number, self.point)
+        if state.stressed or state.locked:
+            # Strains of a bar count from where it was locked off; the force it had then acts on.
+            structures = self.march.systems.structures
+            forces = forces - structures.nodal_forces(structures.locked(state, self.point))
         yields = number > 0  # what is out of balance in the virgin state is taken as elastic
         laws = {
             self.set_of[group]: self._law(material, yields=yields)
             for group, material in state.materials.items()
         }
         fresh = {self.set_of[group] for group in state.placed}
-        for name, s, law in self.members:
-            if name in state.structures:
+        for part, s, law in self.members:
+            if part.name in state.structures and part.name not in state.stressed:
                 laws[s] = law
-                fresh |= {s} if name in state.built else set()
+                fresh |= {s} if part.name in state.built else set()
         base = -1 if number == first else state.base - first
         return LoadStage(
             state.name, base, laws, frozenset(fresh), system.pattern.dofs, self.affine(forces)

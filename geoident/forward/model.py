@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.errors import Fault
 from geoident.fem.solvers.direct import Solver
 from geoident.forward.actions.forces import Actions
 from geoident.forward.affine import condensation_obstacle
@@ -21,10 +22,12 @@ from geoident.forward.discretization import Discretization
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.gauges.observable import MarchState
+from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.state import UnitForces
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.virgin import contradictions, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import ReadingPlaces, Survey
@@ -35,6 +38,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Values
 from geoident.model.response import BilinearSystem, Condensed
 from geoident.model.result import Counts
 from geoident.model.yielding import Activity
@@ -85,8 +89,11 @@ class StagedModel:
         self.systems = StageSystems(
             mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
         )
-        self.actions = Actions(case, mesh, table, locator, sequence, self.discretization)
-        self.march = March(case, mesh, sequence, self.systems, self.actions)
+        overburden = Overburden(case, mesh, table)
+        self.actions = Actions(
+            case, mesh, table, locator, sequence, self.discretization, overburden
+        )
+        self.march = March(case, mesh, sequence, self.systems, self.actions, overburden)
 
     @property
     def counts(self) -> Counts:
@@ -126,7 +133,23 @@ class StagedModel:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = {p.name: p.start for p in self.case.parameters}
         _, imbalance = self.march.virgin(ParameterPoint(start, ()))
-        return tuple(imbalance_notes(imbalance))
+        return (*imbalance_notes(imbalance), *self._contradiction_notes(start))
+
+    def contradictions(self) -> list[Fault]:
+        """Where weight and in-situ stress disagree at the start values, unless that is accepted.
+
+        Nothing is factorized.
+        """
+        start = {p.name: p.start for p in self.case.parameters}
+        gaps = surface_gaps(self.march, start)
+        if gaps or self.case.imbalance_accepted:
+            return gaps
+        return contradictions(self.march, start)
+
+    def _contradiction_notes(self, values: Values) -> tuple[str, ...]:
+        """The same at any values, and where it is accepted."""
+        accepted = " (accepted: in_situ.equilibrium)" if self.case.imbalance_accepted else ""
+        return tuple(f"{fault.message}{accepted}" for fault in contradictions(self.march, values))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
@@ -208,11 +231,15 @@ class StagedModel:
             members.table(),
             tuple(error.message for error in found.collapses),
             found.activity,
-            (*_unbalanced_notes(found), *imbalance_notes(found.imbalance)),
+            (
+                *_unbalanced_notes(found),
+                *imbalance_notes(found.imbalance),
+                *self._contradiction_notes(values),
+            ),
         )
 
     def relative(self, observed: Floats) -> Floats:
-        """Readings from what the channels see since placing: less what was there at zero.
+        """Readings from what the channels see since placing: mostly less what was there at zero.
 
         Args:
             observed: (n_states, n_channels, k).
@@ -220,12 +247,11 @@ class StagedModel:
         Returns:
             (n_states, n_channels, k); NaN where a channel can't be read.
         """
-        zero, readable = self.observation.zero, self.observation.readable[: len(observed)]
-        rows = np.arange(observed.shape[1])
-        reachable = zero < len(observed)
-        result = observed - observed[np.where(reachable, zero, 0), rows]
-        result[~readable] = np.nan
-        return np.asarray(result)
+        states = np.arange(len(observed))[:, None]
+        rows = np.arange(observed.shape[1])[None]
+        result = self.observation.readings(observed, rows, states)
+        result[~self.observation.readable[: len(observed)]] = np.nan
+        return result
 
 
 class StagedResponse:
@@ -368,8 +394,7 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
-        zero = model.observation.zero[self._row]
-        table = observed[self._state, self._row] - observed[zero, self._row]
+        table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
         values = model.values(p)
         added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
@@ -388,9 +413,8 @@ class StagedResponse:
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
-        built_on = self._model.sequence.built_on.astype(np.float64)
-        zero = self._model.observation.zero[self._row]
-        return np.asarray(built_on[:, self._state] - built_on[:, zero])
+        built_on = self._model.sequence.built_on
+        return self._model.observation.steps(built_on, self._row, self._state)
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:

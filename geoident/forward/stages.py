@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
+from geoident.model.structures import Bars, Structure
 
 _SHOWN = 5
 
@@ -35,6 +36,9 @@ class ConstructionState:
         structures: names of the structures that stand.
         built: names of those that are built at this stage, free of stress.
         loads_since: index of the state from which on each of the loads acts.
+        stressed: structure to the force of one bar, N, for those whose force is given at this
+            stage: a jack or a press holds it while the ground moves.
+        locked: structure to the force at which its bars were locked off at an earlier stage.
     """
 
     name: str
@@ -49,6 +53,8 @@ class ConstructionState:
     structures: frozenset[str] = frozenset()
     built: frozenset[str] = frozenset()
     loads_since: Mapping[str, int] = field(default_factory=dict)
+    stressed: Mapping[str, Scalar] = field(default_factory=dict)
+    locked: Mapping[str, Scalar] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -127,13 +133,18 @@ def states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ...
     trunk = 0
     for n, stage in enumerate(case.stages, start=1):
         base = trunk if stage.base is None else case.stage_names.index(stage.base)
-        states.append(_state_after(states[base], base, stage, n, index))
+        states.append(_state_after(states[base], base, stage, n, index, case.structures))
         trunk = trunk if stage.independent else n
     return tuple(states)
 
 
 def _state_after(
-    before: ConstructionState, base: int, stage: Stage, number: int, index: Mapping[str, int]
+    before: ConstructionState,
+    base: int,
+    stage: Stage,
+    number: int,
+    index: Mapping[str, int],
+    known: Mapping[str, Structure],
 ) -> ConstructionState:
     """The state of a number, at the end of a stage that builds on another."""
     gone = {index[g] for g in stage.excavate}
@@ -150,10 +161,19 @@ def _state_after(
     release = {g: part for g, part in before.release.items() if g not in leaving}
     release |= {index[g]: part for g, part in stage.release.items()}
     structures = (before.structures - set(stage.dismantle)) | set(stage.build)
+    stressed = _stressed_at_building(stage, known) | dict(stage.prestress)
+    kept = structures - set(stage.build) - stressed.keys()
+    locked = {k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept}
     return ConstructionState(
         stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
-        leaving, release, structures, frozenset(stage.build), since,
+        leaving, release, structures, frozenset(stage.build), since, stressed, locked,
     )  # fmt: skip
+
+
+def _stressed_at_building(stage: Stage, known: Mapping[str, Structure]) -> dict[str, Scalar]:
+    """Structures that a stage builds with a force of their own."""
+    bars = ((name, known[name]) for name in stage.build)
+    return {k: v.prestress for k, v in bars if isinstance(v, Bars) and v.prestress is not None}
 
 
 def group_faults(case: Case, mesh: Mesh) -> list[Fault]:

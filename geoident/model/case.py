@@ -115,8 +115,10 @@ class Stage:
             now or left before with part of it; the rest acts on until a later stage says more.
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
-        build: names of structures that are built, free of stress.
+        build: names of structures that are built, free of stress or with their prestress.
         dismantle: names of structures that leave.
+        prestress: structure to the force of each of its bars, N, to which it is brought at this
+            stage and at which it is locked off; overrides that of building.
         water: water in the pores from this stage on; None: as before.
         temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
@@ -134,6 +136,7 @@ class Stage:
     remove: tuple[str, ...] = ()
     build: tuple[str, ...] = ()
     dismantle: tuple[str, ...] = ()
+    prestress: Mapping[str, Scalar] = field(default_factory=dict)
     water: Water | None = None
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     independent: bool = False
@@ -179,10 +182,11 @@ class Case:
         fit: how to identify.
         source: where the keys are written in the file.
         in_situ_of: element group to its own in-situ stress, where it differs.
+        imbalance_accepted: a virgin state whose weight and stress do not agree is taken knowingly.
         water: water in the pores in the initial state, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         notes: what is to be known of how the readings were understood.
-        structures: linings and bolts by name; stages build them.
+        structures: linings, bolts, struts and anchors by name; stages build them.
     """
 
     title: str
@@ -205,6 +209,7 @@ class Case:
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     structures: Mapping[str, Structure] = field(default_factory=dict)
+    imbalance_accepted: bool = False
 
     @property
     def stage_names(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 
@@ -63,6 +64,17 @@ class ErrorParts:
         return dict(self.estimated).get(part)
 
 
+class Reads(Enum):
+    """Which states a reading is made of."""
+
+    CHANGE = "change"
+    """The state at the end of its stage, less that at the zero of its channel."""
+    VALUE = "value"
+    """The state at the end of its stage alone: an absolute reading, which has no zero."""
+    VIRGIN = "virgin"
+    """The virgin state alone, whenever it was read: overcoring in undisturbed ground."""
+
+
 @dataclass(frozen=True)
 class Channel:
     """What one gauge reads, zeroed at a stage: mostly direction . (u(second) - u(first)).
@@ -70,7 +82,7 @@ class Channel:
     Args:
         name: name under which readings are given.
         gauge: name of the gauge it belongs to.
-        kind: of the gauge; says what is read (`forward.gauges.observable.OBSERVABLES`).
+        kind: of the gauge; says what is read (`forward.gauges.observation.OBSERVABLES`).
         first: (dim,) coordinates of the reference point in m; None for fixed ground.
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads
@@ -91,6 +103,17 @@ class Channel:
         run: what the channel is a part of, along which errors add up, such as the casing of an
             inclinometer in one axis; empty for none.
         along: place of the channel on its run, m from the end to which readings refer.
+        reads: whether it reads a change since its zero, or a value.
+        quantity: which of the quantities of its kind: a component of stress or strain (``xx``),
+            a principal value (``major``), the force (``N``, ``M``, ``Q``) or the fibre (``inside``,
+            ``outside``, ``axis``) of a beam; empty where the kind has one.
+        structure: name of the structure that it sits on; empty for none.
+        member: number of the bolt in its structure, from 0.
+        compression: what it reads is positive in compression.
+        effective: of a stress: of the skeleton; else of skeleton and water together.
+        towards: (dim,) a point on the side of a beam that counts as its inside, m; None: the side
+            without ground.
+        fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
     """
 
     name: str
@@ -111,6 +134,19 @@ class Channel:
     errors: ErrorParts | None = None
     run: str = ""
     along: float = 0.0
+    reads: Reads = Reads.CHANGE
+    quantity: str = ""
+    structure: str = ""
+    member: int = 0
+    compression: bool = False
+    effective: bool = False
+    towards: tuple[float, ...] | None = None
+    fibre: float | None = None
+
+    @property
+    def is_zeroed(self) -> bool:
+        """Whether it reads zero at its zero, by definition."""
+        return self.reads is Reads.CHANGE
 
     @property
     def motions(self) -> tuple[MovingPoint, ...]:

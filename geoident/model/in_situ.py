@@ -135,4 +135,47 @@ class ProfileStress(_Stress):
         return {"at_surface": self.at_surface, "gradient": self.gradient}
 
 
-InSitu = ConstantStress | HeimStress | ProfileStress
+Ratio = Scalar | Mapping[str, Scalar]
+"""One number for all ground, or element group to its own."""
+
+
+@dataclass(frozen=True)
+class GeostaticStress(_Stress):
+    """The weight of what lies above, layer by layer, and K0 times it on every vertical plane.
+
+    The vertical stress follows from the densities of the materials, gravity, the water in the pores
+    and what lies on the ground; nothing of it is stated twice. Ratios are those of effective
+    stresses.
+
+    Args:
+        K0: ratio of horizontal to vertical stress: along x, or along the azimuth.
+        surface: of the ground; None: the top of the mesh.
+        cover: unit weight of the ground between the top of the mesh and the surface, N/m3.
+        surcharge: on the surface, Pa, compression positive; it stays in all stages.
+        held: see the module.
+        K0_across: ratio in the other horizontal direction (out of plane in 2-D); None: K0.
+        azimuth: 3-D: direction of K0, rad clockwise from y (north); None: along x.
+        tectonic: stress added everywhere, Pa, tension positive; None for none.
+    """
+
+    K0: Ratio
+    surface: Surface | None = None
+    cover: Scalar | None = None
+    surcharge: Scalar | None = None
+    held: bool | None = None
+    K0_across: Ratio | None = None
+    azimuth: Scalar | None = None
+    tectonic: Components | None = None
+
+    @property
+    def tensors(self) -> Mapping[str, Components]:
+        """The tectonic stress, if there is one."""
+        return {} if self.tectonic is None else {"tectonic": self.tectonic}
+
+    @property
+    def has_equal_ratios(self) -> bool:
+        """Whether one K0 holds along and across."""
+        return self.K0_across in (None, self.K0)
+
+
+InSitu = ConstantStress | HeimStress | ProfileStress | GeostaticStress

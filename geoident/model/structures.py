@@ -1,10 +1,16 @@
-"""Structural parts of a case: linings as beams on lines of the mesh, rock bolts as bars."""
+"""Structural parts of a case: linings and walls as beams; bolts, struts and anchors as bars."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 from geoident.model.parameter import Scalar, Values, scalars_of
+
+_MAY_BE_ZERO = ("prestress", "density", "weight")
+
+SecondEnd = Literal["joined", "fixed", "symmetry"]
+"""What holds the second end of a bar: the mesh, a place that does not move, or its mirror image."""
 
 
 @dataclass(frozen=True)
@@ -13,7 +19,7 @@ class _Structure:
 
     @property
     def numbers(self) -> dict[str, Scalar]:
-        """The numbers on which its stiffness depends, by name."""
+        """The numbers that the case gives of it, by name."""
         return scalars_of(self)
 
     def breach(self, values: Values) -> str | None:
@@ -23,6 +29,9 @@ class _Structure:
             if name == "nu":
                 if not -1.0 < number < 0.5:
                     return f"nu is {number:.6g}, it must be between -1 and 0.5"
+            elif name in _MAY_BE_ZERO:
+                if not number >= 0.0:
+                    return f"{name} is {number:.6g}, it must not be negative"
             elif not number > 0.0:
                 return f"{name} is {number:.6g}, it must be positive"
         return None
@@ -30,16 +39,22 @@ class _Structure:
 
 @dataclass(frozen=True)
 class Beam(_Structure):
-    """A lining in plane strain, per metre out of plane. Either E and thickness, or EA and EI.
+    """A lining or wall: a beam per metre out of plane; about an axis a shell of revolution.
+
+    Either E and thickness, or EA and EI.
 
     Args:
         group: group of lines of the mesh on which it is built.
         E: Young's modulus, Pa.
         thickness: m.
-        nu: Poisson's ratio: then E / (1 - nu^2) is taken, as for a wall long out of plane.
+        nu: Poisson's ratio: then E / (1 - nu^2) is taken, as for a wall long out of plane. Of a
+            shell a given number, since it couples meridian and hoops.
         EA: axial stiffness, N/m.
         EI: bending stiffness, N m (N m2 per metre).
         clamped_on: groups on whose nodes the beam does not turn (planes of symmetry, abutments).
+        hinges: where its pieces turn against each other: points (dim,), m, or groups of the mesh.
+        density: kg/m3, with the thickness.
+        weight: of a square metre of it, Pa, where no thickness is given.
     """
 
     group: str
@@ -49,18 +64,30 @@ class Beam(_Structure):
     EA: Scalar | None = None
     EI: Scalar | None = None
     clamped_on: tuple[str, ...] = ()
+    hinges: tuple[str | tuple[float, ...], ...] = ()
+    density: Scalar | None = None
+    weight: Scalar | None = None
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether anything is said of its weight."""
+        return self.density is not None or self.weight is not None
 
 
 @dataclass(frozen=True)
-class Bolts(_Structure):
-    """Bars that hold the ground at their two ends only. Either E and diameter, or EA.
+class Bars(_Structure):
+    """Straight bars that bear axial forces only. Either E and diameter (or area), or EA.
 
     Args:
-        ends: the two end points of every bolt, m.
-        spacing: out of plane, m, in plane strain; None in a solid.
+        ends: the two end points of every bar, m.
+        spacing: distance to the next one: out of plane in plane strain; along the circumference
+            through the first end about an axis; None in a solid. m.
         E: Young's modulus, Pa.
         diameter: m.
-        EA: axial stiffness of one bolt, N.
+        EA: axial stiffness of one bar, N.
+        area: of the section of one bar, m2.
+        number: of bars around the axis, in place of the spacing.
+        prestress: force of one bar at building, N: a pull, of struts a push.
     """
 
     ends: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
@@ -68,6 +95,44 @@ class Bolts(_Structure):
     E: Scalar | None = None
     diameter: Scalar | None = None
     EA: Scalar | None = None
+    area: Scalar | None = None
+    number: Scalar | None = None
+    prestress: Scalar | None = None
+
+    sense: ClassVar[float] = 1.0
+    """Axial force (tension positive) per prestress."""
+
+    second_end: SecondEnd = field(default="joined", kw_only=True)
 
 
-Structure = Beam | Bolts
+@dataclass(frozen=True)
+class Bolts(Bars):
+    """Bars that hold the ground at their two ends only; they are stressed by a pull."""
+
+
+@dataclass(frozen=True)
+class Struts(Bars):
+    """Bars that prop what stands at their first end against the second; they are jacked apart.
+
+    ``second_end`` says what holds them there: ``joined``, the mesh; ``fixed``, a place that does
+    not move; ``symmetry``, its other half: the strut ends at half its length on a plane of symmetry
+    of the model, where it does not move along itself.
+    """
+
+    sense = -1.0
+
+
+@dataclass(frozen=True)
+class Anchors(Bars):
+    """Bars from a head to a toe, held by the ground along the grouted length at the toe.
+
+    Between head and grout they touch nothing. They are stressed by a pull at the head.
+
+    Args:
+        grouted: length of the part at the toe that is held by the ground, m.
+    """
+
+    grouted: float = field(default=0.0, kw_only=True)
+
+
+Structure = Beam | Bolts | Struts | Anchors

@@ -61,7 +61,7 @@ def planned_readings(case: Case, computed: Floats) -> Ints:
         for j, stage in enumerate(case.stages)
         for i, channel in enumerate(case.channels)
         if np.isfinite(computed[i, j])
-        and stage.name != channel.zero
+        and not (channel.is_zeroed and stage.name == channel.zero)
         and (case.fit.stages is None or stage.name in case.fit.stages)
     ]
     if not rows:

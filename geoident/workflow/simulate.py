@@ -78,7 +78,7 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
         Reading(channel.name, stage.name, float(computed[i, j]))
         for j, stage in enumerate(case.stages)
         for i, channel in enumerate(case.channels)
-        if np.isfinite(computed[i, j]) and stage.name != channel.zero
+        if np.isfinite(computed[i, j]) and not (channel.is_zeroed and stage.name == channel.zero)
     )
 
 

@@ -6,14 +6,14 @@ Loads are made ready first: what does not depend on parameters is computed once.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FaceTable, FacetPatch, patches
+from geoident.fem.faces import FaceTable, FacetPatch, load_patches, patches
 from geoident.fem.kinematics import Kinematics
 from geoident.fem.loads import (
     facet_geometry,
@@ -24,16 +24,18 @@ from geoident.fem.loads import (
     weight_shares,
 )
 from geoident.fem.location import Locator, Site
-from geoident.forward.actions.supports import group_nodes, load_patches, point_site
+from geoident.forward.actions.supports import group_nodes, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.actions.water import FacePressure, PorePressure
 from geoident.forward.discretization import Discretization
-from geoident.forward.in_situ.stress import InSituStress, edges_held
+from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.in_situ.stress import InSituStress, OnTheGround, Places, edges_held
+from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.in_situ import GeostaticStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
@@ -120,6 +122,7 @@ class Actions:
         locator: finds points in it.
         sequence: the states of construction.
         discretization: strain points of the mesh.
+        overburden: what stands above places of the mesh.
     """
 
     def __init__(
@@ -130,6 +133,7 @@ class Actions:
         locator: Locator,
         sequence: ConstructionSequence,
         discretization: Discretization,
+        overburden: Overburden,
     ) -> None:
         self._case = case
         self._mesh = mesh
@@ -137,6 +141,7 @@ class Actions:
         self._locator = locator
         self._sequence = sequence
         self._discretization = discretization
+        self._overburden = overburden
         self._shares = self._volume_shares()
         self._edges = self._held_edges()
         self._loads = self._ready_loads()
@@ -184,7 +189,7 @@ class Actions:
             yield "the weight", partial(self._weight, some, self._case.gravity)
         for group in groups:
             for edge in self._edges.get(group, ()):
-                yield HELD_EDGES, edge.forces
+                yield edge.name, edge.forces
         for name, load in current.loads.items():
             if isinstance(load, Seismic):
                 yield f"the seismic force '{name}'", partial(self._shaking, some, load)
@@ -227,7 +232,7 @@ class Actions:
         stress[:NORMAL_COMPONENTS] = pressure
         volume = self._discretization.volume(self._sequence.present(state))
         group_of_point = self._sequence.group_of[points.element]
-        wet = _wet(water, group_of_point, self._sequence)
+        wet = is_wet(water, group_of_point, self._sequence.groups)
         wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
@@ -239,18 +244,23 @@ class Actions:
         geometries = self._discretization.geometries
         return [weight_shares(mesh, geometries, sequence.elements(g)) for g in groups]
 
-    def _held_edges(self) -> dict[int, list[_HeldEdge]]:
-        """Per group its outer faces in the virgin state, if its in-situ stress is held there."""
+    def _held_edges(self) -> dict[int, list[_Edge]]:
+        """Per group its outer faces in the virgin state, if something stays on them.
+
+        That is the in-situ stress where it is held, else what lies on the ground beside it.
+        """
         case, mesh, sequence = self._case, self._mesh, self._sequence
         rows = self._table.free(sequence.present(0))
         group_of_row = sequence.group_of[self._table.element[rows]]
-        edges = {}
+        edges: dict[int, list[_Edge]] = {}
         for g in map(int, np.unique(group_of_row)):
-            if edges_held(case.in_situ_of.get(sequence.groups[g], case.in_situ)):
-                edges[g] = [
-                    _HeldEdge(case, mesh, patch, sequence, self._discretization)
-                    for patch in patches(mesh, self._table, rows[group_of_row == g])
-                ]
+            model = case.in_situ_of.get(sequence.groups[g], case.in_situ)
+            mine = partial(patches, mesh, self._table, rows[group_of_row == g])
+            around = _Surroundings(case, mesh, sequence, self._discretization, self._overburden)
+            if edges_held(model):
+                edges[g] = [_HeldEdge(around, patch) for patch in mine()]
+            elif isinstance(model, GeostaticStress) and (model.surcharge or model.cover):
+                edges[g] = [_CoveredEdge(around, patch, model) for patch in mine()]
         return edges
 
     def _ready_loads(self) -> dict[tuple[int, str], ReadyLoad]:
@@ -279,26 +289,44 @@ class Actions:
         return face_load(mesh, load, faces, self._discretization.kinematics)
 
 
+@dataclass(frozen=True)
+class _Surroundings:
+    """The case on its mesh, as the edges of the model need it."""
+
+    case: Case
+    mesh: Mesh
+    sequence: ConstructionSequence
+    discretization: Discretization
+    overburden: Overburden
+
+
+class _Edge(Protocol):
+    """Something that stays on a part of the model's edge."""
+
+    name: str
+
+    def forces(self, point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, 1 + n), N."""
+
+
 class _HeldEdge:
     """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
 
-    def __init__(
-        self,
-        case: Case,
-        mesh: Mesh,
-        patch: FacetPatch,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-    ) -> None:
+    name = HELD_EDGES
+
+    def __init__(self, around: _Surroundings, patch: FacetPatch) -> None:
+        case, mesh, sequence = around.case, around.mesh, around.sequence
         self._mesh = mesh
         self._patch = patch
-        self._kinematics = discretization.kinematics
-        geometry = facet_geometry(mesh.points, patch, discretization.kinematics)
+        self._kinematics = around.discretization.kinematics
+        geometry = facet_geometry(mesh.points, patch, self._kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
-        groups = sequence.group_of[patch.element].repeat(geometry.positions.shape[1])
-        self._skeleton = InSituStress(case, mesh, positions, groups, sequence.groups)
+        elements = patch.element.repeat(geometry.positions.shape[1])
+        groups = sequence.group_of[elements]
+        places = Places(positions, groups, sequence.groups, elements)
+        self._skeleton = InSituStress(case, mesh, places, around.overburden)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = _wet(case.water, groups, sequence)
+        self._wet = is_wet(case.water, groups, sequence.groups)
 
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N."""
@@ -309,8 +337,25 @@ class _HeldEdge:
         return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
 
 
-def _wet(water: Water | None, groups: Ints, sequence: ConstructionSequence) -> Bools:
-    """Which of some groups (m,) have water in their pores."""
-    if water is None or water.groups is None:
-        return np.full(len(groups), water is not None)
-    return np.isin(groups, [sequence.groups.index(name) for name in water.groups])
+class _CoveredEdge:
+    """Cover and surcharge of a geostatic stress on a patch of the model's edge."""
+
+    name = "what lies on the ground"
+
+    def __init__(self, around: _Surroundings, patch: FacetPatch, model: GeostaticStress) -> None:
+        mesh = around.mesh
+        self._mesh, self._patch = mesh, patch
+        self._kinematics = around.discretization.kinematics
+        geometry = facet_geometry(mesh.points, patch, self._kinematics)
+        positions = geometry.positions.reshape(-1, mesh.dim)
+        elements = patch.element.repeat(geometry.positions.shape[1])
+        above = around.overburden.above(positions, elements)
+        self._open = above.uncovered
+        self._on_top = OnTheGround(model, mesh, positions, above)
+
+    def forces(self, point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, 1 + n), N: per area in plan, so as sigma n of a vertical stress."""
+        pressure = np.where(self._open[:, None], self._on_top.pressure(point).columns, 0.0)
+        stress = np.zeros((self._kinematics.n_strain, *pressure.shape))
+        stress[self._mesh.dim - 1] = -pressure
+        return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)

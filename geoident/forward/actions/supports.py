@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.faces import FaceTable, FacetPatch, patches
+from geoident.fem.faces import FaceTable, load_faces, load_patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
 from geoident.forward.stages import ConstructionSequence, listed
@@ -116,37 +116,6 @@ def point_site(locator: Locator, load: PointForce, present: Bools) -> Site | Non
     if isinstance(load.place, str):
         return None
     return next((s for s in locator.sites(load.place) if present[s.element]), None)
-
-
-def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
-    """Identity (k,) in the face table of every facet of a group, -1 where it borders no element.
-
-    Args:
-        mesh: the mesh.
-        table: its faces.
-        group: name of the group.
-    """
-    found = np.concatenate([table.find(block) for block in mesh.facets])
-    return np.asarray(found[mesh.facet_groups[group]])
-
-
-def load_patches(
-    mesh: Mesh, table: FaceTable, group: str, present: Bools
-) -> tuple[FacetPatch, ...] | None:
-    """The loaded free faces of the present body; None if a face is not free (inside, or absent).
-
-    Args:
-        mesh: the mesh.
-        table: its faces.
-        group: name of the group.
-        present: (n_elements,) which elements are there.
-    """
-    wanted = np.unique(load_faces(mesh, table, group))
-    rows = table.free(present)
-    rows = rows[np.isin(table.face[rows], wanted)]
-    if len(rows) != len(wanted):
-        return None
-    return patches(mesh, table, rows)
 
 
 def load_place_faults(

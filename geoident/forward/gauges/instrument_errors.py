@@ -7,6 +7,9 @@ A reading of channel a in state j, taken at time t, with the zero in state j0 at
 with n the stages from the zero to the reading: those in the history of j that are not in that of
 j0, so that load cases on the side do not count.
 
+A channel that reads a value instead of a change has its offset in every reading, and its drift per
+stage since the first stage.
+
 All three are linear in their parameters, so their derivatives are exact. Where the time of a
 reading is not known, it is that of the end of its stage; without a date there, it is NaN if the
 channel drifts in time.
@@ -93,7 +96,7 @@ class InstrumentErrors:
         elapsed = known - self._start[rows]
         for k, row in enumerate(rows):
             channel = self._channels[row]
-            later = float(since[k] > 0)
+            later = float(since[k] > 0 or not channel.is_zeroed)
             table[k] += _part(channel.offset, later, values, names)
             table[k] += _part(channel.drift, float(elapsed[k]), values, names)
             table[k] += _part(channel.drift_per_stage, float(since[k]), values, names)

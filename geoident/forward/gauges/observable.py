@@ -4,19 +4,16 @@ An observable turns a state of the march into values with derivatives. What a ch
 value there less that at the zero of the channel, and what the instrument adds by itself
 (`instrument_errors`). A new quantity is one class more, which says what it makes of displacements,
 stresses and member forces, and one function, which places its channels, finds from when to when
-they can be read, and stands in `OBSERVABLES` under the kinds of gauges that read it.
+they can be read, and stands in the table `observation.OBSERVABLES` under the kinds that read it.
 
 Condensation and the formulations that solve all stages at once act on the ground with unit forces
 along the readings (theory 4.1). An observable that is linear in the displacements alone, whatever
 the parameters, gives its rows G' for that; any other has none, and these methods refuse it.
-
-All channels of a case together (`Observation`): what they read, from when to when, and against
-which zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,12 +26,12 @@ from geoident.fem.location import Locator, Site, format_point
 from geoident.forward.march.state import StageEnd
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.members import Structures
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Bolts
+from geoident.model.structures import Bars
 
 _SNAPPED = 1e-6
 """How far outside an element a point is said to be snapped to it, in parts of its size."""
@@ -88,8 +85,9 @@ class GaugeSurroundings:
         return self.case.stage_names.index(channel.zero)
 
     def from_zero(self, channel: Channel) -> Bools:
-        """(n_states,) states from the zero of a channel on."""
-        return np.arange(len(self.sequence.states)) >= self.zero(channel)
+        """(n_states,) states from the zero of a channel on; all of them where it has none."""
+        later = np.arange(len(self.sequence.states)) >= self.zero(channel)
+        return later if channel.is_zeroed else np.ones_like(later)
 
 
 @dataclass(frozen=True)
@@ -146,14 +144,7 @@ class AxialForces:
         members, point = state.end.members, state.point
         table = np.empty((len(self._bolts), members.shape[1]))
         for row, (name, number) in enumerate(self._bolts):
-            part = next(part for part in state.structures.parts if part.name == name)
-            smeared = members[part.rows.start + number]
-            assert isinstance(part.structure, Bolts)
-            spacing = part.structure.spacing
-            one = point.constant(1.0) if spacing is None else point.number(spacing)
-            n = point.n_columns
-            table[row] = smeared * one.value
-            table[row, :n] = (Dual(smeared[:n]) * one).columns
+            table[row] = state.structures.bar(name, number, members, point)
         return table
 
 
@@ -195,7 +186,7 @@ def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Plac
     ends_of = {
         ends: (name, number)
         for name, structure in ground.case.structures.items()
-        if isinstance(structure, Bolts)
+        if isinstance(structure, Bars)
         for number, ends in enumerate(structure.ends)
     }
     for channel in channels:
@@ -209,23 +200,6 @@ def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Plac
     when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
     why = "its bolt does not stand then"
     return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
-
-
-Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
-
-OBSERVABLES: Mapping[str, Placing] = {
-    "extensometer": relative_displacements,
-    "convergence": relative_displacements,
-    "displacement": relative_displacements,
-    "settlement": relative_displacements,
-    "load-cell": axial_forces,
-}
-"""What the gauges of a kind read."""
-
-
-def reads_displacements(channel: Channel) -> bool:
-    """Whether a channel reads displacements and nothing else."""
-    return OBSERVABLES[channel.kind] is relative_displacements
 
 
 def best_site(
@@ -307,117 +281,3 @@ def _bolt_fault(case: Case, channel: Channel) -> Fault:
         f"'{channel.name}' reads its force",
         hint="give the two ends of a bolt as 'structures' has them",
     )
-
-
-@dataclass(frozen=True)
-class Observation:
-    """The gauges of a case on its mesh.
-
-    Args:
-        channels: names, in the order of the rows.
-        parts: what is read, and by which of the channels, (g,) indices.
-        zero: (n_channels,) state at which each channel reads zero.
-        readable: (n_states, n_channels) when it can be read.
-        snapped: names of channels with a point just outside the mesh.
-        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
-    """
-
-    channels: tuple[str, ...]
-    parts: tuple[tuple[Ints, Observable], ...]
-    zero: Ints
-    readable: Bools
-    snapped: tuple[str, ...]
-    reasons: tuple[str, ...]
-
-    def values(self, state: MarchState) -> Floats:
-        """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
-        table = np.empty((len(self.channels), state.end.u.shape[1]))
-        for rows, observable in self.parts:
-            table[rows] = observable.values(state)
-        return table
-
-    def operator(self, rows: Ints) -> sp.csr_array:
-        """G' (g, n_dofs) of some channels (g,) that read displacements.
-
-        Raises:
-            ValueError: one of them reads something else (see `not_linear`).
-        """
-        found = [(mine, observable.rows) for mine, observable in self.parts]
-        given = [(mine, matrix) for mine, matrix in found if matrix is not None]
-        here = np.concatenate([np.empty(0, np.int64), *(mine for mine, _ in given)])
-        place = np.full(len(self.channels), -1)
-        place[here] = np.arange(len(here))
-        if (place[rows] < 0).any():
-            raise ValueError("a channel reads more than displacements")
-        return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
-
-    def not_linear(self, rows: Ints) -> str | None:
-        """Why some channels (g,) are not linear in the displacements, or None if they are."""
-        for mine, observable in self.parts:
-            others = np.intersect1d(mine, rows)
-            if observable.rows is None and len(others):
-                name = self.channels[others[0]]
-                return f"gauge '{name}' reads something else than displacements"
-        return None
-
-    def unreadable(self, channel: str, state: int) -> str | None:
-        """Why a channel can't be read at a state, or None if it can."""
-        row = self.channels.index(channel)
-        if state < self.zero[row]:
-            return "it is zeroed only at a later stage"
-        if not self.readable[state, row]:
-            return self.reasons[row]
-        return None
-
-
-def observe(
-    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
-) -> tuple[Observation, list[Fault]]:
-    """The gauges of a case on its mesh, and what is wrong with them.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: of the mesh.
-        sequence: the states of construction.
-    """
-    ground = GaugeSurroundings(case, mesh, locator, sequence)
-    channels, states = case.channels, len(sequence.states)
-    readable = np.zeros((len(channels), states), dtype=bool)
-    reasons = [""] * len(channels)
-    parts, snapped, faults = [], set[str](), list[Fault]()
-    placing = [OBSERVABLES[channel.kind] for channel in channels]
-    for place in dict.fromkeys(placing):
-        mine = np.flatnonzero([other is place for other in placing])
-        placed = place([channels[row] for row in mine], ground)
-        faults += placed.faults
-        snapped |= set(placed.snapped)
-        if not placed.faults:
-            readable[mine] = placed.readable
-            parts.append((mine, placed.observable))
-        for row in mine:
-            reasons[row] = placed.unreadable
-    names = tuple(channel.name for channel in channels)
-    zero = np.array([ground.zero(channel) for channel in channels], np.int64)
-    beside = tuple(name for name in names if name in snapped)
-    found = Observation(names, tuple(parts), zero, readable.T, beside, tuple(reasons))
-    return found, faults
-
-
-def reading_faults(case: Case, observation: Observation) -> list[Fault]:
-    """Readings that were taken when the gauge could not be read."""
-    names = case.stage_names
-    faults = []
-    for reading in case.readings:
-        reason = observation.unreadable(reading.channel, names.index(reading.stage))
-        if reading.value is not None and reason and not reading.bad:
-            faults.append(
-                Fault(
-                    "unreadable-gauge",
-                    f"gauge '{reading.channel}' can't have been read at stage "
-                    f"'{reading.stage}': {reason}",
-                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
-                    reading.location,
-                )
-            )
-    return faults

@@ -1,1 +1,1 @@
-"""Stress of the virgin ground, and the surfaces from which it counts depth."""
+"""Stress of the virgin ground: its models, the weight above, surfaces, pressure of water."""

@@ -9,18 +9,30 @@ a kink there, and the derivative by the level is one-sided.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.forward.in_situ.overburden import GroundAbove, Overburden
 from geoident.forward.in_situ.surfaces import Depths, is_known
+from geoident.forward.in_situ.water import PorePressure, is_wet
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.model.actions import Water
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.in_situ import ConstantStress, HeimStress, InSitu, ProfileStress, Surface
+from geoident.model.in_situ import (
+    Components,
+    ConstantStress,
+    GeostaticStress,
+    HeimStress,
+    InSitu,
+    ProfileStress,
+    Ratio,
+    Surface,
+)
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
@@ -30,26 +42,49 @@ NEGLIGIBLE_IMBALANCE = 1e-9
 _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where a stress is asked for.
+
+    Args:
+        positions: (m, dim) m.
+        groups: (m,) group index of each position.
+        names: names of the groups by index.
+        elements: (m,) the elements on whose border the positions lie; None: they lie inside.
+    """
+
+    positions: Floats
+    groups: Ints
+    names: Sequence[str]
+    elements: Ints | None = None
+
+    def of(self, here: Bools) -> Places:
+        """Some of them."""
+        elements = None if self.elements is None else self.elements[here]
+        return Places(self.positions[here], self.groups[here], self.names, elements)
+
+
 class InSituStress:
     """The in-situ stress of a case at fixed positions: levels of surfaces are sought once.
 
     Args:
         case: the case.
         mesh: its mesh, for surfaces with topography.
-        positions: (m, dim) m.
-        groups: (m,) group index of each position.
-        names: names of the groups by index.
+        places: the positions.
+        overburden: what stands above places of the mesh; None to prepare it here.
     """
 
     def __init__(
-        self, case: Case, mesh: Mesh, positions: Floats, groups: Ints, names: Sequence[str]
+        self, case: Case, mesh: Mesh, places: Places, overburden: Overburden | None = None
     ) -> None:
+        positions, groups, names = places.positions, places.groups, places.names
+        ground = _Ground(case, mesh, Overburden(case, mesh) if overburden is None else overburden)
         self._shape = (_N_STRAIN[mesh.dim], len(positions))
         own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
         zones = [(case.in_situ, ~own)]
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
         self._zones = [
-            (_STRESSES[type(model)](model, mesh, positions[here]), np.flatnonzero(here))
+            (_STRESSES[type(model)](model, ground, places.of(here)), np.flatnonzero(here))
             for model, here in zones
             if model is not None and here.any()
         ]
@@ -127,12 +162,21 @@ class _StressAtPositions(Protocol):
         """xx, yy, zz, xy, yz, xz, each (m,) or the same everywhere, Pa."""
 
 
+@dataclass(frozen=True)
+class _Ground:
+    """The case on its mesh, and what stands above places in it."""
+
+    case: Case
+    mesh: Mesh
+    overburden: Overburden
+
+
 class _Uniform:
     """Stress that is the same at all positions."""
 
     n_outside = 0
 
-    def __init__(self, model: ConstantStress, mesh: Mesh, positions: Floats) -> None:
+    def __init__(self, model: ConstantStress, ground: _Ground, places: Places) -> None:
         self._components = model.components
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -143,12 +187,13 @@ class _Uniform:
 class _Heim:
     """Stress by Heim's rule."""
 
-    def __init__(self, model: HeimStress, mesh: Mesh, positions: Floats) -> None:
+    def __init__(self, model: HeimStress, ground: _Ground, places: Places) -> None:
+        positions = places.positions
         self._model = model
         self._dim = positions.shape[1]
         self._n = len(positions)
         surface = model.surface
-        self._depths = None if surface is None else Depths(mesh, surface, positions)
+        self._depths = None if surface is None else Depths(ground.mesh, surface, positions)
         self.n_outside = 0 if self._depths is None else self._depths.n_outside
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -157,15 +202,8 @@ class _Heim:
         vertical = -self._overburden(point)
         along = vertical * point.number(model.K0)
         across = vertical * point.number(model.K0 if model.K0_across is None else model.K0_across)
-        none = point.constant(np.zeros(self._n))
-        if self._dim == 2:
-            found = [along, vertical, across, none, none, none]
-        else:
-            xx, yy, xy = _turned(along, across, model.azimuth, point)
-            found = [xx, yy, vertical, xy, none, none]
-        if model.tectonic is None:
-            return found
-        return [dual + point.number(more) for dual, more in zip(found, model.tectonic, strict=True)]
+        found = _components(vertical, along, across, model.azimuth, point, self._dim)
+        return _with_tectonic(found, model.tectonic, point)
 
     def _overburden(self, point: ParameterPoint) -> Dual:
         """Vertical pressure (m,), compression positive."""
@@ -178,12 +216,90 @@ class _Heim:
         return self._depths.at(point).positive_part() * point.number(model.unit_weight)
 
 
+class OnTheGround:
+    """What lies on the ground at places with no ground above, and above all places below.
+
+    The cover between the top of the mesh and the surface, and the surcharge.
+
+    Args:
+        model: the in-situ stress.
+        mesh: for a surface with topography.
+        positions: (m, dim) m.
+        above: what stands above them.
+    """
+
+    def __init__(
+        self, model: GeostaticStress, mesh: Mesh, positions: Floats, above: GroundAbove
+    ) -> None:
+        self._model, self._n = model, len(positions)
+        self._tolerance = max(1e3 * above.tolerance, 1e-9)
+        tops = np.column_stack([positions[:, :-1], above.top])
+        surface = model.surface
+        self._cover = None if surface is None else Depths(mesh, surface, tops)
+        self.n_outside = 0 if self._cover is None else self._cover.n_outside
+
+    def thickness(self, point: ParameterPoint) -> Dual:
+        """Of the cover, (m,) m; negative where the mesh ends above the surface."""
+        none = point.constant(np.zeros(self._n))
+        if self._cover is None:
+            return none
+        found = none + self._cover.at(point)
+        return Dual(np.where(np.abs(found.columns[:, :1]) > self._tolerance, found.columns, 0.0))
+
+    def pressure(self, point: ParameterPoint) -> Dual:
+        """Vertical pressure (m,), Pa."""
+        total = point.constant(np.zeros(self._n))
+        if self._model.surcharge is not None:
+            total = total + point.number(self._model.surcharge)
+        if self._model.cover is not None:
+            thick = self.thickness(point).positive_part()
+            total = total + thick * point.number(self._model.cover)
+        return total
+
+
+class _Geostatic:
+    """The weight of what stands above, less the pressure of the water, and parts of it."""
+
+    def __init__(self, model: GeostaticStress, ground: _Ground, places: Places) -> None:
+        case, mesh, positions = ground.case, ground.mesh, places.positions
+        self._model, self._case = model, case
+        self._groups, self._names = places.groups, places.names
+        self._dim = positions.shape[1]
+        self._above = ground.overburden.above(positions, places.elements)
+        self._on_top = OnTheGround(model, mesh, positions, self._above)
+        self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
+        self._wet = is_wet(case.water, places.groups, places.names)
+        self.n_outside = self._on_top.n_outside
+
+    def components(self, point: ParameterPoint) -> list[Dual]:
+        """xx, yy, zz, xy, yz, xz."""
+        model = self._model
+        vertical = -(self._above.weight(self._case, point) + self._on_top.pressure(point))
+        if self._pores is not None:
+            vertical = vertical + self._pores.at(point).times(self._wet.astype(float))
+        along = vertical * self._ratio(model.K0, point)
+        across = (
+            along if model.K0_across is None else vertical * self._ratio(model.K0_across, point)
+        )
+        found = _components(vertical, along, across, model.azimuth, point, self._dim)
+        return _with_tectonic(found, model.tectonic, point)
+
+    def _ratio(self, given: Ratio, point: ParameterPoint) -> Dual:
+        """A ratio of stresses, the same everywhere or (m,) by groups."""
+        if isinstance(given, Scalar):
+            return point.number(given)
+        columns = np.zeros((len(self._groups), point.n_columns))
+        for group, ratio in given.items():
+            columns[self._groups == self._names.index(group)] = point.number(ratio).columns
+        return Dual(columns)
+
+
 class _Profile:
     """Stress that changes linearly with depth."""
 
-    def __init__(self, model: ProfileStress, mesh: Mesh, positions: Floats) -> None:
+    def __init__(self, model: ProfileStress, ground: _Ground, places: Places) -> None:
         self._model = model
-        self._depths = Depths(mesh, model.surface, positions)
+        self._depths = Depths(ground.mesh, model.surface, places.positions)
         self.n_outside = self._depths.n_outside
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -199,7 +315,33 @@ _STRESSES: Mapping[type, Callable[..., _StressAtPositions]] = {
     ConstantStress: _Uniform,
     HeimStress: _Heim,
     ProfileStress: _Profile,
+    GeostaticStress: _Geostatic,
 }
+
+
+def _components(
+    vertical: Dual,
+    along: Dual,
+    across: Dual,
+    azimuth: Scalar | None,
+    point: ParameterPoint,
+    dim: int,
+) -> list[Dual]:
+    """xx, yy, zz, xy, yz, xz of a vertical and two horizontal stresses."""
+    none = point.constant(np.zeros(vertical.value.shape))
+    if dim == 2:
+        return [along, vertical, across, none, none, none]
+    xx, yy, xy = _turned(along, across, azimuth, point)
+    return [xx, yy, vertical, xy, none, none]
+
+
+def _with_tectonic(
+    found: list[Dual], tectonic: Components | None, point: ParameterPoint
+) -> list[Dual]:
+    """Components with a stress that is added everywhere."""
+    if tectonic is None:
+        return found
+    return [dual + point.number(more) for dual, more in zip(found, tectonic, strict=True)]
 
 
 def _turned(

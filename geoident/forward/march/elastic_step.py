@@ -135,6 +135,6 @@ def _factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Fact
     return factor
 
 
-def _what_stands(state: ConstructionState) -> tuple[Mapping[int, str], frozenset[str]]:
-    """On what K depends: the material of every group, and the structures."""
-    return state.materials, state.structures
+def _what_stands(state: ConstructionState) -> tuple[Mapping[int, str], frozenset[str], set[str]]:
+    """On what K depends: the material of every group, the structures, those under a given force."""
+    return state.materials, state.structures, set(state.stressed)

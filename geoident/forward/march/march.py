@@ -44,7 +44,8 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress
+from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, Places
 from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
@@ -105,6 +106,7 @@ class March:
         sequence: the states of construction.
         systems: the equations of the stages.
         actions: what acts from outside.
+        overburden: what stands above places of the mesh; None to prepare it here.
     """
 
     def __init__(
@@ -114,8 +116,10 @@ class March:
         sequence: ConstructionSequence,
         systems: StageSystems,
         actions: Actions,
+        overburden: Overburden | None = None,
     ) -> None:
         self.case = case
+        self.mesh = mesh
         self.sequence = sequence
         self.systems = systems
         self.actions = actions
@@ -123,7 +127,9 @@ class March:
         self.thermal = ThermalStrains(case, sequence, discretization)
         points = discretization.points
         groups = sequence.group_of[points.element]
-        self.in_situ = InSituStress(case, mesh, points.position, groups, sequence.groups)
+        self.overburden = Overburden(case, mesh) if overburden is None else overburden
+        places = Places(points.position, groups, sequence.groups)
+        self.in_situ = InSituStress(case, mesh, places, self.overburden)
         self.release = PartialRelease(sequence, discretization, actions)
         self.warm = WarmStart()
 
@@ -298,7 +304,7 @@ class Run:
         carried.clear(~system.present)
         for group in state.placed:
             carried.clear(self._systems.discretization.points_of[group])
-        self._structures.clear(state, carried.members)
+        self._structures.begin(state, carried.members, self._point)
         u[~system.touched] = 0.0
 
     def _task(

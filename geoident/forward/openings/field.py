@@ -18,9 +18,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.gauges.observable import reads_displacements
+from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ.stress import InSituStress
+from geoident.forward.in_situ.stress import InSituStress, Places
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
@@ -31,6 +31,7 @@ from geoident.model.case import Analysis, Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
+from geoident.model.in_situ import GeostaticStress, InSitu
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
 from geoident.model.yielding import MohrCoulomb
@@ -62,7 +63,14 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return f"'{material}' has other yield limits than one of Mohr-Coulomb"
     if case.in_situ_of:
         return "groups have in-situ stresses of their own"
-    if not has_mesh and isinstance(getattr(in_situ, "surface", None), str):
+    return None if has_mesh else _needs_mesh(in_situ)
+
+
+def _needs_mesh(in_situ: InSitu | None) -> str | None:
+    """Why an in-situ stress can't be had without a mesh, a clause, or None if it can."""
+    if isinstance(in_situ, GeostaticStress):
+        return "the geostatic stress is the weight of the layers of a mesh"
+    if isinstance(getattr(in_situ, "surface", None), str):
         return "the depth is counted from a group of faces, which needs a mesh"
     return None
 
@@ -86,7 +94,7 @@ class OpeningField:
         a, (x, y) = site.radius, site.centre
         around = np.array([[x, y], [x - a, y], [x + a, y], [x, y - a], [x, y + a]])
         groups = np.full(len(around), site.ground)
-        self._in_situ = InSituStress(case, mesh, around, groups, sequence.groups)
+        self._in_situ = InSituStress(case, mesh, Places(around, groups, sequence.groups))
         ends = max((len(c.motions) for c in case.channels), default=0)
         self._ends = [_End(site, case.channels, which) for which in range(ends)]
         own = [_obstacle(sequence, site, state) for state in sequence.states]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import Locator, format_point
-from geoident.forward.actions.supports import group_nodes
+from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.forward.structures.members import (
     clamped_nodes,
+    held_points,
     holding_site,
     present_throughout,
     straight_pieces,
@@ -19,7 +20,10 @@ from geoident.forward.structures.members import (
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import Mesh, nodes_in
-from geoident.model.structures import Beam, Bolts, Structure
+from geoident.model.structures import Bars, Beam, Structure, Struts
+
+ON_PLANE = 1e-6
+"""Distance from a plane, in parts of the size of the mesh, that counts as on it."""
 
 
 def structure_notes(
@@ -87,7 +91,7 @@ def structure_place_faults(
         sequence: the states of construction.
         locator: finds points in the mesh.
     """
-    faults = []
+    faults = _symmetry_faults(case, mesh)
     for name, structure in case.structures.items():
         for n, state in enumerate(sequence.states):
             if name not in state.structures:
@@ -98,7 +102,7 @@ def structure_place_faults(
                 break
         else:
             present = present_throughout(sequence, name)
-            if present is not None and isinstance(structure, Bolts):
+            if present is not None and isinstance(structure, Bars):
                 found = _missing(mesh, structure, present, locator)
                 if found is not None:
                     faults.append(_no_ground(case, name, *found, "all at which it stands"))
@@ -109,16 +113,76 @@ def _missing(
     mesh: Mesh, structure: Structure, present: Bools, locator: Locator
 ) -> tuple[KeyPath, str] | None:
     """Where a structure lacks ground: the key, and what lies where."""
-    if isinstance(structure, Bolts):
+    if isinstance(structure, Bars):
         for n, pair in enumerate(structure.ends):
-            for k, point in enumerate(pair):
-                if holding_site(locator, point, present) is None:
-                    return ("ends", n, k), f"the end {format_point(point)} lies"
+            for k, held in enumerate(held_points(structure, pair)):
+                for what, point in held:
+                    if holding_site(locator, point, present) is None:
+                        return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
     if len(lost) == 0:
         return None
     return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"
+
+
+def _symmetry_faults(case: Case, mesh: Mesh) -> list[Fault]:
+    """Struts that should end on a plane of symmetry and do not."""
+    fixed = fixed_dofs(case, mesh).reshape(-1, mesh.dim)
+    return [
+        case.source.fault(
+            ("structures", name, "ends", n, *(() if inclined else (1,))),
+            code="no-symmetry-there",
+            message=f"the strut '{name}' ends on a plane of symmetry, but {why}",
+            hint=hint,
+        )
+        for name, strut in case.structures.items()
+        if isinstance(strut, Struts) and strut.second_end == "symmetry"
+        for n, pair in enumerate(strut.ends)
+        for why, hint, inclined in _off_symmetry(mesh, fixed, *pair)
+    ]
+
+
+def _off_symmetry(
+    mesh: Mesh, fixed: Bools, first: tuple[float, ...], second: tuple[float, ...]
+) -> Iterator[tuple[str, str, bool]]:
+    """Why the second end of a strut is on no plane of symmetry, the remedy, whether it leans.
+
+    Such a plane is one at which the mesh ends, with all its nodes there held across it.
+    """
+    along = np.subtract(second, first)
+    axis = int(np.argmax(np.abs(along)))
+    size = float(np.ptp(mesh.points, axis=0).max())
+    name, place = "xyz"[axis], second[axis]
+    if np.delete(np.abs(along), axis).max() > ON_PLANE * float(np.linalg.norm(along)):
+        why = f"it runs from {format_point(first)} to {format_point(second)}, inclined to the axes"
+        yield why, "such a plane crosses the strut at right angles", True
+        return
+    across = mesh.points[:, axis]
+    there = np.abs(across - place) <= ON_PLANE * size
+    held = np.count_nonzero(fixed[there, axis])
+    low, high = float(across.min()), float(across.max())
+    hint = (
+        "correct the coordinates, hold the plane by 'supports', or write 'second_end: fixed' for "
+        "an end that does not move"
+    )
+    if not there.any():
+        yield f"the mesh has no nodes at {name} = {place:.6g} m", hint, False
+    elif held < np.count_nonzero(there):
+        count = np.count_nonzero(there)
+        yield (
+            f"{count - held} of the {count} nodes at {name} = {place:.6g} m are not held along "
+            f"{name}",
+            hint,
+            False,
+        )
+    elif min(place - low, high - place) > ON_PLANE * size:
+        yield (
+            f"the mesh goes on on both sides of {name} = {place:.6g} m, from {low:.6g} to "
+            f"{high:.6g} m",
+            hint,
+            False,
+        )
 
 
 def _no_ground(case: Case, name: str, path: KeyPath, where: str, stage: str) -> Fault:

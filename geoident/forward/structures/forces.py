@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.stages import ConstructionSequence
-from geoident.forward.structures.members import Structures
+from geoident.forward.structures.members import Structures, bar_share
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.result import MemberForces
-from geoident.model.structures import Beam, Bolts, Structure
+from geoident.model.structures import Bars, Beam, Structure
 
 
 class MemberRecorder:
@@ -65,11 +65,10 @@ class MemberRecorder:
 
     def _at_ends(self, structure: Structure, forces: Floats, length: Floats) -> Floats:
         """N, M at the first and second end, Q: (4, n_members); of a bar only N, of one bar."""
-        if isinstance(structure, Bolts):
-            one = ParameterPoint(self._values, ())
-            spacing = 1.0 if structure.spacing is None else one.number(structure.spacing).value
+        if isinstance(structure, Bars):
+            share = bar_share(structure, ParameterPoint(self._values, ())).value
             missing = np.full(len(forces), np.nan)
-            return np.stack([forces * spacing, missing, missing, missing])
+            return np.stack([forces * share, missing, missing, missing])
         axial, middle, shear = forces.reshape(3, -1)
         half = shear * length / 2
         return np.stack([axial, middle - half, middle + half, shear])

@@ -1,4 +1,4 @@
-"""Linings and bolts in the sequence of stages: which stand when, what they bear, derivatives.
+"""Beams and bars in the sequence of stages: which stand when, what they bear, derivatives.
 
 A structure works like a group of elements. It is built free of stress, its forces q (see
 `fem.structures`) grow with the motion since then, and they end when it is dismantled. In the march
@@ -6,12 +6,26 @@ A structure works like a group of elements. It is built free of stress, its forc
     q <- q + D(p) B du ,      r = f - C^T V sigma - B^T w q
 
 so one more generalized stress is carried from stage to stage, with its derivatives. D holds EA(p)
-and EI(p), N/m and N m; bars are smeared over their spacing out of plane.
+and EI(p), N/m and N m; bars are smeared over their spacing out of plane. About an axis the members
+are those of the whole turn: EA of all bars on it, or per metre of circumference.
+
+A bar is *stressed* in a stage in which its force is given, at building or later: the jack holds the
+force P(p) while ground and structures move, so
+
+    q = P ,      D = 0      in that stage.
+
+At its end the bar is locked off, exactly with P, and from the next stage on its stiffness works
+again.
+
+An anchor is a bar of its free length, N = EA / L_free times what head and grouted length move
+apart. Along the grouted length it gives its force to the ground evenly, as bond is counted on in
+design, and that end moves as the ground does there on average. (A bar tied rigidly to the ground
+would give off most of the force where the grout begins, the more the finer the mesh.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,26 +33,38 @@ import scipy.sparse as sp
 
 from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
-from geoident.fem.structures import Members, bars, beams, member_blocks, stiffness_map
+from geoident.fem.structures import (
+    Members,
+    bars,
+    beams,
+    grouted_parts,
+    member_blocks,
+    stiffness_map,
+)
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case
+from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.parameter import Values
-from geoident.model.structures import Beam, Structure
+from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import Anchors, Bars, Beam, Structure
+
+_HeldPoint = tuple[str, tuple[float, ...]]
+
+GROUT_POINTS = 10
+"""Points, spread evenly along the grouted length of an anchor, at which it holds the ground."""
 
 
 @dataclass(frozen=True)
-class _Part:
+class StructureMembers:
     """One structure on the mesh.
 
     Args:
         name: of the structure.
         structure: what the case says of it.
-        members: its members.
+        members: its members; those of bars are the bars in the order of the case.
         rows: where its rows lie among those of all structures.
     """
 
@@ -82,8 +108,36 @@ class Structures:
         return len(self._sequence.groups) + number
 
     def keys(self, state: ConstructionState) -> frozenset[int]:
-        """Keys of the structures that stand at a state."""
-        return frozenset(self.key(n) for n, _ in self._in_place(state))
+        """Keys of the structures that work with their stiffness at a state."""
+        return frozenset(self.key(n) for n, _ in self._stiff(state))
+
+    def bar(self, name: str, number: int, members: Floats, point: ParameterPoint) -> Floats:
+        """Axial force N of one bar, N, tension positive: (1 + n + k,), with its derivatives.
+
+        The march carries it per metre out of plane or of the whole turn; one bar bears its share,
+        which may itself depend on parameters (a spacing).
+
+        Args:
+            name: of the structure: bolts, struts or anchors.
+            number: of the bar in it, from 0.
+            members: (n_rows, 1 + n + k) what the march carries.
+            point: the parameters, and the n of them by which the march differentiates.
+        """
+        part = self.part(name)
+        assert isinstance(part.structure, Bars)
+        smeared = members[part.rows.start + number]
+        share, n = bar_share(part.structure, point), point.n_columns
+        force = smeared * share.value
+        force[:n] = (Dual(smeared[:n]) * share).columns
+        return np.asarray(force)
+
+    def part(self, name: str) -> StructureMembers:
+        """The members of a structure that ever stands."""
+        return next(part for part in self.parts if part.name == name)
+
+    def locked(self, state: ConstructionState, point: ParameterPoint) -> Floats:
+        """Forces q (n_rows, 1 + n) given at a state, or at which bars were locked off before it."""
+        return self._given({**state.locked, **state.stressed}, point)
 
     def late_nodes(self) -> Ints:
         """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in."""
@@ -101,7 +155,7 @@ class Structures:
     def maps(self, state: ConstructionState, values: Values) -> dict[int, Floats]:
         """Stiffness maps (2 dim^2, dim^2) of the structures that stand, by key."""
         maps, point = {}, ParameterPoint(values, ())
-        for n, part in self._in_place(state):
+        for n, part in self._stiff(state):
             axial, bending = rigidities(part.structure, point)
             maps[self.key(n)] = stiffness_map(
                 float(axial.value), float(bending.value), dim=self._dim
@@ -109,9 +163,9 @@ class Structures:
         return maps
 
     def moduli(self, state: ConstructionState, point: ParameterPoint) -> Floats:
-        """D and its derivatives (n_rows, 1 + n), zero in what does not stand."""
+        """D and its derivatives (n_rows, 1 + n), zero where nothing stands or forces are given."""
         result = np.zeros((self.n_rows, point.n_columns))
-        for _, part in self._in_place(state):
+        for _, part in self._stiff(state):
             axial, bending = rigidities(part.structure, point)
             chosen = part.members.bending[:, None]
             result[part.rows] = np.where(chosen, bending.columns, axial.columns)
@@ -125,18 +179,54 @@ class Structures:
         """B^T w q, (n_dofs, k), of member forces (n_rows, k)."""
         return np.asarray(self._transpose @ (self._weight[:, None] * forces))
 
-    def clear(self, state: ConstructionState, forces: Floats) -> None:
-        """What does not stand, or is built only now, carries no forces (n_rows, k)."""
+    def begin(self, state: ConstructionState, forces: Floats, point: ParameterPoint) -> None:
+        """Forces (n_rows, 1 + n + k) with which a stage begins.
+
+        What does not stand, or is built only now, carries none; what is stressed, the given force.
+
+        Args:
+            state: at the end of the stage.
+            forces: (n_rows, 1 + n + k) carried from the stage before, changed in place.
+            point: the parameters, and the n of them by which the march differentiates.
+        """
         for part in self.parts:
             if part.name not in state.structures or part.name in state.built:
                 forces[part.rows] = 0.0
+            if part.name in state.stressed:
+                forces[part.rows] = 0.0
+        if state.stressed:
+            forces[:, : point.n_columns] += self._given(state.stressed, point)
 
-    def _in_place(self, state: ConstructionState) -> Iterator[tuple[int, _Part]]:
-        return ((n, p) for n, p in enumerate(self.parts) if p.name in state.structures)
+    def _given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
+        """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""
+        result = np.zeros((self.n_rows, point.n_columns))
+        for part in self.parts:
+            if part.name in forces and isinstance(part.structure, Bars):
+                force = point.number(forces[part.name]).times(part.structure.sense)
+                result[part.rows] = (force / bar_share(part.structure, point)).columns
+        return result
+
+    def _stiff(self, state: ConstructionState) -> Iterator[tuple[int, StructureMembers]]:
+        """Parts that stand and whose force is not given."""
+        return (
+            (n, p)
+            for n, p in enumerate(self.parts)
+            if p.name in state.structures and p.name not in state.stressed
+        )
+
+
+def bar_share(bars: Bars, point: ParameterPoint) -> Dual:
+    """The force of one bar per generalized force q of all: the spacing, or 1 / number, or 1."""
+    if bars.spacing is not None:
+        return point.number(bars.spacing)
+    return point.constant(1.0) if bars.number is None else _inverse(point.number(bars.number))
 
 
 def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]:
-    """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives."""
+    """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives.
+
+    About an axis EA of bars is that of all around it, or per metre of circumference.
+    """
     if isinstance(structure, Beam):
         return _of_wall(structure, point)
     none = point.constant(0.0)
@@ -145,8 +235,12 @@ def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]
     elif structure.E is not None and structure.diameter is not None:
         diameter = point.number(structure.diameter)
         axial = (point.number(structure.E) * diameter * diameter).times(np.pi / 4)
+    elif structure.E is not None and structure.area is not None:
+        axial = point.number(structure.E) * point.number(structure.area)
     else:
         axial = none
+    if structure.number is not None:
+        return axial * point.number(structure.number), none
     if structure.spacing is None:
         return axial, none
     return axial * _inverse(point.number(structure.spacing)), none
@@ -174,12 +268,19 @@ def inadmissible(case: Case, values: Values) -> str | None:
         found = structure.breach(values)
         if found:
             return f"of the structure '{name}' {found}"
+    for stage in case.stages:
+        for name, scalar in stage.prestress.items():
+            if not scalar.value(values) >= 0.0:
+                return (
+                    f"at stage '{stage.name}' the prestress of the structure '{name}' is "
+                    f"{scalar.value(values):.6g}, it must not be negative"
+                )
     return None
 
 
 def _parts(
     case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> Iterator[_Part]:
+) -> Iterator[StructureMembers]:
     first = 0
     for name, structure in case.structures.items():
         present = present_throughout(sequence, name)
@@ -189,14 +290,47 @@ def _parts(
             edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
             members = beams(mesh, edges, clamped_nodes(mesh, structure))
         else:
-            sites = [
-                tuple(holding_site(locator, x, present) for x in pair) for pair in structure.ends
-            ]
-            found = [(a, b) for a, b in sites if a is not None and b is not None]
-            members = bars(mesh, np.array(structure.ends, dtype=np.float64), found)
+            members = _bars(case, mesh, structure, locator, present)
         rows = slice(first, first + len(members.weight))
         first = rows.stop
-        yield _Part(name, structure, members, rows)
+        yield StructureMembers(name, structure, members, rows)
+
+
+def _bars(case: Case, mesh: Mesh, structure: Bars, locator: Locator, present: Bools) -> Members:
+    """Bars on the mesh; their members are numbered as the case gives them."""
+    ends = np.array(structure.ends, dtype=np.float64)
+    extent = None
+    if case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
+        extent = 2 * np.pi * ends[:, 0, 0]
+    held = [tuple([p for _, p in points] for points in held_points(structure, pair))
+            for pair in structure.ends]  # fmt: skip
+    sites = [
+        tuple(
+            [s for p in points if (s := holding_site(locator, p, present)) is not None]
+            for points in pair
+        )
+        for pair in held
+    ]
+    if isinstance(structure, Anchors):
+        ends, _ = grouted_parts(ends, structure.grouted, GROUT_POINTS)
+    return bars(mesh, ends, [(first, second) for first, second in sites], extent)
+
+
+def held_points(
+    structure: Bars, ends: tuple[tuple[float, ...], tuple[float, ...]]
+) -> tuple[list[_HeldPoint], list[_HeldPoint]]:
+    """What the mesh holds of a bar at its first and at its second end: what it is, and where.
+
+    Args:
+        structure: with the bar.
+        ends: of the bar, (dim,) each, m.
+    """
+    if isinstance(structure, Anchors):
+        _, points = grouted_parts(np.array([ends]), structure.grouted, GROUT_POINTS)
+        grout = [("the grouted length, which at", tuple(point)) for point in points[0].tolist()]
+        return [("the head", ends[0])], grout
+    second = [("the end", ends[1])] if structure.second_end == "joined" else []
+    return [("the end", ends[0])], second
 
 
 def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:

@@ -93,7 +93,9 @@ class CaseSection(Section):
     )
     loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
     structures: dict[Name, StructureSection] = Field(
-        {}, description="Linings and rock bolts by name; a stage says when it builds them."
+        {},
+        description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
+        "builds them.",
     )
     stages: list[StageSection] = Field([], description="Construction, step by step.")
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
@@ -139,6 +141,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         fit=section.fit.settings(strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
+        imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         water=None if section.water is None else section.water.water(),
         structures={
             name: part.structure(context.at("structures", name))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.schema.section import Context, Section, refuse
 from geoident.io.schema.values import (
@@ -22,9 +22,11 @@ from geoident.io.schema.values import (
 from geoident.model.in_situ import (
     Components,
     ConstantStress,
+    GeostaticStress,
     HeimStress,
     InSitu,
     ProfileStress,
+    Ratio,
     Surface,
 )
 from geoident.model.parameter import Scalar
@@ -41,6 +43,28 @@ _SURFACE = (
     "Where depth is counted from: a level, or a group of lines (2-D) or surfaces (solid) of the "
     "mesh with topography. Beyond its footprint the level of its nearest node counts."
 )
+
+
+_EQUILIBRIUM = (
+    "`accept` takes it knowingly that weight and in-situ stress do not agree: a stress that grows "
+    "with depth without gravity, or by more than 2 % another unit weight than density times "
+    "gravity, or a virgin state out of balance somewhere by more than 1 % of the local stress "
+    "(slopes with K0 times the weight above always are). An elastic step then brings it to "
+    "equilibrium, and a note says so; with `required` it is an error."
+)
+
+
+def _shape(value: object) -> str:
+    return "mapping" if isinstance(value, dict) else "text"
+
+
+RatioByGroup = Annotated[
+    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("mapping")],
+    Discriminator(_shape),
+]
+"""One number, or element group to number."""
+
+Equilibrium = Literal["required", "accept"]
 
 
 class _ModelBase(Section):
@@ -134,15 +158,8 @@ class HeimModel(_ModelBase):
 
     def stress(self, context: Context) -> HeimStress:
         """Vertical, and horizontal in parts of it."""
-        if self.azimuth is not None and context.dim == 2:
-            message = "a plane model has no azimuth"
-            hint = "K0 acts along x, K0_across out of plane."
-            context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
-        tectonic = None
-        if self.tectonic is not None:
-            place = context.at("tectonic")
-            tectonic = _components(self.tectonic, place)
-            _require_horizontal(self.tectonic, place)
+        _require_plan(self.azimuth, context)
+        tectonic = _tectonic(self.tectonic, context)
         return HeimStress(
             K0=self.K0.scalar,
             vertical=scalar_of(self.vertical),
@@ -180,7 +197,78 @@ class ProfileModel(_ModelBase):
         )
 
 
-ZoneSection = Annotated[ConstantModel | HeimModel | ProfileModel, Field(discriminator="model")]
+class GeostaticModel(_ModelBase):
+    """The weight of the layers above from their densities, and K0 times it horizontally.
+
+    The vertical is y in 2-D and z in a solid. The weight of all ground above a point counts, along
+    the vertical through the elements, with the loads that act on it from the beginning. Where there
+    is water in the pores, the stress is effective: the weight above less the pressure of the water.
+    """
+
+    model: Literal["geostatic"]
+    K0: RatioByGroup = Field(
+        description="Ratio of horizontal to vertical (effective) stress, along x or along "
+        "`azimuth`: one number, or one for each element group.",
+        examples=["0.5", {"clay": 0.6, "sand": 0.45}],
+    )
+    K0_across: RatioByGroup | None = Field(
+        None,
+        description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
+    )
+    azimuth: Angle | None = Field(
+        None,
+        description="Solid: direction of K0, clockwise from north (y); along x if missing.",
+        examples=["35 deg", "$azimuth"],
+    )
+    surface: LevelOrGroup | None = Field(
+        None,
+        description="Surface of the ground: a level, or a group of lines (2-D) or surfaces (solid)"
+        "; the top of the mesh if missing. Where it lies above the top of the mesh, `cover` says "
+        "what the ground between weighs.",
+        examples=["300 m", "topography"],
+    )
+    cover: UnitWeight | None = Field(
+        None,
+        description="Unit weight of the ground between the top of the mesh and `surface`; it lies "
+        "on the ground until that is excavated.",
+    )
+    surcharge: Stress | None = Field(
+        None,
+        description="Pressure on the surface, compression positive; it lies on the ground until "
+        "that is excavated. Give here or as a load what acts from the beginning, not both.",
+    )
+    tectonic: StressSection | None = Field(
+        None,
+        description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
+        "xx, yy, xy (solid).",
+    )
+    held: Flag | None = Field(None, description=_HELD)
+
+    @model_validator(mode="after")
+    def _cover_to_a_surface(self) -> GeostaticModel:
+        if self.cover is not None and self.surface is None:
+            message = "'cover' without 'surface': how thick it is is not known"
+            refuse(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
+        return self
+
+    def stress(self, context: Context) -> GeostaticStress:
+        """The weight above, and parts of it."""
+        _require_plan(self.azimuth, context)
+        return GeostaticStress(
+            K0=_ratio(self.K0),
+            surface=None if self.surface is None else surface_of(self.surface),
+            cover=scalar_of(self.cover),
+            surcharge=scalar_of(self.surcharge),
+            held=self.held,
+            K0_across=None if self.K0_across is None else _ratio(self.K0_across),
+            azimuth=scalar_of(self.azimuth),
+            tectonic=_tectonic(self.tectonic, context),
+        )
+
+
+ZoneSection = Annotated[
+    ConstantModel | HeimModel | ProfileModel | GeostaticModel, Field(discriminator="model")
+]
 
 _ZONES = "Element group to a model of its own, where its stress differs (a fault zone)."
 
@@ -189,6 +277,7 @@ class ConstantSection(ConstantModel):
     """In-situ stress that is the same everywhere; tension is positive."""
 
     groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
 
 
 class HeimSection(HeimModel):
@@ -198,16 +287,31 @@ class HeimSection(HeimModel):
     """
 
     groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
 
 
 class ProfileSection(ProfileModel):
     """A stress that changes linearly with depth: at_surface + gradient * depth."""
 
     groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
+
+
+class GeostaticSection(GeostaticModel):
+    """The weight of the layers above from their densities, and K0 times it horizontally.
+
+    The vertical is y in 2-D and z in a solid. The weight of all ground above a point counts, along
+    the vertical through the elements, with the loads that act on it from the beginning. Where there
+    is water in the pores, the stress is effective: the weight above less the pressure of the water.
+    """
+
+    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
 
 
 InSituSection = Annotated[
-    ConstantSection | HeimSection | ProfileSection, Field(discriminator="model")
+    ConstantSection | HeimSection | ProfileSection | GeostaticSection,
+    Field(discriminator="model"),
 ]
 
 
@@ -242,6 +346,28 @@ def _components(
                 context.at(name).refuse("wrong-dimension", message, "Remove it.", key=True)
     xx, yy, zz, xy, yz, xz = (scalar_of(getattr(given, name)) or Scalar(0.0) for name in _NAMES)
     return xx, yy, zz, xy, yz, xz
+
+
+def _ratio(given: Given | dict[str, Given]) -> Ratio:
+    if isinstance(given, Given):
+        return given.scalar
+    return {group: ratio.scalar for group, ratio in given.items()}
+
+
+def _require_plan(azimuth: Given | None, context: Context) -> None:
+    if azimuth is not None and context.dim == 2:
+        message = "a plane model has no azimuth"
+        hint = "K0 acts along x, K0_across out of plane."
+        context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
+
+
+def _tectonic(given: StressSection | None, context: Context) -> Components | None:
+    if given is None:
+        return None
+    place = context.at("tectonic")
+    components = _components(given, place)
+    _require_horizontal(given, place)
+    return components
 
 
 def _require_horizontal(given: StressSection, context: Context) -> None:

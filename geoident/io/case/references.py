@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from geoident.io.case.actions import WaterSection
 from geoident.io.case.case import CaseSection
 from geoident.io.case.fit import AxisSection
+from geoident.io.case.in_situ import GeostaticModel
 from geoident.io.case.stages import ABSENT, Begin, check_sequence
 from geoident.io.schema.values import Given
 from geoident.io.text.faults import Faults
@@ -21,6 +22,7 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     _check_ties(section, faults)
     _check_materials(section, faults)
     _check_groups(section, faults)
+    _check_geostatic(section, faults)
     _check_stages(section, faults)
     _check_fit(section, faults)
     _check_mesh(section, faults)
@@ -63,6 +65,57 @@ def _check_groups(section: CaseSection, faults: Faults) -> None:
             hint = faults.did_you_mean(group, sorted(known), what="Groups")
             message = f"no group '{group}' is in 'groups' or installed by a stage"
             faults.add(place, "unknown-group", message, hint, key=key)
+
+
+def _check_geostatic(section: CaseSection, faults: Faults) -> None:
+    """What an in-situ stress that follows from the weight of the ground needs to know of it."""
+    if section.in_situ is None:
+        return
+    zones = section.in_situ.groups
+    present = [group for group, material in section.groups.items() if material != ABSENT]
+    rest = [group for group in present if group not in zones]
+    models: list[tuple[KeyPath, object, list[str]]] = [(("in_situ",), section.in_situ, rest)]
+    models += [(("in_situ", "groups", name), zone, [name]) for name, zone in zones.items()]
+    weighed = False
+    for path, model, mine in models:
+        if isinstance(model, GeostaticModel):
+            weighed = True
+            for key in ("K0", "K0_across"):
+                _check_ratios((*path, key), getattr(model, key), mine, section, faults)
+    if not weighed:
+        return
+    if section.gravity is None:
+        message = "the geostatic stress is the weight of the ground, and there is no gravity"
+        faults.add(("in_situ",), "no-gravity", message, "Add 'gravity: 9.81 m/s2'.")
+    for name in dict.fromkeys(section.groups[group] for group in present):
+        if name in section.materials and section.materials[name].density is None:
+            message = f"'{name}' has no density, of which the geostatic stress is made"
+            hint = "Add 'density: 1900 kg/m3'; below a water table that of the saturated ground."
+            faults.add(("materials", name), "no-density", message, hint, key=True)
+
+
+def _check_ratios(
+    path: KeyPath, given: object, mine: Collection[str], section: CaseSection, faults: Faults
+) -> None:
+    """Ratios of horizontal stresses by group: one for each group that needs one, no other."""
+    if not isinstance(given, Mapping):
+        return
+    missing = [group for group in mine if group not in given]
+    if missing:
+        message = f"no {path[-1]} for {', '.join(map(repr, missing))}"
+        hint = "Add it, or write one number for all groups."
+        faults.add(path, "missing-group", message, hint, key=True)
+    for group in given:
+        if group not in section.groups:
+            faults.add_unknown((*path, group), "group", group, section.groups, key=True)
+        elif group not in mine:
+            absent = section.groups[group] == ABSENT
+            why = (
+                "is not there in the initial state, so it has no in-situ stress"
+                if absent
+                else "takes its in-situ stress from another place"
+            )
+            faults.add((*path, group), "absent-group", f"'{group}' {why}", "Remove it.", key=True)
 
 
 def _check_stages(section: CaseSection, faults: Faults) -> None:

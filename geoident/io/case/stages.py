@@ -20,8 +20,9 @@ from geoident.io.case.actions import (
     build_temperature,
 )
 from geoident.io.case.ground import MaterialSection
+from geoident.io.case.structures import BeamSection, StructureSection, negative_force
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import Coefficient, Flag, Name
+from geoident.io.schema.values import Coefficient, Flag, Force, Given, Name
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
 from geoident.model.case import VIRGIN, KeyPath, Stage
@@ -65,14 +66,21 @@ class StageSection(Section):
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
     build: list[Name] = Field(
         [],
-        description="Names of `structures` (linings, bolts) that are built. They "
-        "begin free of stress, and carry part of what acts from then on.",
+        description="Names of `structures` that are built. They begin free of stress (bars with "
+        "their prestress), and carry part of what acts from then on.",
         examples=[["lining"]],
     )
     dismantle: list[Name] = Field(
         [],
         description="Names of structures that are removed; the ground takes over the forces that "
         "they carried.",
+    )
+    prestress: dict[Name, Force] = Field(
+        {},
+        description="Structure (bolts, struts, anchors) to the force to which each of its bars is "
+        "stressed, jacked or let down at this stage; it holds during the stage whatever moves, and "
+        "is locked off at its end. Overrides the `prestress` with which the stage builds it.",
+        examples=[{"anchors": "350 kN"}],
     )
     water: WaterSection | None = Field(
         None, description="Water in the pores from this stage on; as before if missing."
@@ -110,6 +118,7 @@ class StageSection(Section):
             remove=tuple(self.remove),
             build=tuple(self.build),
             dismantle=tuple(self.dismantle),
+            prestress={name: force.scalar for name, force in self.prestress.items()},
             water=None if self.water is None else self.water.water(),
             temperature=build_temperature(self.temperature, context.at("temperature")),
             independent=self.independent,
@@ -125,13 +134,13 @@ class Begin:
         groups: element group to material, or `ABSENT`.
         materials: name to section.
         loads: names of the loads that act from the beginning.
-        structures: names of all structures.
+        structures: all structures by name.
     """
 
     groups: Mapping[str, str]
     materials: Mapping[str, MaterialSection]
     loads: Collection[str]
-    structures: Collection[str]
+    structures: Mapping[str, StructureSection]
 
 
 def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
@@ -288,6 +297,29 @@ class _Ground:
                 hint = "To replace it, list it under 'dismantle' too."
                 self.faults.add(place, "built-twice", message, hint)
             self.structures.add(name)
+
+        for name, force in stage.prestress.items():
+            self._stress(path, stage, name, force)
+
+    def _stress(self, path: KeyPath, stage: StageSection, name: str, force: Given) -> None:
+        """Bars whose force a stage gives."""
+        place = (*path, "prestress", name)
+        section = self.begin.structures.get(name)
+        if section is None:
+            self.faults.add_unknown(place, "structure", name, self.begin.structures, key=True)
+        elif isinstance(section, BeamSection):
+            message = f"'{name}' is a beam, which is not prestressed"
+            hint = "Name bolts, struts or anchors."
+            self.faults.add(place, "wrong-structure", message, hint, key=True)
+        elif name not in self.structures:
+            message = f"'{name}' cannot be stressed at stage '{stage.name}': it does not stand then"
+            hint = f"Build it first: add 'build: [{name}]' to this stage or to one before it."
+            if name in stage.dismantle:
+                hint = "Leave out the prestress, or dismantle the structure at a later stage."
+            self.faults.add(place, "no-such-structure", message, hint, key=True)
+        fault = negative_force(force)
+        if fault:
+            self.faults.add(place, "out-of-range", *fault)
 
     def _refuse_absent(self, place: KeyPath, group: str, what: str, *, key: bool) -> None:
         if group not in self.known:

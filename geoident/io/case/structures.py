@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
+    Area,
     AxialStiffness,
     BendingStiffness,
+    Force,
     Given,
     Line,
     Modulus,
+    Multiple,
     Name,
+    Of,
     Ratio,
     Size,
     WallStiffness,
     scalar_of,
 )
 from geoident.model.case import Analysis
-from geoident.model.structures import Beam, Bolts, Structure
+from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
 
 
 class _StructureBase(Section):
@@ -86,37 +91,57 @@ class BeamSection(_StructureBase):
         )
 
 
-class BoltSection(_StructureBase):
-    """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
+class _BarSection(_StructureBase):
+    """What all bars have in common."""
 
-    kind: Literal["bolt"]
     ends: list[Line] = Field(
         min_length=1,
-        description="The two end points of every bolt.",
+        description="The two end points of every bar.",
         examples=[[["[3, 0 m]", "[7, 0 m]"]]],
     )
     spacing: Size | None = Field(
-        None, description="Distance between bolts out of plane; needed in plane strain only."
+        None,
+        description="Distance between bars: out of plane in plane strain; about an axis along the "
+        "circumference through their first ends.",
+    )
+    number: Multiple | None = Field(
+        None, description="Axisymmetric: number of bars around the axis, in place of the spacing."
     )
     E: Modulus | None = Field(None, description="Young's modulus.")
     diameter: Size | None = Field(None, description="Diameter of the bar.", examples=["25 mm"])
+    area: Area | None = Field(
+        None, description="Area of its section, in place of the diameter.", examples=["600 mm2"]
+    )
     EA: AxialStiffness | None = Field(
-        None, description="Axial stiffness of one bolt, in place of E and diameter."
+        None, description="Axial stiffness of one bar, in place of E and diameter."
+    )
+    prestress: Force | None = Field(
+        None,
+        description="Force to which one bar is stressed at the stage that builds it: a pull, of a "
+        "strut the push of its jack. It is held during that stage and locked off at its end.",
+        examples=["300 kN"],
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> BoltSection:
-        self._require_one_of(("E", "diameter"), ("EA",))
+    def _one_way(self) -> _BarSection:
+        self._require_one_of(("E", "diameter"), ("E", "area"), ("EA",))
         faults = SectionFaults()
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
-                message = "the bolt begins and ends at one point"
+                message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
+        if self.prestress is not None and (fault := negative_force(self.prestress)):
+            faults.add(("prestress",), "out-of-range", *fault)
         faults.raise_any()
         return self
 
-    def structure(self, context: Context) -> Bolts:
-        """Bolts, in plane strain or a solid."""
+    @property
+    @abstractmethod
+    def what(self) -> str:
+        """What one of the bars is."""
+
+    def _given(self, context: Context) -> dict[str, Any]:
+        """What all bars have in the model."""
         self._check_spacing(context)
         ends = []
         for n, pair in enumerate(self.ends):
@@ -125,19 +150,128 @@ class BoltSection(_StructureBase):
                 for k, point in enumerate(pair)
             )
             ends.append((first, second))
-        spacing, E, diameter = map(scalar_of, (self.spacing, self.E, self.diameter))
-        return Bolts(tuple(ends), spacing, E, diameter, scalar_of(self.EA))
+        names = ("spacing", "number", "E", "diameter", "area", "EA", "prestress")
+        numbers = {name: scalar_of(getattr(self, name)) for name in names}
+        return {"ends": tuple(ends), **numbers}
 
     def _check_spacing(self, context: Context) -> None:
         if context.analysis is Analysis.AXISYMMETRIC:
-            _refuse("bolts", "plane-strain or solid", context)
-        elif context.analysis is Analysis.PLANE_STRAIN and self.spacing is None:
-            message = "'spacing' is missing: the distance between bolts out of plane"
+            self._check_ring(context)
+            return
+        if self.number is not None:
+            message = f"'number' in {context.analysis.value} analysis, which has no axis"
+            hint = "Give the 'spacing' out of plane." if context.dim == 2 else "Remove it."
+            context.at("number").refuse("wrong-analysis", message, hint, key=True)
+        if context.analysis is Analysis.PLANE_STRAIN and self.spacing is None:
+            message = f"'spacing' is missing: the distance between {self.what}s out of plane"
             context.refuse("missing-key", message, "Add 'spacing: 1.5 m'.", key=True)
         elif context.analysis is Analysis.SOLID and self.spacing is not None:
-            message = "'spacing' in a solid, where every bolt is modelled by itself"
-            hint = "Remove it, and list all bolts under 'ends'."
+            message = f"'spacing' in a solid, where every {self.what} is modelled by itself"
+            hint = f"Remove it, and list all {self.what}s under 'ends'."
             context.at("spacing").refuse("wrong-dimension", message, hint, key=True)
+
+    def _check_ring(self, context: Context) -> None:
+        """Bars about an axis: how many there are, and where."""
+        if (self.spacing is None) == (self.number is None):
+            found = "neither" if self.spacing is None else "both"
+            message = f"found {found}; either number or spacing of the {self.what}s around the "
+            message += "axis is expected"
+            hint = f"Add 'number: 12', the {self.what}s of one ring, or their 'spacing: 1.5 m' "
+            hint += "along the circumference."
+            context.refuse("wrong-pair", message, hint, key=True)
+        for n, pair in enumerate(self.ends):
+            for k, point in enumerate(pair):
+                place = context.at("ends", n, k)
+                if point[0].factor < 0:
+                    message = f"the end lies at the negative radius {point[0].text}"
+                    hint = "Give the bar in the half x >= 0; the others of its ring follow."
+                    place.refuse("negative-radius", message, hint)
+                elif k == 0 and point[0].factor == 0 and self.spacing is not None:
+                    message = "the first end lies on the axis, where bars have no spacing"
+                    place.refuse("zero-length", message, "Give their 'number'.")
+
+
+def negative_force(given: Given) -> tuple[str, str] | None:
+    """What is wrong with a prestress that is no parameter, and the remedy; None if nothing is."""
+    if given.parameter is not None or given.factor >= 0:
+        return None
+    return (
+        f"'{given.text}' is negative",
+        "Give the force of the jack: bolts and anchors are pulled by it, struts are pushed apart.",
+    )
+
+
+class BoltSection(_BarSection):
+    """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
+
+    kind: Literal["bolt"]
+
+    @property
+    def what(self) -> str:
+        """What one of the bars is."""
+        return "bolt"
+
+    def structure(self, context: Context) -> Bolts:
+        """Bolts; about an axis they are smeared over their ring."""
+        return Bolts(**self._given(context))
+
+
+class StrutSection(_BarSection):
+    """Struts and props: bars from a point of the mesh to what they are propped against.
+
+    That is another point of the mesh, a fixed place, or the plane of symmetry of the model: there
+    half of the strut ends.
+    """
+
+    kind: Literal["strut"]
+    second_end: Literal["joined", "fixed", "symmetry"] = Field(
+        "joined",
+        description="What holds the second end: `joined`, the mesh at that point; `fixed`, a place "
+        "that does not move; `symmetry`, the plane of symmetry of the model on which the middle of "
+        "the whole strut lies (give EA of the strut: half its length follows from the ends).",
+    )
+
+    @property
+    def what(self) -> str:
+        """What one of the bars is."""
+        return "strut"
+
+    def structure(self, context: Context) -> Struts:
+        """Struts; about an axis they are spokes, smeared over their ring."""
+        return Struts(**self._given(context), second_end=self.second_end)
+
+
+class AnchorSection(_BarSection):
+    """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
+
+    kind: Literal["anchor"]
+    grouted: Annotated[Given, Of("length", above=0.0)] = Field(
+        description="Length at the second end, the toe, along which grout ties the bar to the "
+        "ground; before it the bar is free.",
+        examples=["6 m"],
+    )
+
+    @property
+    def what(self) -> str:
+        """What one of the bars is."""
+        return "anchor"
+
+    @model_validator(mode="after")
+    def _free_length(self) -> AnchorSection:
+        faults = SectionFaults()
+        for n, (head, toe) in enumerate(self.ends):
+            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
+            if not self.grouted.factor < length:
+                message = f"the anchor is {length:.6g} m long, of which '{self.grouted.text}' are "
+                message += "grouted: no free length is left"
+                hint = "Give head and toe, and the grouted length at the toe."
+                faults.add(("ends", n), "zero-length", message, hint)
+        faults.raise_any()
+        return self
+
+    def structure(self, context: Context) -> Anchors:
+        """Anchors; about an axis they are smeared over their ring."""
+        return Anchors(**self._given(context), grouted=self.grouted.factor)
 
 
 def _place(point: list[Given]) -> list[float]:
@@ -152,4 +286,6 @@ def _refuse(what: str, where: str, context: Context) -> None:
     context.at("kind").refuse("wrong-analysis", message, hint)
 
 
-StructureSection = Annotated[BeamSection | BoltSection, Field(discriminator="kind")]
+StructureSection = Annotated[
+    BeamSection | BoltSection | StrutSection | AnchorSection, Field(discriminator="kind")
+]

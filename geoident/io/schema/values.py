@@ -49,6 +49,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "velocity": "0.5 mm/month",
     "force": "100 kN",
     "line load": "100 kN/m",
+    "area": "600 mm2",
     "bending stiffness": "30 MNm2/m",
     "angle": "30 deg",
     "temperature": "10 degC",
@@ -364,6 +365,8 @@ LineForce = Annotated[Given, Of("line load", tied=True)]
 TemperatureChange = Annotated[Given, Of("temperature", tied=True)]
 Expansion = Annotated[Given, Of("expansion", tied=True)]
 Size = Annotated[Given, Of("length", tied=True, above=0.0)]
+Area = Annotated[Given, Of("area", tied=True, above=0.0)]
+Multiple = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=0.0)]
 AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
 WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]

@@ -207,13 +207,17 @@ def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | Openin
     """The staged model of a case, the closed form where it has no mesh.
 
     Raises:
-        InputError: what the case says does not fit the mesh.
+        InputError: what the case says does not fit the mesh, or weight and in-situ stress
+            contradict each other at the start values.
         ModelError: the model moves freely somewhere.
     """
     path = inputs.loaded.mesh_path
     if path is None:
         return opening_model(inputs.case)
-    return staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+    model = staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+    if faults := model.contradictions():
+        raise InputError(faults)
+    return model
 
 
 def start_values(case: Case, model: CaseModel) -> Floats:

@@ -175,7 +175,10 @@ def accuracies(case: Case) -> Floats:
     NaN at the stage at which a channel is zeroed: it reads nothing there.
     """
     each = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
-    zero = [[channel.zero == stage.name for stage in case.stages] for channel in case.channels]
+    zero = [
+        [channel.is_zeroed and channel.zero == stage.name for stage in case.stages]
+        for channel in case.channels
+    ]
     at_zero = np.array(zero, dtype=np.bool_).reshape(len(case.channels), len(case.stages))
     return np.where(at_zero, np.nan, each[:, None])
 

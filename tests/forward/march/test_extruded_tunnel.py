@@ -11,11 +11,10 @@ import numpy as np
 from support.cases import material, model, rollers
 from support.meshes import gaping_box, mixed_box
 
-from geoident.fem.faces import face_table
+from geoident.fem.faces import face_table, load_patches
 from geoident.fem.kinematics import SOLID
 from geoident.fem.loads import pressure_forces
 from geoident.fem.location import Locator
-from geoident.forward.actions.supports import load_patches
 from geoident.io.mesh.file import read_mesh
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage

@@ -3,7 +3,7 @@
 import pytest
 
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Beam, Bolts
+from geoident.model.structures import Anchors, Beam, Bolts, Struts
 
 BENCH = "  - {name: bench 1, excavate: [bench], install: {lining: shotcrete}}"
 STAGES = "stages:\n"
@@ -93,5 +93,95 @@ def test_bolts_in_plane_strain_need_a_spacing(project, built):
 def test_beams_stand_in_plane_strain_only(project, built):
     faults = project.faults(built().replace("plane-strain", "axisymmetric"))
     found = {f.path: f.message for f in faults if f.code == "wrong-analysis"}
-    assert found.keys() == {"structures.shell.kind", "structures.bolts.kind"}
+    assert found.keys() == {"structures.shell.kind"}
     assert "beams in axisymmetric analysis" in found["structures.shell.kind"]
+
+
+STRUT = (
+    "{kind: strut, EA: 2000 MN, spacing: 3 m, ends: [[[3, 0 m], [0, 0 m]]], second_end: symmetry}"
+)
+ANCHOR = "{kind: anchor, E: 195 GPa, area: 600 mm2, spacing: 2 m, grouted: 4 m, prestress: 300 kN, "
+ANCHOR += "ends: [[[3, 0 m], [12, -2 m]]]}"
+
+
+def test_struts_and_anchors(project, built):
+    found = project.read(built(bolt=STRUT)).case.structures["bolts"]
+    ends = (((3.0, 0.0), (0.0, 0.0)),)
+    assert found == Struts(ends, Scalar(3.0), EA=Scalar(2e9), second_end="symmetry")
+    found = project.read(built(bolt=ANCHOR)).case.structures["bolts"]
+    assert found == Anchors(
+        (((3.0, 0.0), (12.0, -2.0)),), Scalar(2.0), E=Scalar(195e9), area=Scalar(600e-6),
+        prestress=Scalar(3e5), grouted=4.0,
+    )  # fmt: skip
+
+
+def test_stressed_again_by_a_later_stage_and_by_a_parameter(project, built):
+    again = "\n  - {name: jack, prestress: {bolts: 2 $P}}\ngauges:\n"
+    text = built(bolt=STRUT).replace("\ngauges:\n", again)
+    text = text.replace("parameters:\n", "parameters:\n  P: {start: 100 kN, bounds: [0, 1 MN]}\n")
+    case = project.read(text).case
+    assert case.stages[2].prestress == {"bolts": Scalar(2.0, "P")}
+    assert case.stages[1].prestress == {}
+
+
+@pytest.mark.parametrize(
+    ("bolt", "code", "said"),
+    [
+        (ANCHOR.replace("4 m", "14 m").replace("[[[3", "[«[[3"),
+         "zero-length", "the anchor is 9.21954 m long, of which '14 m' are grouted: no free length "
+         "is left"),
+        (ANCHOR.replace("300 kN", "«-300 kN"), "out-of-range", "'-300 kN' is negative"),
+        (ANCHOR.replace("300 kN", "«300 kPa"), "unit", "a force is expected"),
+        (ANCHOR.replace("600 mm2", "«600 mm"), "unit", "an area is expected"),
+        (ANCHOR.replace(" grouted: 4 m,", ""), "missing-key", "grouted"),
+        (STRUT.replace("symmetry}", "«mirror}"), "not-listed", "mirror"),
+        (STRUT.replace("spacing", "«number: 6, spacing"), "wrong-analysis",
+         "'number' in plane-strain analysis, which has no axis"),
+    ],
+)  # fmt: skip
+def test_wrong_bars_are_refused(project, built, bolt, code, said):
+    fault = project.only_fault(built(bolt=bolt))
+    assert fault.code == code
+    assert said in fault.message, fault.message
+
+
+@pytest.mark.parametrize(
+    ("does", "code", "message"),
+    [
+        ("build: [shell], prestress: {«bolts: 10 kN}", "no-such-structure",
+         "'bolts' cannot be stressed at stage 'bench 1': it does not stand then"),
+        ("build: [shell, bolts], prestress: {«bolt: 10 kN}", "unknown-structure",
+         "there is no structure 'bolt'"),
+        ("build: [shell, bolts], prestress: {«shell: 10 kN}", "wrong-structure",
+         "'shell' is a beam, which is not prestressed"),
+        ("build: [shell, bolts], prestress: {bolts: «-10 kN}", "out-of-range",
+         "'-10 kN' is negative"),
+    ],
+)  # fmt: skip
+def test_prestress_that_cannot_be_is_refused(project, built, does, code, message):
+    fault = project.only_fault(built(does=does))
+    assert fault.code == code
+    assert fault.message == message
+
+
+def test_bars_about_an_axis_need_their_number_or_spacing(project, built):
+    def faults(bolt):
+        found = project.faults(built(bolt=bolt).replace("plane-strain", "axisymmetric"))
+        return {f.code: f.message for f in found if f.path.startswith("structures.bolts")}
+
+    assert faults(BOLT) == {}
+    assert faults(BOLT.replace("spacing: 1.5 m", "number: 12")) == {}
+    assert faults(BOLT.replace("spacing: 1.5 m", "number: 12, spacing: 1 m")) == {
+        "wrong-pair": "found both; either number or spacing of the bolts around the axis is "
+        "expected"
+    }
+    assert faults(BOLT.replace("spacing: 1.5 m, ", "")) == {
+        "wrong-pair": "found neither; either number or spacing of the bolts around the axis is "
+        "expected"
+    }
+    assert faults(BOLT.replace("[7, 1 m]", "[-7, 1 m]")) == {
+        "negative-radius": "the end lies at the negative radius -7 m"
+    }
+    assert faults(BOLT.replace("[3, 0 m]", "[0, 0 m]")) == {
+        "zero-length": "the first end lies on the axis, where bars have no spacing"
+    }

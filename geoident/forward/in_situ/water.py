@@ -8,11 +8,13 @@ and so is its change from stage to stage. Densities below the table are those of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.model.actions import HeadLine, Water, WaterPressure
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
 
@@ -53,6 +55,19 @@ class FacePressure:
             level = level.times(1 - self._along) + end.times(self._along)
         depth = level.plus(-self._height)
         return depth.positive_part() * point.number(load.unit_weight)
+
+
+def is_wet(water: Water | None, groups: Ints, names: Sequence[str]) -> Bools:
+    """Which of some groups have water in their pores where they lie below the table.
+
+    Args:
+        water: in the pores, or None for none.
+        groups: (m,) group indices.
+        names: names of the groups by index.
+    """
+    if water is None or water.groups is None:
+        return np.full(len(groups), water is not None)
+    return np.isin(groups, [names.index(name) for name in water.groups if name in names])
 
 
 def _parts_of(line: HeadLine, positions: Floats) -> Floats:

@@ -1,0 +1,188 @@
+"""All channels of a case together: what they read, from when to when, and against which zero."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.errors import Fault
+from geoident.fem.location import Locator
+from geoident.forward.gauges.observable import (
+    GaugeSurroundings,
+    MarchState,
+    Observable,
+    Placed,
+    axial_forces,
+    relative_displacements,
+)
+from geoident.forward.stages import ConstructionSequence
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.gauges import Channel, Reads
+from geoident.model.mesh import Mesh
+
+_WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
+"""Weights of the state of a stage and of that of the zero in a reading."""
+
+Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
+
+OBSERVABLES: Mapping[str, Placing] = {
+    "extensometer": relative_displacements,
+    "convergence": relative_displacements,
+    "displacement": relative_displacements,
+    "settlement": relative_displacements,
+    "load-cell": axial_forces,
+}
+"""What the gauges of a kind read."""
+
+
+def reads_displacements(channel: Channel) -> bool:
+    """Whether a channel reads displacements and nothing else."""
+    return OBSERVABLES[channel.kind] is relative_displacements
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The gauges of a case on its mesh.
+
+    Args:
+        channels: names, in the order of the rows.
+        parts: what is read, and by which of the channels, (g,) indices.
+        zero: (n_channels,) state at which each channel reads zero; where it reads a value, the
+            virgin state.
+        weights: (2, n_channels) how often a reading counts the state of its stage, and that of
+            its zero: 1 and -1 for a change, 1 and 0 for a value, 0 and 1 for the virgin state.
+        readable: (n_states, n_channels) when it can be read.
+        snapped: names of channels with a point just outside the mesh.
+        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
+    """
+
+    channels: tuple[str, ...]
+    parts: tuple[tuple[Ints, Observable], ...]
+    zero: Ints
+    weights: Floats
+    readable: Bools
+    snapped: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+    def values(self, state: MarchState) -> Floats:
+        """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
+        table = np.empty((len(self.channels), state.end.u.shape[1]))
+        for rows, observable in self.parts:
+            table[rows] = observable.values(state)
+        return table
+
+    def readings(self, observed: Floats, rows: Ints, states: Ints) -> Floats:
+        """What channels read, (..., k), of what they see.
+
+        Args:
+            observed: (n_states, n_channels, k) what all channels see of the states.
+            rows: (...) channels.
+            states: (...) states of their readings.
+        """
+        at_stage, at_zero = self.weights[:, rows, None]
+        # A NaN of a state that does not count must not spread.
+        here = np.where(at_stage == 0, 0.0, at_stage * observed[states, rows])
+        zero = np.minimum(self.zero[rows], len(observed) - 1)
+        return here + np.where(at_zero == 0, 0.0, at_zero * observed[zero, rows])
+
+    def steps(self, built_on: Bools, rows: Ints, states: Ints) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g).
+
+        Args:
+            built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
+            rows: (g,) channels.
+            states: (g,) states of their readings.
+        """
+        at_stage, at_zero = self.weights[:, rows]
+        return np.asarray(built_on[:, states] * at_stage + built_on[:, self.zero[rows]] * at_zero)
+
+    def operator(self, rows: Ints) -> sp.csr_array:
+        """G' (g, n_dofs) of some channels (g,) that read displacements.
+
+        Raises:
+            ValueError: one of them reads something else (see `not_linear`).
+        """
+        found = [(mine, observable.rows) for mine, observable in self.parts]
+        given = [(mine, matrix) for mine, matrix in found if matrix is not None]
+        here = np.concatenate([np.empty(0, np.int64), *(mine for mine, _ in given)])
+        place = np.full(len(self.channels), -1)
+        place[here] = np.arange(len(here))
+        if (place[rows] < 0).any():
+            raise ValueError("a channel reads more than displacements")
+        return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
+
+    def not_linear(self, rows: Ints) -> str | None:
+        """Why some channels (g,) are not linear in the displacements, or None if they are."""
+        for mine, observable in self.parts:
+            others = np.intersect1d(mine, rows)
+            if observable.rows is None and len(others):
+                name = self.channels[others[0]]
+                return f"gauge '{name}' reads something else than displacements"
+        return None
+
+    def unreadable(self, channel: str, state: int) -> str | None:
+        """Why a channel can't be read at a state, or None if it can."""
+        row = self.channels.index(channel)
+        if state < self.zero[row] and self.weights[1, row] < 0:
+            return "it is zeroed only at a later stage"
+        if not self.readable[state, row]:
+            return self.reasons[row]
+        return None
+
+
+def observe(
+    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
+) -> tuple[Observation, list[Fault]]:
+    """The gauges of a case on its mesh, and what is wrong with them.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        locator: of the mesh.
+        sequence: the states of construction.
+    """
+    ground = GaugeSurroundings(case, mesh, locator, sequence)
+    channels, states = case.channels, len(sequence.states)
+    readable = np.zeros((len(channels), states), dtype=bool)
+    reasons = [""] * len(channels)
+    parts, snapped, faults = [], set[str](), list[Fault]()
+    placing = [OBSERVABLES[channel.kind] for channel in channels]
+    for place in dict.fromkeys(placing):
+        mine = np.flatnonzero([other is place for other in placing])
+        placed = place([channels[row] for row in mine], ground)
+        faults += placed.faults
+        snapped |= set(placed.snapped)
+        if not placed.faults:
+            readable[mine] = placed.readable
+            parts.append((mine, placed.observable))
+        for row in mine:
+            reasons[row] = placed.unreadable
+    names = tuple(channel.name for channel in channels)
+    zero = np.array([ground.zero(channel) for channel in channels], np.int64)
+    beside = tuple(name for name in names if name in snapped)
+    weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
+    found = Observation(names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons))
+    return found, faults
+
+
+def reading_faults(case: Case, observation: Observation) -> list[Fault]:
+    """Readings that were taken when the gauge could not be read."""
+    names = case.stage_names
+    faults = []
+    for reading in case.readings:
+        reason = observation.unreadable(reading.channel, names.index(reading.stage))
+        if reading.value is not None and reason and not reading.bad:
+            faults.append(
+                Fault(
+                    "unreadable-gauge",
+                    f"gauge '{reading.channel}' can't have been read at stage "
+                    f"'{reading.stage}': {reason}",
+                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
+                    reading.location,
+                )
+            )
+    return faults
