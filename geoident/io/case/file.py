@@ -103,6 +103,7 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         readings=read.readings,
         dates=read.dates,
         notes=read.notes,
+        when_read=read.by_stage,
     )
     faults.raise_any()
     channels = tuple(_less_zero(channel, read.zero_sd) for channel in case.channels)

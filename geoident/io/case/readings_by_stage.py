@@ -16,13 +16,17 @@ from functools import cached_property
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges import GaugeSection, sections_of_channels
-from geoident.io.case.readings import ReadingSection, ReadingsFileSection, entries
+from geoident.io.case.readings import ReadingSection, entries
+from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
+from geoident.io.case.site_files.file import ReadingsFileSection
+from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
+from geoident.io.readings.table import Layout
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing, shorten
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading
+from geoident.model.gauges import Reading, StageReadings
 from geoident.units import UNITS, size_in, unit_list, with_article
 
 Find = Callable[[str, KeyPath], str]
@@ -40,6 +44,7 @@ class ReadReadings:
         notes: what is to be known of how they were understood.
         zero_sd: channel to the standard deviation of the measured zero that was subtracted from its
             readings, SI.
+        by_stage: when the dated readings were taken, stage by stage.
     """
 
     readings: tuple[Reading, ...] = ()
@@ -47,6 +52,7 @@ class ReadReadings:
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     zero_sd: Mapping[str, float] = field(default_factory=dict)
+    by_stage: tuple[StageReadings, ...] = ()
 
 
 def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
@@ -78,7 +84,12 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         )
         for row in found
     )
-    return ReadReadings(readings, tuple(paths), calendar.dates, tuple(notes), check.zero_sd)
+    by_stage = when_read(check.dated, calendar)
+    if not faults.found:
+        notes += gaps(check.dated, by_stage, calendar, readings, stages=section.fit.stages)
+    return ReadReadings(
+        readings, tuple(paths), calendar.dates, tuple(notes), check.zero_sd, by_stage
+    )
 
 
 def _calendar(section: CaseSection, faults: Faults) -> Calendar:
@@ -137,28 +148,54 @@ def _of_file(
     described = ReadingsFileSection(file=entry) if isinstance(entry, str) else entry
     before = len(check.faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
-    paths.append(find(described.file, key))
+    found = [find(name, key) for name in described.paths]
+    paths += found
     if len(check.faults.found) > before:
         return [], True
-    try:
-        layout = described.described(calendar.dimensions)
-        rows = format_of(described.file).read(paths[-1], layout)
-    except InputError as error:
-        check.faults.extend(error.faults)
-        return [], True
+    survey = surveyed(described, check.section, check.faults, path)
     check.mapped(described, path)
+    rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
+    if len(check.faults.found) > before:
+        return [], True
     dated = any(row.time is not None for row in rows)
     if dated and not calendar.dates:
-        message = f"the readings of '{described.file}' have dates, but the stages have none"
+        message = f"the readings of '{described.paths[0]}' have dates, but the stages have none"
         hint = "Write dates: {STAGE: 2024-03-01, ...}, the day at which each was complete."
         check.faults.add(key, "missing-dates", message, hint)
         return [], True
     several = described.several or ("last" if dated else "")
-    assigned = assign(rows, calendar, several=several, rezero=described.rezero)
+    check.dated += [
+        DatedReading(row.stage or calendar.stage_at(row.time), row.time, row)
+        for row in rows
+        if row.time is not None and row.value is not None and not row.bad
+    ]
+    zero = "first" if survey is not None else several if described.rezero else ""
+    assigned = assign(rows, calendar, several=several, zero=zero)
     notes += assigned.notes
     check.zeroed(assigned.unzeroed)
     check.zero_sd |= assigned.zero_sd
     return assigned.readings, not several
+
+
+def _rows(
+    paths: Sequence[str], layout: Layout, faults: Faults, notes: list[str]
+) -> tuple[Reading, ...]:
+    """The readings of files of one layout; what several of them repeat counts once."""
+    rows: list[Reading] = []
+    for path in paths:
+        try:
+            rows += format_of(path).read(path, layout)
+        except InputError as error:
+            faults.extend(error.faults)
+    if len(paths) == 1:
+        return tuple(rows)
+    once = {(r.channel, r.stage, r.time, r.value): r for r in reversed(rows)}
+    kept = {id(row) for row in once.values()}
+    repeated = len(rows) - len(kept)
+    if repeated:
+        readings = "reading stands" if repeated == 1 else "readings stand"
+        notes.append(f"{repeated} {readings} in several files alike, and count once.")
+    return tuple(row for row in rows if id(row) in kept)
 
 
 def _bad_reason(section: CaseSection, row: Reading) -> str:
@@ -232,7 +269,7 @@ class Assigned:
 
 
 def assign(
-    readings: Sequence[Reading], calendar: Calendar, *, several: str, rezero: bool
+    readings: Sequence[Reading], calendar: Calendar, *, several: str, zero: str = ""
 ) -> Assigned:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
@@ -240,7 +277,8 @@ def assign(
         readings: of one file.
         calendar: stages and dates.
         several: ``last``, ``mean`` or ``all``.
-        rezero: subtract from each channel what was read at its zero.
+        zero: subtract from each channel what was read at its zero: the ``first`` or ``last`` of
+            the stage, or the mean for anything else; nothing if empty.
     """
     staged = [
         reading
@@ -249,14 +287,14 @@ def assign(
         for reading in readings
     ]
     found = Assigned(staged)
-    if rezero:
-        zeros = _take_zeros(found, calendar, several)
+    if zero:
+        zeros = _take_zeros(found, calendar, zero)
     _leave_out_early(found, calendar)
     reduced = [kept for group in _groups(found.readings) for kept in _reduced(group, several)]
     found.readings = [
         replace(row, accuracy=calendar.accuracy(row)) if row.count > 1 else row for row in reduced
     ]
-    if rezero:
+    if zero:
         _subtract_zeros(found, calendar, zeros)
     return found
 
@@ -275,7 +313,9 @@ def _reduced(group: list[Reading], several: str) -> list[Reading]:
     good = [reading for reading in group if not reading.bad and reading.value is not None]
     if not good:
         return bad or group[:1]
-    if several == "last":
+    if several == "first":
+        good = [min(good, key=lambda reading: reading.time or 0.0)]
+    elif several == "last":
         good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
         if good[0].time is None:
             good = [[r for r in group if not r.bad and r.value is not None][-1]]
@@ -303,7 +343,7 @@ def _take_zeros(found: Assigned, calendar: Calendar, several: str) -> dict[str, 
     """Channel to what was read at its zero; these readings say nothing more."""
     at_zero = [r for r in found.readings if calendar.zeros.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
-    which = "last" if several == "last" else "mean"
+    which = several if several in {"first", "last"} else "mean"
     zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
     found.readings = [r for r in found.readings if calendar.zeros.get(r.channel) != r.stage]
     lacking = {
@@ -374,11 +414,13 @@ class _Check:
         self.section = section
         self.faults = faults
         self.zeros = calendar.zeros
+        self.dimensions = calendar.dimensions
         self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
         self.zero_sd: dict[str, float] = {}
+        self.dated: list[DatedReading] = []
 
     def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
         """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""
@@ -390,8 +432,17 @@ class _Check:
                 self._twice(reading, alone=alone)
 
     def mapped(self, described: ReadingsFileSection, path: KeyPath) -> None:
-        """The channels that a file is said to hold exist."""
-        for name in described.channels:
+        """The channels that a file is said to hold exist, and read what calibrations give."""
+        if described.layout == "coordinates":
+            return  # it has points, see `surveyed`
+        for name, origin in described.channels.items():
+            calibration = None if isinstance(origin, str) else origin.calibration
+            wanted = self.dimensions.get(name)
+            if calibration is not None and wanted not in {None, calibration.dimension}:
+                message = f"the calibration gives {with_article(calibration.dimension)}, "
+                message += f"'{name}' reads {with_article(str(wanted))}"
+                place = (*path, "channels", name, "calibration")
+                self.faults.add(place, "unit", message, "Correct its units, or the channel.")
             if name not in self.zeros:
                 hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
                 place = (*path, "channels", name)

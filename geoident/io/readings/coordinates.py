@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 
-from geoident.io.readings.survey import Survey, Target
+from geoident.io.readings.survey import Survey
 from geoident.io.readings.table import POINT_COLUMNS, Cell, Table, flag
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading

@@ -233,30 +233,29 @@ class Table:
 
     def number(self, number: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
-        text = cell.text
-        if not text:
-            return None
         if isinstance(cell.value, float):
             return cell.value
-        if self._refused_of_a_sheet(number, cell):
+        if not cell.text or self._refused_of_a_sheet(number, cell):
             return None
+        text = cell.text
         if self.layout.decimal == ",":
             if not _COMMA_NUMBER.fullmatch(text):
                 message = f"'{shorten(text)}' is not a number with a decimal comma"
                 hint = "The file is declared with 'decimal: \",\"'; a point has no place in it."
+                hint = self._if_blank(text) or hint
                 self.refuse((number, cell.column), "bad-number", message, hint)
                 return None
             text = text.replace(",", ".")
+        return self._plain_number(number, cell, text)
+
+    def _plain_number(self, number: int, cell: Cell, text: str) -> float | None:
+        """The number that a text says with a decimal point; None, with a fault, if it is none."""
         try:
             quantity = read_quantity(text)
         except UnitError as error:
-            hint = error.hint
+            hint = self._if_blank(text) or error.hint
             if "," in text and self.layout.delimiter != ",":
                 hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
-            elif not any(letter.isdigit() for letter in text):
-                hint = (
-                    f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
-                )
             self.refuse((number, cell.column), "bad-number", error.message, hint)
             return None
         if quantity.unit:
@@ -265,6 +264,13 @@ class Table:
             self.refuse((number, cell.column), "bad-number", message, hint)
             return None
         return quantity.value
+
+    @staticmethod
+    def _if_blank(text: str) -> str:
+        """The remedy where a text looks like a mark for a missing reading."""
+        if any(letter.isdigit() for letter in text) or "," in text:
+            return ""
+        return f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
 
     def _refused_of_a_sheet(self, number: int, cell: Cell) -> bool:
         """Note a cell of a sheet that holds no number, but a date, an error or a formula."""

@@ -172,26 +172,18 @@ def _cell(sheet: Any, formulas: Any, row: int, column: int, shown: int) -> Cell:
     value = found.value
     if value is None:
         behind = formulas.cell(row, column)
-        if behind.data_type != "f":
-            return Cell("", shown)
         text = behind.value if isinstance(behind.value, str) else "=..."
-        return Cell(text, shown)
-    if isinstance(value, datetime):
-        return Cell(date_text(_seconds(value)), shown, value)
+        return Cell(text if behind.data_type == "f" else "", shown)
     if isinstance(value, date):
-        value = datetime(value.year, value.month, value.day)
-        return Cell(date_text(_seconds(value)), shown, value)
-    if isinstance(value, bool):
-        return Cell(str(value).lower(), shown)
-    if isinstance(value, int | float):
-        if "%" in str(found.number_format):
-            return Cell(f"{100 * value:.12g} %", shown)
-        return Cell(repr(value).removesuffix(".0"), shown, float(value))
-    return Cell(" ".join(str(value).split()), shown)
-
-
-def _seconds(value: datetime) -> float:
-    return (value - datetime(1970, 1, 1)).total_seconds()
+        moment = datetime(value.year, value.month, value.day)
+        moment = value if isinstance(value, datetime) else moment
+        return Cell(date_text((moment - datetime(1970, 1, 1)).total_seconds()), shown, moment)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        percent = "%" in str(found.number_format)
+        text = f"{100 * value:.12g} %" if percent else repr(value).removesuffix(".0")
+        return Cell(text, shown, None if percent else float(value))
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return Cell(" ".join(text.split()), shown)
 
 
 def _refused(path: str, code: str, message: str, hint: str = "") -> InputError:

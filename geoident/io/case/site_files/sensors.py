@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.readings.calibration import RAW_UNITS, Calibration
+from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.survey import Survey, axes_of_azimuth
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
@@ -17,7 +17,6 @@ from geoident.io.schema.values import (
     Name,
     Of,
     SharesUnit,
-    Text,
 )
 from geoident.units import DIMENSIONLESS, with_article
 
