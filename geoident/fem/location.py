@@ -29,12 +29,14 @@ class Site:
         element: element index.
         nodes: (n_a,) nodes of the element.
         shapes: (n_a,) shape functions at the point.
+        gradients: (n_a, dim) their derivatives by the coordinates there, 1/m.
         outside: how far outside the element the point lies, in parts of its size; <= 0 inside.
     """
 
     element: int
     nodes: Ints
     shapes: Floats
+    gradients: Floats
     outside: float
 
 
@@ -75,7 +77,9 @@ def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Sit
     outside = reference.outside(xi)
     if outside > REACH:
         return None
-    return Site(first + e, nodes, reference.shapes(xi[None])[0], outside)
+    local = reference.gradients(xi[None])[0]
+    gradients = local @ np.linalg.inv(mesh.points[nodes].T @ local)
+    return Site(first + e, nodes, reference.shapes(xi[None])[0], gradients, outside)
 
 
 def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats | None:

@@ -91,7 +91,14 @@ class StagedModel:
         )
         overburden = Overburden(case, mesh, table)
         self.actions = Actions(
-            case, mesh, table, locator, sequence, self.discretization, overburden
+            case,
+            mesh,
+            table,
+            locator,
+            sequence,
+            self.discretization,
+            overburden,
+            self.structures.weights,
         )
         self.march = March(case, mesh, sequence, self.systems, self.actions, overburden)
 
@@ -368,13 +375,17 @@ class StagedResponse:
         Args:
             p: (n,) parameters.
             measured: (g,) readings, m.
-            sd: (g,) their standard deviations, m.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
         """
         unit = self._unit_forces()
         table = self._run(p, unit)
         gap, flexibility = measured - table[:, 0], table[:, 1:]
-        weighted = flexibility / sd[:, None]
-        multipliers = np.asarray(np.linalg.lstsq(weighted, gap / sd, rcond=_DEPENDENT)[0])
+        if sd.ndim == 1:
+            weighted, aim = flexibility / sd[:, None], gap / sd
+        else:
+            weighted, aim = sd @ flexibility, sd @ gap
+        multipliers = np.asarray(np.linalg.lstsq(weighted, aim, rcond=_DEPENDENT)[0])
         corrected = replace(unit, multipliers=multipliers)
         jacobian = self._run(p, corrected, derivatives=True)[:, 1:]
         return Condensed(table[:, 0], flexibility, -jacobian, -jacobian @ p - gap)

@@ -98,6 +98,8 @@ class Channel:
         unit: in which people want to see them; lengths in mm.
         terms: the motions that add up to the reading where it is not the difference of the two
             points along the direction; empty where it is.
+        turns: (dim, dim) M of a channel that reads a rotation M : grad u at the second point, with
+            (grad u)_ij = du_i / dx_j; empty for others.
         errors: what its readings share of their errors; None where all are independent. Their
             total is ``accuracy``.
         run: what the channel is a part of, along which errors add up, such as the casing of an
@@ -131,6 +133,7 @@ class Channel:
     dimension: str = "length"
     unit: str = "mm"
     terms: tuple[MovingPoint, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
     errors: ErrorParts | None = None
     run: str = ""
     along: float = 0.0

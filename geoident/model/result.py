@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.gauges import ReadingTable
+from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.yielding import Certificate
@@ -99,6 +99,8 @@ class GaugeTable:
         dimensions: of each channel, keys of `geoident.units.DIMENSIONS`.
         units: of each channel, in which people want to see it.
         accuracy: (n_channels,) standard deviation of one reading, SI.
+        errors: for each channel what its readings share of their errors, None where nothing; as
+            estimated where they are. Empty where no channel shares any.
     """
 
     channels: tuple[str, ...]
@@ -111,6 +113,7 @@ class GaugeTable:
     dimensions: tuple[str, ...]
     units: tuple[str, ...]
     accuracy: Floats
+    errors: tuple[ErrorParts | None, ...] = ()
 
     @property
     def measured(self) -> Floats:
@@ -193,10 +196,41 @@ def _combined(values: Floats, sd: Floats) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
+class AccuracyTable:
+    """Accuracies that were estimated from the residuals, one entry of every column each.
+
+    Args:
+        names: c components of variance, such as ``extensometer: reading``, or a kind of gauge where
+            all that its gauges state was multiplied with one factor.
+        values: (c,) standard deviations, SI; factors of kinds.
+        lower95: (c,) lower end of the 95 % interval; 0 where the readings do not show any.
+        upper95: (c,) upper end; infinite where the readings do not determine it.
+        parts: c parts of `geoident.model.gauges.PARTS`; empty for a factor.
+        dimensions: c keys of `geoident.units.DIMENSIONS`; dimensionless for a factor.
+        units: c units in which people want to see them.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    lower95: Floats
+    upper95: Floats
+    parts: tuple[str, ...]
+    dimensions: tuple[str, ...]
+    units: tuple[str, ...]
+
+    @property
+    def determined(self) -> Bools:
+        """(c,) the readings tell them from the others."""
+        return np.asarray(np.isfinite(self.upper95), dtype=np.bool_)
+
+
+@dataclass(frozen=True)
 class Prediction:
     """What the channels will show, all (n_channels, n_stages), m; NaN where not predicted.
 
-    ``sd`` holds the uncertainty of the parameters and the accuracy of the gauge (theory 6).
+    ``sd`` holds the uncertainty of the parameters and the accuracy of the gauge (theory 6). Where
+    later readings share errors with those of the fit, such as that of a zero, both ``mean`` and
+    ``sd`` know what these tell of them (theory 7).
     """
 
     mean: Floats
@@ -328,18 +362,21 @@ class FieldSeries:
 
 @dataclass(frozen=True)
 class MemberForces:
-    """Forces in linings and bolts, NaN while a structure does not stand.
+    """Forces in beams and bars, NaN while a structure does not stand.
 
     Args:
         structures: (n_members,) name of the structure of each straight piece.
         numbers: (n_members,) its number within the structure, from 1.
         stages: names of the stages, the virgin state not among them.
         ends: (n_members, 2, dim) its two ends, m.
-        axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bolt.
+        axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bar.
         moment: (n_members, 2, n_stages) M at the two ends, N m per metre, positive with tension on
-            the open side (from first to second end: on the right); NaN for bolts.
-        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bolts.
-        per_metre: (n_members,) it is a lining.
+            the open side (from first to second end: on the right); NaN for bars.
+        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bars.
+        per_metre: (n_members,) it is a lining or wall, about an axis per metre of circumference.
+        hoop: (n_members, n_stages) N_t around the axis, N per metre; NaN where there is none.
+        prestress: (n_members, n_stages) the axial force of one bar, N, that a jack gives at this
+            stage and at which it is locked off; NaN where none does.
     """
 
     structures: tuple[str, ...]
@@ -350,6 +387,8 @@ class MemberForces:
     moment: Floats
     shear: Floats
     per_metre: Bools
+    hoop: Floats
+    prestress: Floats
 
 
 @dataclass(frozen=True)
@@ -399,6 +438,7 @@ class Result:
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
+        accuracies: those that were estimated, or None.
     """
 
     kind: str
@@ -424,6 +464,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     certificate: Certificate | None = None
+    accuracies: AccuracyTable | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

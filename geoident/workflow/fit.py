@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.forward.protocols import Survey
+from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
 from geoident.model.result import Counts, Diagnostics, Result
+from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     assess_robustly,
@@ -25,9 +27,10 @@ from geoident.workflow.running.diagnosis import (
     parameter_table,
     remarks,
 )
-from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
+from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed, used_rows
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.predictions import (
+    KnownErrors,
     collapse_findings,
     predict_stages,
     predicted_stages,
@@ -50,6 +53,7 @@ class Estimate:
         diagnostics: the influence of each of them on the parameters.
         survey: the model at the parameters.
         counts: of all.
+        errors: what the used readings tell of those that later ones share; None where none do.
     """
 
     outcome: Outcome
@@ -58,6 +62,7 @@ class Estimate:
     diagnostics: Diagnostics
     survey: Survey
     counts: Counts
+    errors: KnownErrors | None = None
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -77,13 +82,19 @@ def fit(job: Job, control: Control) -> Finished:
 def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Estimate:
     """One survey of the model at the end of the search says everything else."""
     survey, readings, counts = surveyed(setup, problem, outcome, fields=True)
-    assessment = assess_robustly(problem, outcome.values, *at_used(readings))
+    computed, jacobian = at_used(readings)
+    assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
-    return Estimate(outcome, assessment, readings, diagnostics, survey, counts)
+    known = None
+    if any(channel.errors for channel in setup.case.channels):
+        left = replace(problem, sd=effective_sd(problem, computed))
+        rows = used_rows(setup.case, readings.used)
+        known = KnownErrors(setup.case, left, computed, jacobian, rows)
+    return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
 
 
 def _result(job: Job, setup: Setup, found: Estimate) -> Result:
-    case, survey = job.inputs.case, found.survey
+    case, survey = setup.case, found.survey
     gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
         parameter_table(case.parameters, found.outcome.values, found.assessment),
@@ -95,6 +106,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         sensitivity=survey.sensitivity,
         accuracy=accuracies(case),
         stages=predicted_stages(gauges),
+        known=found.errors,
     )
     status = _status(found)
     return Result(
@@ -109,6 +121,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *remarks(found.diagnostics, gauges, parameters.names),
+            *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
@@ -123,6 +136,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         members=survey.members,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
+        accuracies=setup.accuracies,
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,

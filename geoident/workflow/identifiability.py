@@ -15,8 +15,10 @@ from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
+from geoident.model.gauges import Reading
 from geoident.model.summary import Identifiability
 from geoident.workflow.running.diagnosis import parameter_table
+from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
 
 
@@ -44,7 +46,18 @@ def identifiability(
     survey = model.survey(p, fields=False)
     rows = planned_readings(case, survey.computed)
     sd = np.array([case.channels[i].accuracy for i in rows[:, 0]])
-    problem = Problem(model.response(()), survey.computed[*rows.T], sd, case.parameters)
+    shared = None
+    structure = error_structure(
+        [
+            (case.channels[i], Reading(case.channels[i].name, case.stages[j].name, None))
+            for i, j in rows.tolist()
+        ]
+    )
+    if structure is not None:
+        sd, shared = structure.at(np.zeros(len(structure.names)))
+    problem = Problem(
+        model.response(()), survey.computed[*rows.T], sd, case.parameters, shared=shared
+    )
     known = assess(problem, p, survey.sensitivity[*rows.T])
     table = parameter_table(case.parameters, p, known)
     return Identifiability(table, known.findings, known.singular_values, len(rows))

@@ -11,13 +11,20 @@ import numpy as np
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
+from geoident.identify.problem.errors import SharedErrors
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Ints
+from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import Finished, keep, write
+from geoident.workflow.running.estimate import (
+    Finished,
+    keep,
+    structure_of_used,
+    used_rows,
+    write,
+)
 from geoident.workflow.running.inputs import (
     Inputs,
     build_model,
@@ -29,6 +36,7 @@ from geoident.workflow.running.inputs import (
 from geoident.workflow.running.jobs import provenance
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
+    KnownErrors,
     chosen_stages,
     collapse_findings,
     predict_stages,
@@ -77,11 +85,13 @@ class Known:
         parameters: their table, in the order of that case.
         assessment: likewise.
         readings: of the fit.
+        errors: what its readings tell of errors that later ones share; None where none do.
     """
 
     parameters: ParameterTable
     assessment: Assessment
     readings: ReadingTable
+    errors: KnownErrors | None = None
 
 
 @dataclass(frozen=True)
@@ -155,7 +165,7 @@ def predict(task: Task, control: Control) -> Finished:
         return keep(place)
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
-    known = what_is_known(task.fit, task.origin, model)
+    known = what_is_known(task.fit, task.origin, model, task.inputs.case)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, known, survey, model)
@@ -222,7 +232,7 @@ def require_identified(fit: Result, inputs: Inputs) -> None:
         raise InputError(faults)
 
 
-def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
+def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Known:
     """What a fit knows, for the parameters of the case of a model, matched by name.
 
     How well they are known is assessed again from the sensitivities that the fit holds.
@@ -231,6 +241,7 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
         fit: the result.
         origin: the case of the fit.
         model: of the case to predict.
+        case: to predict.
     """
     readings = fit.gauges.readings
     used = readings.used
@@ -238,14 +249,28 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel) -> Known:
     problem = Problem(
         response=model.response(()),
         measured=readings.value[used],
-        sd=readings.sd[used] / np.sqrt(weight),
+        sd=(readings.sd if readings.own_sd is None else readings.own_sd)[used] / np.sqrt(weight),
         parameters=origin.parameters,
+        shared=_shared(origin, used),
     )
     assert readings.sensitivity is not None  # see `_read_fit`
-    assessment = assess(problem, fit.parameters.values, readings.sensitivity[used])
+    jacobian = readings.sensitivity[used]
+    assessment = assess(problem, fit.parameters.values, jacobian)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = pick_parameters(fit.parameters, order)
-    return Known(parameters, pick_assessment(assessment, order), readings)
+    known = KnownErrors(
+        case, problem, readings.computed[used], jacobian[:, order], used_rows(origin, used)
+    )
+    shares = any(channel.errors for channel in (*origin.channels, *case.channels))
+    return Known(
+        parameters, pick_assessment(assessment, order), readings, known if shares else None
+    )
+
+
+def _shared(case: Case, used: Bools) -> SharedErrors | None:
+    """What the used readings of a case share."""
+    structure = structure_of_used(case, used)
+    return None if structure is None else structure.at(np.zeros(len(structure.names)))[1]
 
 
 def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
@@ -305,6 +330,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         sensitivity=survey.sensitivity,
         accuracy=accuracies(case),
         stages=chosen_stages(gauges, task.stages) if task.stages else predicted_stages(gauges),
+        known=known.errors,
     )
     return Result(
         kind="predict",

@@ -12,6 +12,7 @@ from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
+from geoident.workflow.running.errors import error_structure, own_sd
 from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
 
 
@@ -83,7 +84,7 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
 
 
 def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[Reading, ...]:
-    """Readings with Gaussian noise of the accuracy of their gauges added.
+    """Readings with Gaussian noise of the accuracy of their gauges added; what they share too.
 
     Args:
         case: with the accuracies.
@@ -91,12 +92,14 @@ def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[R
         seed: of the noise.
     """
     generator = np.random.default_rng(seed)
-    accuracy = {channel.name: channel.accuracy for channel in case.channels}
+    channels = {channel.name: channel for channel in case.channels}
+    rows = [(channels[reading.channel], reading) for reading in readings]
+    own = [own_sd(*row) * generator.standard_normal() for row in rows]
+    noise = np.array(own, dtype=np.float64)
+    structure = error_structure(rows)
+    if structure is not None:
+        noise += structure.columns @ generator.standard_normal(structure.columns.shape[1])
     return tuple(
-        Reading(
-            reading.channel,
-            reading.stage,
-            (reading.value or 0.0) + accuracy[reading.channel] * generator.standard_normal(),
-        )
-        for reading in readings
+        Reading(reading.channel, reading.stage, (reading.value or 0.0) + float(added))
+        for reading, added in zip(readings, noise, strict=True)
     )

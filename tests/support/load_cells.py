@@ -8,7 +8,7 @@ import numpy as np
 
 from geoident.forward.model import StagedModel
 from geoident.model.case import Stage
-from geoident.model.gauges import Channel
+from geoident.model.gauges import Channel, Reads
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Bolts
@@ -19,11 +19,14 @@ ENDS = (((1.1, 2.1), (3.4, 3.2)), ((1.2, 0.4), (3.6, 0.7)))
 VALUES = {"E": 2e9, "EA": 3e8, "s": 1.5, "p": -2e6}
 
 
-def cell(name: str, first, second, zero: str = "virgin") -> Channel:
-    """A load cell on the bolt between two points."""
+def cell(
+    name: str, first, second, zero: str = "virgin", *, structure: str = "nails", member: int = 0
+) -> Channel:
+    """A load cell on a bar between two points; without zero it reads the force itself."""
+    reads = Reads.VALUE if zero == "virgin" else Reads.CHANGE
     return Channel(
         name, name, "load-cell", first, second, (1.0, 0.0), 1e3, zero, ("gauges", name),
-        dimension="force", unit="kN",
+        dimension="force", unit="kN", reads=reads, quantity="N", structure=structure, member=member,
     )  # fmt: skip
 
 
@@ -59,7 +62,7 @@ def nailed(*channels: Channel, free: tuple[str, ...] = tuple(VALUES)) -> StagedM
 GAUGES = (
     displacement("d", (1.0, 1.5), (1.0, 0.0)),
     cell("n1", *ENDS[0]),
-    cell("n2", *ENDS[1]),
+    cell("n2", *ENDS[1], member=1),
     cell("late", *ENDS[0], zero="go on"),
 )
 P = np.array(list(VALUES.values()))

@@ -28,7 +28,7 @@ from geoident.forward.actions.supports import group_nodes, point_site
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import InSituStress, OnTheGround, Places, edges_held
+from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPlaces, edges_held
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
@@ -123,6 +123,7 @@ class Actions:
         sequence: the states of construction.
         discretization: strain points of the mesh.
         overburden: what stands above places of the mesh.
+        beside: what acts in a state beside loads and on what is no ground: weight of structures.
     """
 
     def __init__(
@@ -134,7 +135,9 @@ class Actions:
         sequence: ConstructionSequence,
         discretization: Discretization,
         overburden: Overburden,
+        beside: Callable[[ConstructionState], Iterable[ForcePart]],
     ) -> None:
+        self._beside = beside
         self._case = case
         self._mesh = mesh
         self._table = table
@@ -170,6 +173,7 @@ class Actions:
         """Everything that acts in a state, one by one."""
         current = self._sequence.states[state]
         yield from self._parts_of_groups(state, current.materials.keys())
+        yield from self._beside(current)
         for name, load in current.loads.items():
             if not isinstance(load, Seismic):
                 yield f"the load '{name}'", self._loads[state, name]
@@ -323,7 +327,7 @@ class _HeldEdge:
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         groups = sequence.group_of[elements]
-        places = Places(positions, groups, sequence.groups, elements)
+        places = StressPlaces(positions, groups, sequence.groups, elements)
         self._skeleton = InSituStress(case, mesh, places, around.overburden)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
         self._wet = is_wet(case.water, groups, sequence.groups)

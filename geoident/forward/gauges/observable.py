@@ -31,7 +31,6 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Bars
 
 _SNAPPED = 1e-6
 """How far outside an element a point is said to be snapped to it, in parts of its size."""
@@ -124,30 +123,6 @@ class RelativeDisplacements:
         return np.asarray(self.rows @ state.end.u)
 
 
-class AxialForces:
-    """Axial forces of single bolts, N, tension positive.
-
-    The march carries them per metre out of plane; one bolt bears that of its spacing, which may
-    itself be a parameter.
-
-    Args:
-        bolts: structure and index of the bolt in it.
-    """
-
-    rows = None  # EA(p) stands between the displacements and the force
-
-    def __init__(self, bolts: Sequence[tuple[str, int]]) -> None:
-        self._bolts = bolts
-
-    def values(self, state: MarchState) -> Floats:
-        """Values (g, 1 + n + k) at a state, N."""
-        members, point = state.end.members, state.point
-        table = np.empty((len(self._bolts), members.shape[1]))
-        for row, (name, number) in enumerate(self._bolts):
-            table[row] = state.structures.bar(name, number, members, point)
-        return table
-
-
 def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
@@ -165,11 +140,14 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
             sites = ground.locator.sites(place)
             site, there = best_site(sites, ground.sequence, ground.zero(channel))
             if site is None:
-                faults.append(_point_fault(ground, channel, point, sites))
+                faults.append(point_fault(ground, channel, point, sites))
                 continue
-            ends.append((site, turned * np.array(vector)))
+            moved = np.outer(site.shapes, turned * np.array(vector))
+            if channel.turns:
+                moved = site.gradients @ (np.array(channel.turns) * np.outer(turned, turned)).T
+            ends.append((site, moved))
             stays.append(there)
-            if site.outside > _SNAPPED:
+            if is_beside(site):
                 snapped.append(channel.name)
         rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
@@ -178,28 +156,6 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
     return Placed(
         RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
     )
-
-
-def axial_forces(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
-    """Channels on the bolt whose ends are their two points; they can be read while it stands."""
-    bolts, readable, faults = [], [], []
-    ends_of = {
-        ends: (name, number)
-        for name, structure in ground.case.structures.items()
-        if isinstance(structure, Bars)
-        for number, ends in enumerate(structure.ends)
-    }
-    for channel in channels:
-        found = None if channel.first is None else ends_of.get((channel.first, channel.second))
-        if found is None:
-            faults.append(_bolt_fault(ground.case, channel))
-            continue
-        stands = [found[0] in state.structures for state in ground.sequence.states]
-        bolts.append(found)
-        readable.append(np.array(stands) & ground.from_zero(channel))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
-    why = "its bolt does not stand then"
-    return Placed(AxialForces(bolts), when, faults=tuple(faults), unreadable=why)
 
 
 def best_site(
@@ -236,11 +192,11 @@ def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
 
 
 def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
-    """One row of G': the sum of vector . u over points with their vectors (dim,)."""
+    """One row of G', from points and what their nodes add to it, (n_a, dim)."""
     columns, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for site, vector in ends:
+    for site, moved in ends:
         columns.append((site.nodes[:, None] * mesh.dim + np.arange(mesh.dim)).ravel())
-        values.append(np.outer(site.shapes, vector).ravel())
+        values.append(moved.ravel())
     column = np.concatenate(columns)
     return sp.csr_array(
         (np.concatenate(values), (np.zeros_like(column), column)),
@@ -248,10 +204,22 @@ def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
     )
 
 
-def _point_fault(
+def is_beside(site: Site) -> bool:
+    """Whether a point lies just outside the element that takes it."""
+    return site.outside > _SNAPPED
+
+
+def point_fault(
     ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
-    """Why a point of a gauge stands in no ground."""
+    """Why a point of a gauge stands in no ground.
+
+    Args:
+        ground: where gauges are placed.
+        channel: of the gauge.
+        point: (dim,) m.
+        sites: elements that hold the point.
+    """
     place, sequence = format_point(point), ground.sequence
     if not sites:
         low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
@@ -268,16 +236,4 @@ def _point_fault(
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
         f"is not there at stage '{channel.zero}', where the gauge is zeroed",
         hint="set 'zero' to a stage at which that ground is present, or correct the point",
-    )
-
-
-def _bolt_fault(case: Case, channel: Channel) -> Fault:
-    """There is no bolt between the points of a gauge."""
-    first = "fixed ground" if channel.first is None else format_point(channel.first)
-    return case.source.fault(
-        channel.key,
-        code="no-bolt",
-        message=f"no bolt reaches from {first} to {format_point(channel.second)}, where gauge "
-        f"'{channel.name}' reads its force",
-        hint="give the two ends of a bolt as 'structures' has them",
     )

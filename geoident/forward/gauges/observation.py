@@ -10,14 +10,16 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Locator
+from geoident.forward.gauges.members import member_readings, pressures_on_beams
 from geoident.forward.gauges.observable import (
     GaugeSurroundings,
     MarchState,
     Observable,
     Placed,
-    axial_forces,
     relative_displacements,
 )
+from geoident.forward.gauges.strain import strains
+from geoident.forward.gauges.stress import pore_pressures, stresses
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -34,14 +36,36 @@ OBSERVABLES: Mapping[str, Placing] = {
     "convergence": relative_displacements,
     "displacement": relative_displacements,
     "settlement": relative_displacements,
-    "load-cell": axial_forces,
+    "strain": strains,
+    "stress": stresses,
+    "pressure-cell": stresses,
+    "piezometer": pore_pressures,
+    "inclinometer": relative_displacements,
+    "target": relative_displacements,
+    "tilt": relative_displacements,
+    "levelling": relative_displacements,
+    "line-of-sight": relative_displacements,
 }
-"""What the gauges of a kind read."""
+"""What the gauges of a kind read in the ground."""
+
+ON_STRUCTURES: Mapping[str, Placing] = {
+    "load-cell": member_readings,
+    "strain": member_readings,
+    "pressure-cell": pressures_on_beams,
+}
+"""What they read on a structure."""
+
+
+def placing_of(channel: Channel) -> Placing:
+    """How a channel is placed: by its kind, where it sits, and whether points move in it."""
+    if channel.structure:
+        return ON_STRUCTURES[channel.kind]
+    return relative_displacements if channel.terms else OBSERVABLES[channel.kind]
 
 
 def reads_displacements(channel: Channel) -> bool:
-    """Whether a channel reads displacements and nothing else."""
-    return OBSERVABLES[channel.kind] is relative_displacements
+    """Whether a channel reads displacements of points and nothing else."""
+    return placing_of(channel) is relative_displacements and not channel.turns
 
 
 @dataclass(frozen=True)
@@ -150,7 +174,7 @@ def observe(
     readable = np.zeros((len(channels), states), dtype=bool)
     reasons = [""] * len(channels)
     parts, snapped, faults = [], set[str](), list[Fault]()
-    placing = [OBSERVABLES[channel.kind] for channel in channels]
+    placing = [placing_of(channel) for channel in channels]
     for place in dict.fromkeys(placing):
         mine = np.flatnonzero([other is place for other in placing])
         placed = place([channels[row] for row in mine], ground)

@@ -82,7 +82,13 @@ class _Meetings:
 
 
 class LoadAbove:
-    """A load on faces, as a vertical pressure on places below: per area in plan, downwards."""
+    """A load on faces, as a vertical pressure on places below: per area in plan, downwards.
+
+    Args:
+        load: the load.
+        met: where the lines above the places meet its faces.
+        positions: (m, dim) the places, m.
+    """
 
     def __init__(self, load: FaceLoad, met: _Meetings, positions: Floats) -> None:
         self._load, self._met, self._n = load, met, len(positions)

@@ -30,7 +30,7 @@ from geoident.model.in_situ import (
     HeimStress,
     InSitu,
     ProfileStress,
-    Ratio,
+    StressRatio,
     Surface,
 )
 from geoident.model.mesh import Mesh
@@ -43,7 +43,7 @@ _N_STRAIN = {2: 4, 3: 6}  # xx yy zz xy (yz xz) of the strain points
 
 
 @dataclass(frozen=True)
-class Places:
+class StressPlaces:
     """Where a stress is asked for.
 
     Args:
@@ -58,10 +58,10 @@ class Places:
     names: Sequence[str]
     elements: Ints | None = None
 
-    def of(self, here: Bools) -> Places:
-        """Some of them."""
+    def of(self, here: Bools) -> StressPlaces:
+        """Some of them, by a mask (m,)."""
         elements = None if self.elements is None else self.elements[here]
-        return Places(self.positions[here], self.groups[here], self.names, elements)
+        return StressPlaces(self.positions[here], self.groups[here], self.names, elements)
 
 
 class InSituStress:
@@ -75,7 +75,7 @@ class InSituStress:
     """
 
     def __init__(
-        self, case: Case, mesh: Mesh, places: Places, overburden: Overburden | None = None
+        self, case: Case, mesh: Mesh, places: StressPlaces, overburden: Overburden | None = None
     ) -> None:
         positions, groups, names = places.positions, places.groups, places.names
         ground = _Ground(case, mesh, Overburden(case, mesh) if overburden is None else overburden)
@@ -176,7 +176,7 @@ class _Uniform:
 
     n_outside = 0
 
-    def __init__(self, model: ConstantStress, ground: _Ground, places: Places) -> None:
+    def __init__(self, model: ConstantStress, ground: _Ground, places: StressPlaces) -> None:
         self._components = model.components
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -187,7 +187,7 @@ class _Uniform:
 class _Heim:
     """Stress by Heim's rule."""
 
-    def __init__(self, model: HeimStress, ground: _Ground, places: Places) -> None:
+    def __init__(self, model: HeimStress, ground: _Ground, places: StressPlaces) -> None:
         positions = places.positions
         self._model = model
         self._dim = positions.shape[1]
@@ -260,7 +260,7 @@ class OnTheGround:
 class _Geostatic:
     """The weight of what stands above, less the pressure of the water, and parts of it."""
 
-    def __init__(self, model: GeostaticStress, ground: _Ground, places: Places) -> None:
+    def __init__(self, model: GeostaticStress, ground: _Ground, places: StressPlaces) -> None:
         case, mesh, positions = ground.case, ground.mesh, places.positions
         self._model, self._case = model, case
         self._groups, self._names = places.groups, places.names
@@ -284,7 +284,7 @@ class _Geostatic:
         found = _components(vertical, along, across, model.azimuth, point, self._dim)
         return _with_tectonic(found, model.tectonic, point)
 
-    def _ratio(self, given: Ratio, point: ParameterPoint) -> Dual:
+    def _ratio(self, given: StressRatio, point: ParameterPoint) -> Dual:
         """A ratio of stresses, the same everywhere or (m,) by groups."""
         if isinstance(given, Scalar):
             return point.number(given)
@@ -297,7 +297,7 @@ class _Geostatic:
 class _Profile:
     """Stress that changes linearly with depth."""
 
-    def __init__(self, model: ProfileStress, ground: _Ground, places: Places) -> None:
+    def __init__(self, model: ProfileStress, ground: _Ground, places: StressPlaces) -> None:
         self._model = model
         self._depths = Depths(ground.mesh, model.surface, places.positions)
         self.n_outside = self._depths.n_outside

@@ -45,7 +45,7 @@ from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, Places
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
@@ -128,7 +128,7 @@ class March:
         points = discretization.points
         groups = sequence.group_of[points.element]
         self.overburden = Overburden(case, mesh) if overburden is None else overburden
-        places = Places(points.position, groups, sequence.groups)
+        places = StressPlaces(points.position, groups, sequence.groups)
         self.in_situ = InSituStress(case, mesh, places, self.overburden)
         self.release = PartialRelease(sequence, discretization, actions)
         self.warm = WarmStart()

@@ -29,7 +29,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.in_situ.stress import OnTheGround, Places
+from geoident.forward.in_situ.stress import OnTheGround, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import is_wet
 from geoident.forward.march.march import March
@@ -176,20 +176,21 @@ def _weight_fault(case: Case, found: _Disagreement, groups: list[str]) -> Fault:
         hint = f"Add 'gravity: 9.81 m/s2' ({given}), {ACCEPT}."
         return case.source.fault(found.path, code="no-gravity", message=message, hint=hint)
     own = found.density * found.gravity
+    weighs = _weight(own - (found.water or 0.0))
     product = f"{density} x {found.gravity:.4g} m/s2"
     if found.water is None:
-        message = f"{stress}, but density times gravity of '{found.material}' is {_weight(own)}"
+        message = f"{stress}, but density times gravity of '{found.material}' is {weighs}"
         message += f" ({product})"
     else:
         message = (
             f"{stress}, but below the water table '{found.material}' weighs "
-            f"{_weight(own - found.water)} ({product} less {_weight(found.water)} of water; "
+            f"{weighs} ({product} less {_weight(found.water)} of water; "
             "in-situ stresses are effective)"
         )
     right = (found.grows + (found.water or 0.0)) / found.gravity if found.gravity else 0.0
     hint = (
-        f"Correct the density ({right:.4g} kg/m3 would agree) or '{found.path[-1]}', or let "
-        f"'model: geostatic' take the weight from the densities, {ACCEPT}."
+        f"Correct '{found.path[-1]}' ({weighs}) or the density ({right:.4g} kg/m3), or let 'model: "
+        f"geostatic' take the weight from the densities, {ACCEPT}."
     )
     return case.source.fault(found.path, code="unit-weight", message=message, hint=hint)
 
@@ -206,8 +207,9 @@ def _balance_faults(march: March, values: Values) -> list[Fault]:
         f"of {found.size / 1e3:.3g} {unit}"
     )
     hint = (
-        "Let weight, water, loads and in-situ stress agree: 'model: geostatic' makes the vertical "
-        f"stress of the weight above; where slopes or dipping layers remain, {ACCEPT[3:]}."
+        "Hold the edges of the model ('supports', or 'held: true'), and let weight, water, loads "
+        "and in-situ stress agree, as 'model: geostatic' does; where slopes or dipping layers "
+        f"remain, {ACCEPT[3:]}."
     )
     path = ("in_situ",)
     return [march.case.source.fault(path, code="out-of-balance", message=message, hint=hint)]
@@ -244,6 +246,9 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
     stress = march.in_situ.columns(point)[..., 0]
     stress[:, ~system.present] = 0.0
     parts = [forces(point)[:, 0] for _, forces in march.actions.parts(0)]
+    # in parts of the largest, so that no square of a force overflows
+    unit = max((float(np.abs(x).max(initial=0.0)) for x in (stress, *parts)), default=0.0) or 1.0
+    stress, parts = stress / unit, [part / unit for part in parts]
     internal, size, owner = _internal_forces(march, stress)
     rest = -internal.ravel()
     for part in parts:
@@ -257,7 +262,11 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
     worst = int(np.argmax(ratio))
     group = march.sequence.groups[march.sequence.group_of[owner[worst]]]
     return LocalImbalance(
-        float(ratio[worst]), float(left[worst]), float(size[worst]), mesh.points[worst], group
+        float(ratio[worst]),
+        unit * float(left[worst]),
+        unit * float(size[worst]),
+        mesh.points[worst],
+        group,
     )
 
 
@@ -303,7 +312,7 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         if model.surface is None:
             continue
         here = present & np.isin(group_of_point, groups)
-        places = Places(points.position[here], group_of_point[here], sequence.groups)
+        places = StressPlaces(points.position[here], group_of_point[here], sequence.groups)
         above = march.overburden.above(places.positions)
         on_top = OnTheGround(model, march.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value

@@ -20,7 +20,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
-from geoident.forward.in_situ.stress import InSituStress, Places
+from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
@@ -94,7 +94,7 @@ class OpeningField:
         a, (x, y) = site.radius, site.centre
         around = np.array([[x, y], [x - a, y], [x + a, y], [x, y - a], [x, y + a]])
         groups = np.full(len(around), site.ground)
-        self._in_situ = InSituStress(case, mesh, Places(around, groups, sequence.groups))
+        self._in_situ = InSituStress(case, mesh, StressPlaces(around, groups, sequence.groups))
         ends = max((len(c.motions) for c in case.channels), default=0)
         self._ends = [_End(site, case.channels, which) for which in range(ends)]
         own = [_obstacle(sequence, site, state) for state in sequence.states]

@@ -7,12 +7,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.stages import ConstructionSequence, listed
 from geoident.forward.structures.members import (
     clamped_nodes,
     held_points,
+    hinge_nodes,
     holding_site,
     present_throughout,
     straight_pieces,
@@ -46,6 +48,7 @@ def structure_notes(
         elif isinstance(structure, Beam):
             nodes, count = np.unique(straight_pieces(mesh, structure.group), return_counts=True)
             free = held & ~clamped_nodes(mesh, structure)
+            free &= ~kinematics_of(case.analysis).on_axis(mesh.points)
             ends = nodes[(count == 1) & free[nodes]]
             if len(ends):
                 notes.append(
@@ -66,6 +69,7 @@ def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
             (("on",), beam.group, mesh.facet_groups)
         ]
         uses += [(("clamped_on", n), g, known) for n, g in enumerate(beam.clamped_on)]
+        uses += [(("hinges", n), g, known) for n, g in enumerate(beam.hinges) if isinstance(g, str)]
         faults += [
             case.source.fault(
                 ("structures", name, *path),
@@ -77,7 +81,70 @@ def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
             for path, group, groups in uses
             if group not in groups
         ]
+        if all(group in groups for _, group, groups in uses):
+            faults += _hinge_faults(case, mesh, name, beam)
+            faults += _axis_faults(case, mesh, name, beam)
+        faults += _weight_faults(case, name, beam)
     return faults
+
+
+def _hinge_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
+    """Hinges that lie at no node of their beam."""
+    faults = []
+    nodes = np.unique(straight_pieces(mesh, beam.group))
+    for n, hinge in enumerate(beam.hinges):
+        if len(hinge_nodes(mesh, beam, hinge)):
+            continue
+        if isinstance(hinge, str):
+            message = f"no node of the group '{hinge}' lies on the beam '{name}'"
+        else:
+            nearest = nodes[np.linalg.norm(mesh.points[nodes] - hinge, axis=1).argmin()]
+            message = (
+                f"the hinge {format_point(hinge)} is at no node of the beam '{name}'; its nearest "
+                f"node is {format_point(mesh.points[nearest])}"
+            )
+        faults.append(
+            case.source.fault(
+                ("structures", name, "hinges", n),
+                code="no-hinge-there",
+                message=message,
+                hint="a hinge stands at a node of the beam, where two of its pieces meet",
+            )
+        )
+    return faults
+
+
+def _axis_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
+    """Shells of revolution with pieces on the axis itself."""
+    on_axis = kinematics_of(case.analysis).on_axis(mesh.points)
+    pieces = straight_pieces(mesh, beam.group)
+    count = int(np.count_nonzero(on_axis[pieces].all(axis=1)))
+    if not count:
+        return []
+    return [
+        case.source.fault(
+            ("structures", name, "on"),
+            code="on-the-axis",
+            message=f"{count} pieces of the beam '{name}' lie on the axis x = 0, where a shell of "
+            "revolution has no radius",
+            hint="let the group end at the axis",
+        )
+    ]
+
+
+def _weight_faults(case: Case, name: str, beam: Beam) -> list[Fault]:
+    """Beams with a weight where nothing weighs."""
+    if not beam.has_weight or (case.gravity is not None and any(case.gravity)):
+        return []
+    key = "weight" if beam.density is None else "density"
+    return [
+        case.source.fault(
+            ("structures", name, key),
+            code="no-gravity",
+            message=f"the beam '{name}' has a weight, but there is no gravity",
+            hint=f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
+        )
+    ]
 
 
 def structure_place_faults(

@@ -25,20 +25,24 @@ would give off most of the force where the grout begins, the more the finer the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
+    area_shares,
     bars,
     beams,
     grouted_parts,
     member_blocks,
+    shells,
     stiffness_map,
 )
 from geoident.forward.actions.supports import group_nodes
@@ -90,6 +94,8 @@ class Structures:
         self, case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
     ) -> None:
         self._sequence = sequence
+        self._mesh = mesh
+        self._gravity = case.gravity or (0.0,) * mesh.dim
         self._dim = mesh.dim
         self.parts = tuple(_parts(case, mesh, sequence, locator))
         members = [part.members for part in self.parts]
@@ -170,6 +176,29 @@ class Structures:
             chosen = part.members.bending[:, None]
             result[part.rows] = np.where(chosen, bending.columns, axial.columns)
         return result
+
+    def weights(
+        self, state: ConstructionState
+    ) -> Iterator[tuple[str, Callable[[ParameterPoint], Floats]]]:
+        """What the structures that stand at a state weigh: a name, its forces (n_dofs, 1 + n)."""
+        for part in self.parts:
+            beam = part.structure
+            if part.name in state.structures and isinstance(beam, Beam) and beam.has_weight:
+                name = f"the weight of the structure '{part.name}'"
+                yield name, partial(self._weight_of, part, np.array(self._gravity))
+
+    def _weight_of(self, part: StructureMembers, gravity: Floats, point: ParameterPoint) -> Floats:
+        """Nodal forces (n_dofs, 1 + n) of the weight of a beam, N."""
+        beam = part.structure
+        assert isinstance(beam, Beam)
+        size = float(np.linalg.norm(gravity))
+        if beam.density is not None and beam.thickness is not None:
+            pressure = point.number(beam.density) * point.number(beam.thickness)
+            pressure = pressure.times(size)
+        else:
+            pressure = point.constant(0.0) if beam.weight is None else point.number(beam.weight)
+        unit = np.outer(area_shares(self._mesh, part.members), gravity / size).ravel()
+        return np.outer(unit, pressure.columns)
 
     def strain(self, u: Floats) -> Floats:
         """Member strains (n_rows, ...) of displacements (n_dofs, ...)."""
@@ -288,12 +317,43 @@ def _parts(
             continue
         if isinstance(structure, Beam):
             edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
-            members = beams(mesh, edges, clamped_nodes(mesh, structure))
+            members = _beams(case, mesh, structure, edges)
         else:
             members = _bars(case, mesh, structure, locator, present)
         rows = slice(first, first + len(members.weight))
         first = rows.stop
         yield StructureMembers(name, structure, members, rows)
+
+
+def _beams(case: Case, mesh: Mesh, beam: Beam, edges: Ints) -> Members:
+    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
+    clamped = clamped_nodes(mesh, beam)
+    hinged = np.zeros(mesh.n_nodes, dtype=bool)
+    for hinge in beam.hinges:
+        hinged[hinge_nodes(mesh, beam, hinge)] = True
+    if case.analysis is not Analysis.AXISYMMETRIC:
+        return beams(mesh, edges, clamped, hinged)
+    on_axis = kinematics_of(case.analysis).on_axis(mesh.points)
+    nu = 0.0 if beam.nu is None else beam.nu.factor
+    return shells(mesh, edges, clamped | on_axis, hinged & ~on_axis, nu)
+
+
+def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
+    """Nodes (k,) of a beam at one of its hinges; none where the hinge is not on the beam.
+
+    Args:
+        mesh: the mesh.
+        beam: on its lines.
+        hinge: a group of the mesh, or a point (dim,), m, at most 1 % of a piece from its node.
+    """
+    pieces = straight_pieces(mesh, beam.group)
+    mine = np.unique(pieces)
+    if isinstance(hinge, str):
+        return np.intersect1d(mine, group_nodes(mesh, hinge))
+    shortest = np.linalg.norm(np.diff(mesh.points[pieces], axis=1)[:, 0], axis=1).min()
+    apart = np.linalg.norm(mesh.points[mine] - hinge, axis=1)
+    nearest = int(np.argmin(apart))
+    return mine[[nearest]] if apart[nearest] <= 0.01 * shortest else mine[:0]
 
 
 def _bars(case: Case, mesh: Mesh, structure: Bars, locator: Locator, present: Bools) -> Members:
@@ -365,6 +425,18 @@ def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
 
     Bending moments then are positive with tension on the open side.
     """
+    balance = facing_balance(mesh, edges, present)
+    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+
+
+def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
+    """On which side of edges (n, 2) present ground is: (n,) positive for left, 0 for both or none.
+
+    Args:
+        mesh: a plane mesh.
+        edges: nodes of the two ends of each.
+        present: (n_elements,) which elements are there.
+    """
     balance = np.zeros(len(edges))
     along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
     for block, here in rows_in(mesh.blocks, present):
@@ -374,7 +446,7 @@ def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
         to_centre = centre[both.col] - mesh.points[edges[both.row, 0]]
         a = along[both.row]
         np.add.at(balance, both.row, np.sign(a[:, 0] * to_centre[:, 1] - a[:, 1] * to_centre[:, 0]))
-    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+    return balance
 
 
 def _incidence(mesh: Mesh, nodes: Ints) -> sp.csr_array:

@@ -17,17 +17,28 @@ gauge in one stage are removed together.
 A reading without which some parameter would have no information has h = 1: its residual says
 nothing and its t is NaN, its influence infinite.
 
+**Readings that share errors** (theory 7). With the covariance under the loss, S = diag(s^2/w) +
+B B^T, and P = S^-1 - S^-1 J C J^T S^-1, each reading is judged by what the others let expect,
+
+    standardized  e_i = d_i / sqrt(s_i^2 + var_i)      d_i = (S^-1 (v* - v))_i / (S^-1)_ii
+    leverage      h_i = 1 - P_ii / (S^-1)_ii
+    influence     D_I = C J_I'^T (P_II)^-1 (S^-1 (v* - v))_I ,   J' = S^-1 J
+
+where d_i is its residual less what the errors that it shares with the others explain, and var_i
+the variance of what they do not: 1/(S^-1)_ii - s_i^2/w_i. t_i is then Baarda's w-test of geodesy.
+Where nothing is shared these are the formulas above.
+
 Computed once, from the Jacobian at the estimate; no evaluation of the model.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.objective.discrepancy import robust_scale, weights
+from geoident.identify.objective.discrepancy import own_residuals, robust_scale, weights
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats, Ints
 
@@ -66,8 +77,8 @@ def effective_sd(problem: Problem, readings: Floats) -> Floats:
         problem: readings and loss.
         readings: (g,) v at the estimate, SI.
     """
-    e = (problem.measured - readings) / problem.sd
-    return np.asarray(problem.sd / np.sqrt(weights(problem.loss, e)), dtype=np.float64)
+    w = weights(problem.loss, own_residuals(problem, readings)[0])
+    return np.asarray(problem.sd / np.sqrt(w), dtype=np.float64)
 
 
 def diagnose(
@@ -82,6 +93,8 @@ def diagnose(
         jacobian: (g, n) its derivative, SI.
         sets: (g,) number of the set, from 0, in which each reading is removed.
     """
+    if problem.shared is not None:
+        return _diagnose_correlated(problem, assessment, readings, jacobian, sets)
     e = (problem.measured - readings) / problem.sd
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
@@ -99,6 +112,39 @@ def diagnose(
         studentized=e / np.sqrt(spare),
         weight=w,
         leverage=leverage,
+        influence=influence,
+        distance=distance,
+        scale=robust_scale(e),
+    )
+
+
+def _diagnose_correlated(
+    problem: Problem, assessment: Assessment, readings: Floats, jacobian: Floats, sets: Ints
+) -> ReadingInfluence:
+    """The same where readings share errors."""
+    gap = problem.measured - readings
+    w = weights(problem.loss, own_residuals(problem, readings)[0])
+    weighted = replace(problem, sd=problem.sd / np.sqrt(w))
+    assert weighted.covariance is not None
+    inverse, C = weighted.covariance.inverse, assessment.covariance_x
+    pull = weighted.covariance.solve(jacobian * assessment.slope)
+    force, own = weighted.covariance.solve(gap), np.diag(inverse)
+    P = inverse - pull @ C @ pull.T
+    left = np.maximum(np.diag(P), 0.0) / own
+    distance, influence = np.full(len(gap), np.nan), np.full((len(gap), C.shape[0]), np.nan)
+    for k in range(int(sets.max(initial=-1)) + 1):
+        rows = np.flatnonzero(sets == k)
+        within = inverse[np.ix_(rows, rows)]
+        L = np.linalg.cholesky(within)  # its inverse makes the readings of the set independent
+        B, z = np.linalg.solve(L, pull[rows]), np.linalg.solve(L, force[rows])
+        influence[rows], distance[rows] = _removed(B, B @ C @ B.T, z, C)
+    e = force / own / np.sqrt(1.0 / own + problem.sd**2 - weighted.sd**2)
+    spare = np.where(left > 1.0 - ALONE, left, np.nan)
+    return ReadingInfluence(
+        standardized=e,
+        studentized=e / np.sqrt(spare),
+        weight=w,
+        leverage=1.0 - left,
         influence=influence,
         distance=distance,
         scale=robust_scale(e),

@@ -97,7 +97,7 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     """
     scaling = Scaling(problem.parameters)
     slope, width = scaling.slope(values), _ranges(scaling)
-    B = jacobian * slope / problem.sd[:, None] * width
+    B = problem.whiten(jacobian * slope) * width
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
     at_bound = ~varies | _on_bound(problem.parameters, values, slope * width)

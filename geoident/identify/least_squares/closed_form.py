@@ -51,7 +51,13 @@ def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer)
 def _covered(problem: Problem, form: OpeningForm) -> Problem:
     """The problem of the readings that the closed form answers."""
     kept = form.covered
-    return replace(problem, response=form, measured=problem.measured[kept], sd=problem.sd[kept])
+    return replace(
+        problem,
+        response=form,
+        measured=problem.measured[kept],
+        sd=problem.sd[kept],
+        shared=None if problem.shared is None else problem.shared.only(kept),
+    )
 
 
 def _left_out(form: OpeningForm) -> list[str]:

@@ -29,7 +29,8 @@ equation error), A q - b is the same error in readings. Each iteration is
     p_{j+1} = argmin | M (A_j q - b_j) |^2   (+ the prior's part)   in the bounds
 
     weighting ``equation``   M = S^-1 of independent readings: the paper's metric [18]
-    weighting ``output``     M = diag(1/s): the metric of phi [20], into which priors fit
+    weighting ``output``     M = diag(1/s), or L^-1 where readings share errors (theory 7): the
+                             metric of phi [20], into which priors fit
 
 *Difference from [16]*: the paper multiplies H_h with v* alone. K_h z also has
 (K_h^VW - R K_h^WW) w, w = K_WW^-1 (W - K_WV v*), whose sum over h vanishes at q = p_j, and for a
@@ -208,6 +209,9 @@ class _FixedPointIteration:
         self.points: list[_CondensedIterate] = []
         self.changes: list[float] = []
         self.lower, self.upper = problem.bounds
+        self.metric = problem.sd
+        if problem.shared is not None:
+            self.metric = problem.whiten(np.eye(len(problem.sd)))
 
     def run(self) -> Outcome:
         """Iterates [18] until nothing changes, or it turns out that it will not come to rest."""
@@ -229,7 +233,7 @@ class _FixedPointIteration:
         why = self.response.admissible(p)
         if why is not None:
             raise ModelError(why)
-        model = self.response.condense(p, self.problem.measured, self.problem.sd)
+        model = self.response.condense(p, self.problem.measured, self.metric)
         phi = self.discrepancy.objective_of(p, model.readings)
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
             raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
@@ -255,7 +259,7 @@ class _FixedPointIteration:
         """M times errors (g, k) in readings."""
         if self.options.weighting == "equation":
             return _in_forces(model.flexibility, errors)
-        return errors / self.problem.sd[:, None]
+        return self.problem.whiten(errors)
 
     def advance(self, q: Floats) -> str | None:
         """Goes to q (n,), half-way again and again where q has no solution; or why it cannot."""

@@ -28,6 +28,20 @@ least squares,
 
 so it converges faster than reweighting, and unlike the true curvature it is never zero or negative.
 Priors keep their squares: they are no readings that could be wrong.
+
+**Errors that readings share** (theory 7), e = s own + B z. With the squared loss r is whitened,
+r = L^-1 (v - v*), and nothing else changes: that is least squares with the full covariance. A
+robust loss is not applied to these r: whitening mixes a wrong reading into all that share with
+it. What may be wrong is what a reading has by itself, so the loss is that of the own part, and the
+shared errors z, each of variance one, keep their squares and are found along,
+
+    phi(p) = min over z of  sum rho((v - v* - B z)_i / s_i) + |z|^2  (+ the prior's part),
+
+which for the squared loss is the same as whitening. A wrong reading is then explained by itself: it
+loses its weight w, and its neighbours are judged by each other. At the minimum all is as with the
+covariance diag(s^2/w) + B B^T. The rows of r are [f(u); z]; as z follows p, the Jacobian is
+the part of [f' du/dp; 0] that is orthogonal to what z can do (Kaufman 1975, variable projection),
+so the gradient is exact.
 """
 
 from __future__ import annotations
@@ -39,7 +53,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Floats
-from geoident.model.methods import HuberOptions, LossOptions, StudentOptions
+from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
 
 _MAD = 1.482602218505602
 """Standard deviation by median of absolute values, for a normal distribution."""
@@ -131,12 +145,21 @@ class Discrepancy:
 
     def residuals(self, p: Floats, readings: Floats) -> Floats:
         """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
+        if self.latent:
+            own, z = own_residuals(self.problem, readings)
+            f, _ = transformed(self.problem.loss, own)
+            return np.concatenate([f, z, self.scaling.prior_residuals(p)])
         f, _ = transformed(self.problem.loss, self.misfit(readings))
         return np.concatenate([f, self.scaling.prior_residuals(p)])
 
+    @property
+    def latent(self) -> bool:
+        """Shared errors are found beside the parameters, as the loss is robust."""
+        return self.problem.shared is not None and not isinstance(self.problem.loss, SquaredOptions)
+
     def misfit(self, readings: Floats) -> Floats:
-        """(v - v*) / s (g,) where the model answers readings v (g,), whatever the loss."""
-        return (readings - self.problem.measured) / self.problem.sd
+        """White v - v* (g,) where the model answers readings v (g,), whatever the loss."""
+        return self.problem.whiten(readings - self.problem.measured)
 
     def squares(self, p: Floats, readings: Floats) -> float:
         """Plain weighted squares with the prior's part, theory [20], whatever the loss.
@@ -176,13 +199,115 @@ class Discrepancy:
         if why is not None:
             raise ModelError(why)
         v, dv_dp = self.problem.response.evaluate(p)
-        _, slope = transformed(self.problem.loss, self.misfit(v))
-        rows = dv_dp * self.scaling.slope(p) * (slope / self.problem.sd)[:, None]
+        rows = self._rows(v, dv_dp * self.scaling.slope(p))
         found = Linearization(
             self.residuals(p, v), np.concatenate([rows, self.scaling.prior_jacobian(p)])
         )
         _require_finite(found)
         return found
+
+    def _rows(self, v: Floats, dv_dx: Floats) -> Floats:
+        """Derivatives of the readings' part of the residuals, from those of the readings (g, n)."""
+        problem = self.problem
+        if self.latent:
+            return _projected(problem, v, dv_dx)
+        if problem.shared is not None:
+            return problem.whiten(dv_dx)
+        _, slope = transformed(problem.loss, self.misfit(v))
+        return dv_dx * (slope / problem.sd)[:, None]
+
+
+def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
+    """Rows (g + K, n) of [f(u); z] with z following the parameters (Kaufman 1975)."""
+    assert problem.shared is not None
+    own, _ = own_residuals(problem, v)
+    _, slope = transformed(problem.loss, own)
+    size = (slope / problem.sd)[:, None]
+    B = problem.shared.columns.toarray()
+    rows = np.concatenate([size * dv_dx, np.zeros((B.shape[1], dv_dx.shape[1]))])
+    Q, _ = np.linalg.qr(np.concatenate([-size * B, np.eye(B.shape[1])]))
+    return np.asarray(rows - Q @ (Q.T @ rows))
+
+
+def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
+    """What is left of the residuals for each reading by itself, and the shared errors.
+
+    Args:
+        problem: readings with shared errors, and the loss.
+        readings: (g,) v, SI.
+
+    Returns:
+        (v - v* - B z) / s, (g,), and z (K,), at the minimum over z.
+    """
+    gap = readings - problem.measured
+    own = gap / problem.sd
+    shared = problem.shared
+    if shared is None or not np.all(np.isfinite(gap)):
+        return own, np.zeros(0 if shared is None else len(shared))
+    z = np.zeros(len(shared))
+    for rows, columns in shared.blocks:
+        B = shared.dense(rows, columns) / problem.sd[rows, None]
+        z[columns] = _shared_part(problem.loss, own[rows], B)
+        own[rows] -= B @ z[columns]
+    return own, z
+
+
+def _shared_part(options: LossOptions, u: Floats, B: Floats) -> Floats:
+    """The z (k,) that minimises sum rho(u - B z) + |z|^2, from z = 0.
+
+    Each step is that of reweighted least squares, which never goes up, or Newton's where that goes
+    further down: it ends a Huber's search at once where the tails are known.
+
+    Args:
+        options: the loss.
+        u: (m,) residuals in own standard deviations.
+        B: (m, k) likewise.
+    """
+    z = np.zeros(B.shape[1])
+    one = np.eye(len(z))
+
+    def value(z: Floats) -> float:
+        f, _ = transformed(options, u - B @ z)
+        return float(f @ f + z @ z)
+
+    best = value(z)
+    for _ in range(_MOST_STEPS):
+        r = u - B @ z
+        w = full_weights(options, r)
+        down = B.T @ (w * r) - z
+        steps = [
+            np.linalg.solve(B.T @ (c[:, None] * B) + one, down)
+            for c in (w, np.maximum(_curvature(options, r), 0.0))
+        ]
+        trials = [(value(z + step), step) for step in steps]
+        lowest, step = min(trials, key=lambda trial: trial[0])
+        z = z + step
+        if best - lowest <= 1e-14 * (1.0 + best) and np.abs(step).max() <= 1e-7:
+            break
+        best = lowest
+    return z
+
+
+_MOST_STEPS = 500
+"""Of the search for shared errors; a handful is usual."""
+
+
+def full_weights(options: LossOptions, r: Floats) -> Floats:
+    """rho'/(2 r), (g,), not cut: the weight with which reweighted least squares goes down."""
+    if isinstance(options, StudentOptions):
+        return np.asarray((options.nu + 1.0) / (options.nu + r**2))
+    return weights(options, r)
+
+
+def _curvature(options: LossOptions, r: Floats) -> Floats:
+    """rho''/2, (g,)."""
+    match options:
+        case HuberOptions(delta):
+            return np.asarray(np.abs(r) <= delta, dtype=np.float64)
+        case StudentOptions(nu):
+            return np.asarray((nu + 1.0) * (nu - r**2) / (nu + r**2) ** 2)
+        case _:
+            return np.ones_like(r)
 
 
 def _require_finite(found: Linearization) -> None:

@@ -23,9 +23,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.protocols import Response
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import LossOptions, SquaredOptions
@@ -144,9 +146,11 @@ class Problem:
     Args:
         response: the model.
         measured: (g,) readings v*, SI.
-        sd: (g,) their standard deviations s, SI; the weights are 1/s^2.
+        sd: (g,) their standard deviations s, SI; the weights are 1/s^2. Of readings that share
+            errors: of what each has by itself.
         parameters: the n unknowns with bounds, scale and prior; ``start`` is where to begin.
         loss: how much a large residual counts.
+        shared: what readings share of their errors, or None if all are independent.
     """
 
     response: Response
@@ -154,6 +158,18 @@ class Problem:
     sd: Floats
     parameters: tuple[Parameter, ...]
     loss: LossOptions = field(default_factory=SquaredOptions)
+    shared: SharedErrors | None = None
+
+    @cached_property
+    def covariance(self) -> Covariance | None:
+        """Of the errors of the readings; None where they are independent."""
+        return None if self.shared is None else Covariance(self.sd, self.shared)
+
+    def whiten(self, values: Floats) -> Floats:
+        """Values (g,) or (g, k) of the readings, SI, in independent standard deviations."""
+        if self.covariance is not None:
+            return self.covariance.whiten(values)
+        return values / (self.sd if values.ndim == 1 else self.sd[:, None])
 
     @property
     def start(self) -> Floats:

@@ -38,7 +38,8 @@ class AffineElastic(Response, Protocol):
         Args:
             p: (n,) parameters.
             measured: (g,) readings, SI.
-            sd: (g,) their standard deviations, SI.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
         """
 
 

@@ -124,7 +124,7 @@ def condensed(problem: Problem, system: BilinearSystem) -> CondensedSystem:
     slack = _columns(system.slacks, x) * column_size / slack_size[:, None]
     misfit = _columns(system.readings, x)
     misfit[:, 0] -= problem.measured
-    misfit = np.vstack([misfit / problem.sd[:, None], _priors(problem, system.n_pairs)])
+    misfit = np.vstack([problem.whiten(misfit), _priors(problem, system.n_pairs)])
     misfit *= column_size
     products = {
         h: A[:, system.multipliers].toarray() / slack_size[:, None] * lam_size * reference[h]

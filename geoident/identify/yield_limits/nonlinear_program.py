@@ -140,6 +140,8 @@ def _matrix(ca: Any, matrix: sp.csr_array, unit: Floats, by: Floats) -> Expressi
 def _objective(ca: Any, problem: Problem, readings: Expression, p: Expression) -> Expression:
     """Phi with the priors' part, for readings (g,) and parameters (n,) as expressions."""
     r = (readings - problem.measured) / problem.sd
+    if problem.shared is not None:
+        r = ca.DM(problem.whiten(np.eye(len(problem.sd)))) @ (readings - problem.measured)
     total = ca.sum1(_loss(ca, problem.loss, r))
     for i, q in enumerate(problem.parameters):
         if q.prior is not None and q.prior.kind == "normal":

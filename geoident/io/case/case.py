@@ -121,6 +121,10 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     gravity = section.gravity is not None
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
+    structures = {
+        name: part.structure(context.at("structures", name))
+        for name, part in section.structures.items()
+    }
     return Case(
         title=section.title,
         analysis=context.analysis,
@@ -136,17 +140,14 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
             stage.stage(context.at("stages", n), gravity=gravity)
             for n, stage in enumerate(section.stages)
         ),
-        channels=build_channels(section.gauges, context.at("gauges")),
+        channels=build_channels(section.gauges, structures, context.at("gauges")),
         readings=(),
         fit=section.fit.settings(strengths=_seek_strengths(materials)),
         source=faults.places.source(),
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         water=None if section.water is None else section.water.water(),
-        structures={
-            name: part.structure(context.at("structures", name))
-            for name, part in section.structures.items()
-        },
+        structures=structures,
     )
 
 

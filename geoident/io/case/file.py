@@ -6,7 +6,6 @@ else in the case or its readings; and later, elsewhere, what needs the mesh.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -19,6 +18,7 @@ import yaml
 from pydantic import ValidationError
 
 from geoident.errors import InputError
+from geoident.io.case.accuracy import described_channels
 from geoident.io.case.case import CaseSection, build_case
 from geoident.io.case.overrides import apply_overrides
 from geoident.io.case.readings_by_stage import read_all
@@ -32,7 +32,6 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
-from geoident.model.gauges import Channel
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
@@ -97,8 +96,10 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
+    built = build_case(section, faults)
     case = replace(
-        build_case(section, faults),
+        built,
+        channels=described_channels(built, section, read.zeros, faults),
         mesh_file=mesh_path,
         readings=read.readings,
         dates=read.dates,
@@ -106,18 +107,9 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         when_read=read.by_stage,
     )
     faults.raise_any()
-    channels = tuple(_less_zero(channel, read.zero_sd) for channel in case.channels)
-    case = replace(case, channels=channels)
     chain = [method_name(options) for options in case.fit.methods]
     resolved = _resolved_text(section, chain)
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
-
-
-def _less_zero(channel: Channel, zero_sd: Mapping[str, float]) -> Channel:
-    """A channel with the accuracy of its readings less a measured zero."""
-    if channel.name not in zero_sd:
-        return channel
-    return replace(channel, accuracy=math.hypot(channel.accuracy, zero_sd[channel.name]))
 
 
 def files_of_text(text: str, path: str) -> tuple[str, ...]:

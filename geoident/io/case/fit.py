@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
+from geoident.io.case.accuracy import EstimatedKinds
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
@@ -106,6 +107,12 @@ class FitBase(Section):
         None, description="Stages whose readings are used (all if missing); others are predicted."
     )
 
+    accuracies: EstimatedKinds | None = Field(
+        None,
+        description="What is to be estimated from the residuals, with the parameters: `estimate` "
+        "for the accuracies of all gauges, or kinds of gauges, as in {inclinometer: estimate}. "
+        "What the gauges state then gives the ratios, and the factor of each kind is estimated.",
+    )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
         description="How much a large residual counts: huber and student-t are robust against "

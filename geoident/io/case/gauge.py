@@ -7,13 +7,30 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from geoident.io.case.accuracy import (
+    ESTIMATE,
+    LengthAccuracy,
+    check_parts,
+    dimension_read,
+    error_parts,
+    unit_shown,
+)
 from geoident.io.schema.section import Context, Section, refuse
-from geoident.io.schema.values import Accuracy, Drift, Given, Name, Offset, scalar_of
+from geoident.io.schema.values import (
+    Coordinates,
+    Drift,
+    Given,
+    Name,
+    Offset,
+    scalar_of,
+    shape_of,
+)
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel, MovingPoint
+from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
 Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
@@ -23,8 +40,15 @@ Motion = tuple[str, Vector | None, Vector, Vector]
 class GaugeBase(Section):
     """What every kind of gauge says beside its place."""
 
-    accuracy: Accuracy = Field(
-        description="Standard deviation of one reading.", examples=["0.1 mm"]
+    accuracy: LengthAccuracy = Field(
+        description="Standard deviation of one reading, whose errors are then independent; or what "
+        "its errors are made of, where readings share some; or `estimate`.",
+        examples=["0.1 mm", "estimate", {"reading": "0.1 mm", "epoch": "0.2 mm"}],
+    )
+    survey: Name | None = Field(
+        None,
+        description="Survey to which the gauge belongs, if several are read with one set-up: they "
+        "share its error, `epoch`.",
     )
     zero: Name = Field(
         VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
@@ -44,11 +68,33 @@ class GaugeBase(Section):
     )
 
     @model_validator(mode="after")
+    def _sizes_of_errors(self) -> GaugeBase:
+        check_parts(self.accuracy, self.dimension, self.kind_name)
+        return self
+
+    @model_validator(mode="after")
     def _one_drift(self) -> GaugeBase:
         if self.drift is not None and self.drift_per_stage is not None:
             message = "found drift and drift_per_stage; one of them is expected"
             refuse((), "wrong-pair", message, "Give exactly one of them.")
         return self
+
+    @property
+    def kind_name(self) -> str:
+        """The kind of the gauge, as users write it."""
+        return str(getattr(self, "kind", ""))
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of what the gauge reads."""
+        if isinstance(self.accuracy, Given) and self.accuracy.text != ESTIMATE:
+            return self.accuracy.dimension
+        return dimension_read(type(self)) or "length"
+
+    @property
+    def states_zero(self) -> bool:
+        """Whether the case itself says how accurate the zero is."""
+        return not isinstance(self.accuracy, Given) and self.accuracy.zero is not None
 
     def channel_names(self, name: str) -> list[str]:
         """Names of the channels of a gauge of this name."""
@@ -77,6 +123,7 @@ class GaugeBase(Section):
                 motion of one point against another along one direction.
         """
         kind, first, second, direction = motion
+        parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
         return Channel(
             name=channel,
             gauge=gauge,
@@ -84,16 +131,31 @@ class GaugeBase(Section):
             first=first,
             second=second,
             direction=direction,
-            accuracy=self.accuracy.factor,
+            accuracy=self._accuracy(parts),
             zero=self.zero,
             key=key,
             offset=scalar_of(self.offset),
             drift=scalar_of(self.drift),
             drift_per_stage=scalar_of(self.drift_per_stage),
-            dimension=self.accuracy.dimension,
-            unit="mm" if self.accuracy.dimension == "length" else self.accuracy.unit,
+            dimension=self.dimension,
+            unit=unit_shown(self.accuracy, self.kind_name, self.dimension),
+            errors=parts,
             terms=terms,
         )
+
+    def _accuracy(self, parts: ErrorParts | None) -> float:
+        """Standard deviation of one reading, SI, at the reference end of a run."""
+        if parts is not None:
+            return parts.total()
+        assert isinstance(self.accuracy, Given)
+        return self.accuracy.factor
+
+
+Reference = Annotated[
+    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
+    Discriminator(shape_of),
+]
+"""What a motion is relative to: fixed ground, or a point."""
 
 
 def point_of(given: list[Given], place: Context) -> Vector | None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from geoident.io.case.gauge import (
     GaugeBase,
     Motion,
+    Reference,
     Vector,
     axis_vector,
     distance,
@@ -20,9 +21,25 @@ from geoident.io.case.gauge import (
     refuse_one_point,
     unit_vector,
 )
+from geoident.io.case.gauges_of_force import (
+    LoadCellSection,
+    PiezometerSection,
+    PressureCellSection,
+    StrainSection,
+    StressSection,
+    on_structures,
+)
+from geoident.io.case.gauges_of_motion import (
+    InclinometerSection,
+    LevellingSection,
+    LineOfSightSection,
+    TargetSection,
+    TiltSection,
+)
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name, shape_of
+from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.gauges import Channel
+from geoident.model.structures import Structure
 
 _AXES = "xyz"
 
@@ -65,12 +82,6 @@ class ConvergenceSection(GaugeBase):
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(self.between))
         motion = distance(self.kind, first, second, place)
         return [] if motion is None else [self.reads(name, name, motion, context.path)]
-
-
-Reference = Annotated[
-    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    Discriminator(shape_of),
-]
 
 
 class DisplacementSection(GaugeBase):
@@ -128,7 +139,20 @@ class SettlementSection(GaugeBase):
 
 
 GaugeSection = Annotated[
-    ExtensometerSection | ConvergenceSection | DisplacementSection | SettlementSection,
+    ExtensometerSection
+    | ConvergenceSection
+    | DisplacementSection
+    | SettlementSection
+    | StressSection
+    | PressureCellSection
+    | PiezometerSection
+    | LoadCellSection
+    | StrainSection
+    | InclinometerSection
+    | TargetSection
+    | TiltSection
+    | LevellingSection
+    | LineOfSightSection,
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]
@@ -141,11 +165,14 @@ def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
     }
 
 
-def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
+def build_channels(
+    gauges: Gauges, structures: Mapping[str, Structure], context: Context
+) -> tuple[Channel, ...]:
     """The channels of all gauges, in the order of the file.
 
     Args:
         gauges: name to section.
+        structures: of the case, on which some of them sit.
         context: of the key `gauges`.
     """
     channels: dict[str, Channel] = {}
@@ -157,7 +184,7 @@ def build_channels(gauges: Gauges, context: Context) -> tuple[Channel, ...]:
                     channel.key, "duplicate-channel", message, "Rename one.", key=True
                 )
             channels[channel.name] = channel
-    return tuple(channels.values())
+    return tuple(on_structures(tuple(channels.values()), gauges, structures, context))
 
 
 def _displacement(

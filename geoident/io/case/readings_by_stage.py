@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.case.accuracy import error_parts
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges import GaugeSection, sections_of_channels
 from geoident.io.case.readings import ReadingSection, entries
@@ -22,12 +23,16 @@ from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import Layout
+from geoident.io.schema.values import Given
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import listing, shorten
+from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
 from geoident.model.gauges import Reading, StageReadings
-from geoident.units import UNITS, size_in, unit_list, with_article
+from geoident.units import UnitError, read_quantity, require_dimension, with_article
+
+DAY = 86400.0
+"""Seconds; readings of one day are of one epoch."""
 
 Find = Callable[[str, KeyPath], str]
 """Path of a file that the case names at a key; notes a fault if it is not there."""
@@ -42,8 +47,7 @@ class ReadReadings:
         paths: of the files.
         dates: stage to the date of its end, seconds since 1970.
         notes: what is to be known of how they were understood.
-        zero_sd: channel to the standard deviation of the measured zero that was subtracted from its
-            readings, SI.
+        zeros: channel to the measured zero that was subtracted from its readings.
         by_stage: when the dated readings were taken, stage by stage.
     """
 
@@ -51,7 +55,7 @@ class ReadReadings:
     paths: tuple[str, ...] = ()
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    zero_sd: Mapping[str, float] = field(default_factory=dict)
+    zeros: Mapping[str, Reading] = field(default_factory=dict)
     by_stage: tuple[StageReadings, ...] = ()
 
 
@@ -76,19 +80,12 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         check.all(batch, alone=alone)
         found += batch
     check.bad()
-    readings = tuple(
-        replace(
-            row,
-            bad=row.bad or _bad_reason(section, row),
-            accuracy=calendar.accuracy(row) if row.channel in check.zero_sd else row.accuracy,
-        )
-        for row in found
-    )
+    readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
     by_stage = when_read(check.dated, calendar)
     if not faults.found:
         notes += gaps(check.dated, by_stage, calendar, readings, stages=section.fit.stages)
     return ReadReadings(
-        readings, tuple(paths), calendar.dates, tuple(notes), check.zero_sd, by_stage
+        readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage
     )
 
 
@@ -118,13 +115,12 @@ def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Fa
         if given is None:
             continue
         known[name] = given.factor
-        size = size_in(given.unit, wanted) if wanted is not None else None
-        if size is not None:
-            known[name] *= size / UNITS[given.unit][1]
-        elif wanted is not None:
-            found = f"'{shorten(given.text)}' is {with_article(given.dimension)}"
-            message = f"{found}; {with_article(wanted)} is expected"
-            faults.add((*path, name), "unit", message, f"Its units: {unit_list(wanted)}.")
+        if wanted is not None:
+            try:
+                quantity = require_dimension(read_quantity(given.text), wanted, given.text)
+                known[name] = quantity.value
+            except UnitError as error:
+                faults.add((*path, name), "unit", error.message, error.hint)
     return Reading(
         channel=entry.gauge,
         stage=entry.stage,
@@ -173,7 +169,7 @@ def _of_file(
     assigned = assign(rows, calendar, several=several, zero=zero)
     notes += assigned.notes
     check.zeroed(assigned.unzeroed)
-    check.zero_sd |= assigned.zero_sd
+    check.measured_zeros |= assigned.zeros
     return assigned.readings, not several
 
 
@@ -228,16 +224,17 @@ class Calendar:
     @cached_property
     def dimensions(self) -> dict[str, str]:
         """Channel to the dimension of its readings."""
-        return {name: gauge.accuracy.dimension for name, gauge in self.channels.items()}
+        return {name: gauge.dimension for name, gauge in self.channels.items()}
 
     def accuracy(self, reading: Reading) -> float | None:
-        """Standard deviation of a reading or a mean, SI; None where its channel is unknown.
-
-        A mean of n readings has that of one divided by root of n.
-        """
-        if reading.accuracy is not None or reading.channel not in self.channels:
+        """Standard deviation of a reading, SI; None where its channel is unknown."""
+        gauge = self.channels.get(reading.channel)
+        if reading.accuracy is not None or gauge is None:
             return reading.accuracy
-        return self.channels[reading.channel].accuracy.factor / math.sqrt(reading.count)
+        parts = error_parts(gauge.accuracy, gauge.kind_name, "")
+        if parts is None:
+            return gauge.accuracy.factor if isinstance(gauge.accuracy, Given) else None
+        return parts.total()
 
     def stage_at(self, time: float) -> str:
         """The last stage that was complete at a time; the virgin state before all."""
@@ -259,13 +256,13 @@ class Assigned:
         readings: with their stages.
         notes: sentences.
         unzeroed: channels that have no reading at their zero to be subtracted.
-        zero_sd: channel to the standard deviation of what was subtracted, SI.
+        zeros: channel to what was subtracted.
     """
 
     readings: list[Reading]
     notes: list[str] = field(default_factory=list)
     unzeroed: list[Reading] = field(default_factory=list)
-    zero_sd: dict[str, float] = field(default_factory=dict)
+    zeros: dict[str, Reading] = field(default_factory=dict)
 
 
 def assign(
@@ -290,12 +287,9 @@ def assign(
     if zero:
         zeros = _take_zeros(found, calendar, zero)
     _leave_out_early(found, calendar)
-    reduced = [kept for group in _groups(found.readings) for kept in _reduced(group, several)]
-    found.readings = [
-        replace(row, accuracy=calendar.accuracy(row)) if row.count > 1 else row for row in reduced
-    ]
+    found.readings = [r for group in _groups(found.readings) for r in _reduced(group, several)]
     if zero:
-        _subtract_zeros(found, calendar, zeros)
+        _subtract_zeros(found, zeros)
     return found
 
 
@@ -325,7 +319,10 @@ def _reduced(group: list[Reading], several: str) -> list[Reading]:
 
 
 def _mean(good: list[Reading]) -> Reading:
-    """One reading for several; its accuracy is that of the gauge unless each has its own."""
+    """One reading for several; its accuracy is that of the gauge unless each has its own.
+
+    What readings of a day share, such as a set-up, is averaged over the days only.
+    """
     n = len(good)
     times = [reading.time for reading in good if reading.time is not None]
     own = [reading.accuracy for reading in good if reading.accuracy is not None]
@@ -336,6 +333,7 @@ def _mean(good: list[Reading]) -> Reading:
         time=sum(times) / n if len(times) == n else None,
         accuracy=accuracy,
         count=n,
+        epochs=len({time // DAY for time in times}) if len(times) == n else 1,
     )
 
 
@@ -353,35 +351,28 @@ def _take_zeros(found: Assigned, calendar: Calendar, several: str) -> dict[str, 
     return zeros
 
 
-def _subtract_zeros(found: Assigned, calendar: Calendar, zeros: Mapping[str, Reading]) -> None:
-    """Subtract what was read at zero from the readings that are left, and its error with it.
+def _subtract_zeros(found: Assigned, zeros: Mapping[str, Reading]) -> None:
+    """Subtract what was read at zero from the readings that are left.
 
-    The errors of the two are independent, so the variance of their difference is the sum of both
-    (ISO/IEC Guide 98-3, 5.1.2). That all readings of a channel share the error of its zero is said;
-    their covariance is not taken into account.
+    The error of a zero is that of all readings of its channel, `geoident.model.gauges.ErrorParts`:
+    the variance of one is the sum of both (ISO/IEC Guide 98-3, 5.1.2), and the readings of the
+    channel are correlated.
     """
     found.readings = [
-        _difference(row, zeros[row.channel], calendar)
+        replace(row, value=row.value - (zeros[row.channel].value or 0.0))
         if row.value is not None and row.channel in zeros
         else row
         for row in found.readings
     ]
     channels = dict.fromkeys(row.channel for row in found.readings if row.channel in zeros)
-    known = {name: calendar.accuracy(zeros[name]) for name in channels}
-    found.zero_sd = {name: sd for name, sd in known.items() if sd is not None}
+    found.zeros = {name: zeros[name] for name in channels}
     if channels:
         names = ", ".join(channels)
         found.notes.append(
             f"The readings of {names} are differences from a measured zero (rezero): their "
             "standard deviation is the root of the sum of the squares of both. All readings of a "
-            "channel share the error of its zero; they count as independent all the same."
+            "channel share the error of its zero, and count as correlated."
         )
-
-
-def _difference(row: Reading, zero: Reading, calendar: Calendar) -> Reading:
-    own, common = calendar.accuracy(row), calendar.accuracy(zero)
-    both = None if own is None or common is None else math.hypot(own, common)
-    return replace(row, value=(row.value or 0.0) - (zero.value or 0.0), accuracy=both)
 
 
 def _leave_out_early(found: Assigned, calendar: Calendar) -> None:
@@ -407,7 +398,7 @@ class _Check:
     """What readings are held against.
 
     ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``zero_sd`` channels to the standard deviation of a measured zero.
+    ``measured_zeros`` channels to what was read there and subtracted.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -419,7 +410,7 @@ class _Check:
         self.order = {name: n for n, name in enumerate(calendar.stages)}
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
-        self.zero_sd: dict[str, float] = {}
+        self.measured_zeros: dict[str, Reading] = {}
         self.dated: list[DatedReading] = []
 
     def all(self, readings: Iterable[Reading], *, alone: bool) -> None:

@@ -131,6 +131,11 @@ def _check_stages(section: CaseSection, faults: Faults) -> None:
     zeros = {VIRGIN: 0, **names}
     for name, gauge in section.gauges.items():
         _require_stage(("gauges", name, "zero"), gauge.zero, zeros, faults)
+        structure = getattr(gauge, "structure", None)
+        if structure is not None and structure not in section.structures:
+            key = "on" if hasattr(gauge, "on") else "structure"
+            place = ("gauges", name, key)
+            faults.add_unknown(place, "structure", structure, section.structures)
 
 
 def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:

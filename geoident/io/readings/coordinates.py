@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 
-from geoident.io.readings.survey import Survey
+from geoident.io.readings.survey import Survey, Target
 from geoident.io.readings.table import POINT_COLUMNS, Cell, Table, flag
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading
@@ -38,6 +38,8 @@ class CoordinateReader:
         self.columns: dict[str, int] = {}
         self.sizes: dict[str, float] = {}
         self.dated = True
+        self.unknown: set[str] = set()
+        self.placed: set[str] = set()
 
     def header(self, number: int, cells: list[Cell]) -> None:
         """Note the columns, their units, and what is wrong with them."""
@@ -81,24 +83,18 @@ class CoordinateReader:
             what = "name of the point" if not point.text else "date" if self.dated else "stage"
             table.refuse((number, point.column), "missing-name", f"the {what} is missing")
             return []
-        gauge = self.survey.points.get(point.text, "" if self.survey.points else point.text)
-        if not gauge:
-            return []  # a point that is not asked for
-        time = table.date(number, when) if self.dated else None
-        target = self.survey.targets.get(gauge)
-        if target is None:
-            hint = did_you_mean(gauge, self.survey.targets, what="Targets")
-            hint += " Which points are whose is declared by channels: {TARGET: POINT}."
-            message = f"there is no target '{shorten(gauge)}'"
-            table.refuse((number, point.column), "unknown-gauge", message, hint)
-            return []
+        own = () if self.survey.points else (point.text,)
+        gauges = self.survey.points.get(point.text, own)
+        targets = [self._target(number, point, gauge) for gauge in gauges]
+        time = table.date(number, when) if self.dated and gauges else None
         before = len(table.faults)
-        given = [table.number(number, row[key]) for key in _AXES]
-        if len(table.faults) > before or (self.dated and time is None):
-            return []
+        given = [table.number(number, row[key]) for key in _AXES] if gauges else []
+        if not gauges or len(table.faults) > before or (self.dated and time is None):
+            return []  # a point that is not asked for, or a fault
         found = [
             None if x is None else x * self.sizes[key] for x, key in zip(given, _AXES, strict=True)
         ]
+        self._check_places(number, point, gauges, found)
         note = row["remarks"].text if "remarks" in row else ""
         bad = flag(row["bad"].text) if "bad" in row else ""
         return [
@@ -112,8 +108,43 @@ class CoordinateReader:
                 bad=bad,
                 note=note,
             )
+            for target in targets
+            if target is not None
             for channel, direction in target.directions.items()
         ]
+
+    def _target(self, number: int, point: Cell, gauge: str) -> Target | None:
+        """The target of a name; None, with a fault, if there is none."""
+        target = self.survey.targets.get(gauge)
+        if target is None and gauge not in self.unknown:
+            self.unknown.add(gauge)
+            hint = did_you_mean(gauge, self.survey.targets, what="Targets")
+            hint += " Which points are whose is declared by channels: {TARGET: POINT}."
+            message = f"there is no target '{shorten(gauge)}'"
+            self.table.refuse((number, point.column), "unknown-gauge", message, hint)
+        return target
+
+    def _check_places(
+        self, number: int, point: Cell, gauges: tuple[str, ...], found: list[float | None]
+    ) -> None:
+        """Note, once a point, a target that stands elsewhere than the case says."""
+        known = tuple(x for x in found if x is not None)
+        at = self.survey.position(known) if len(known) == len(_AXES) else None
+        if at is None or point.text in self.placed:
+            return
+        self.placed.add(point.text)
+        for gauge in gauges:
+            target = self.survey.targets.get(gauge)
+            if target is None or math.dist(at[: len(target.point)], target.point) <= FAR:
+                continue
+            case, survey = (_place(place[: len(target.point)]) for place in (target.point, at))
+            message = f"the case has '{gauge}' at {case} m, the survey '{point.text}' at {survey} m"
+            hint = "Correct the origin, the axes or the point; without 'origin' it is not checked."
+            self.table.refuse((number, point.column), "wrong-place", message, hint)
+
+
+def _place(point: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 
 def _component(

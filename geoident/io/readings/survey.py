@@ -40,14 +40,14 @@ class Survey:
         axes: rows (3, 3): the x, y and z axis of the model in easting, northing and height.
         scale: length in the model of a length of 1 in the survey.
         origin: (3,) of the model in the survey, m; None where it is not given.
-        points: name of a point in the file to the name of its gauge; empty where they agree.
+        points: name of a point in the file to the names of its gauges; empty where they agree.
         targets: gauge to what is read there.
     """
 
     axes: tuple[Vector, Vector, Vector]
     scale: float = 1.0
     origin: Vector | None = None
-    points: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     targets: Mapping[str, Target] = field(default_factory=dict)
 
     def turned(self, vector: Vector) -> Vector:

@@ -111,6 +111,8 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
+    if result.accuracies is not None:
+        reading_tables.write_accuracies(file, result.accuracies)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -238,6 +240,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
             else None
         ),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        accuracies=(
+            reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
+        ),
     )
 
 

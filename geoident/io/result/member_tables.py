@@ -12,10 +12,11 @@ GROUP = "structures"
 
 
 def write_members(file: h5py.File, table: MemberForces) -> None:
-    """Writes ``/structures``, one row a straight piece of a lining or a bolt.
+    """Writes ``/structures``, one row a straight piece of a lining or wall, or a bar.
 
     The axis ``member`` holds names such as ``lining:12``. Forces of linings are per metre out of
-    plane, those of bolts are of one bolt.
+    plane or of circumference, those of bars are of one bar. ``N_hoop`` stands there if there are
+    shells, ``prestress`` if bars were stressed: the force to which, at which stages.
     """
     pairs = zip(table.structures, table.numbers, strict=True)
     axes = {
@@ -32,6 +33,10 @@ def write_members(file: h5py.File, table: MemberForces) -> None:
     out.add("N", table.axial, "member", "stage", unit="N, or N/m where per_metre")
     out.add("M", table.moment, "member", "end", "stage", unit="N m/m")
     out.add("Q", table.shear, "member", "stage", unit="N/m")
+    if np.isfinite(table.hoop).any():
+        out.add("N_hoop", table.hoop, "member", "stage", unit="N/m")
+    if np.isfinite(table.prestress).any():
+        out.add("prestress", table.prestress, "member", "stage", unit="N")
 
 
 def read_members(file: h5py.File) -> MemberForces:
@@ -39,6 +44,7 @@ def read_members(file: h5py.File) -> MemberForces:
     group = TableReader(file, GROUP)
     structures, stages = group.texts("structure"), group.texts("stage")
     n, k = len(structures), len(stages)
+    nowhere = np.full((n, k), np.nan)
     return MemberForces(
         structures=structures,
         numbers=group.ints("number", n),
@@ -48,4 +54,6 @@ def read_members(file: h5py.File) -> MemberForces:
         moment=group.floats("M", n, 2, k),
         shear=group.floats("Q", n, k),
         per_metre=group.bools("per_metre", n),
+        hoop=group.floats("N_hoop", n, k) if "N_hoop" in group else nowhere,
+        prestress=group.floats("prestress", n, k) if "prestress" in group else nowhere,
     )

@@ -20,9 +20,11 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.gauges import ReadingTable
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable
+from geoident.model.gauges import PARTS, ErrorParts, ReadingTable
+from geoident.model.result import DIAGNOSTIC_COLUMNS, AccuracyTable, Diagnostics, GaugeTable
 from geoident.units import DIMENSIONS
+
+ACCURACIES = "accuracies"
 
 _FLOATS = ("time", "value", "sd", "computed")
 
@@ -95,7 +97,8 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     """Writes ``/gauges``. ``residual`` is measured minus computed.
 
     ``instrument`` is the gauge to which a channel belongs, ``unit`` the SI unit of its readings,
-    ``display_unit`` the one in which people want to see them.
+    ``display_unit`` the one in which people want to see them. Where readings share errors,
+    ``error_sd`` has the standard deviations that these are made of, ``along`` per root of a metre.
 
     Args:
         file: the result.
@@ -107,6 +110,8 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
         "end": ("first", "second"),
         "axis": ("x", "y", "z")[: table.first.shape[1]],
     }
+    if any(table.errors):
+        axes["error_part"] = PARTS
     out = TableWriter(file, "gauges", axes)
     unit = reading_unit(table)
     out.add("measured", table.measured, "gauge", "stage", unit=unit)
@@ -120,8 +125,29 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "gauge")
     out.add("display_unit", table.units, "gauge")
     out.add("accuracy", table.accuracy, "gauge", unit=unit)
+    if any(table.errors):
+        out.add("error_sd", _sizes(table.errors), "gauge", "error_part", unit=unit)
+        out.add("survey", ["" if e is None else e.survey for e in table.errors], "gauge")
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
+
+
+def _sizes(errors: Sequence[ErrorParts | None]) -> Floats:
+    """(n_channels, parts) standard deviations; NaN where readings share nothing."""
+    rows = [[np.nan if e is None else getattr(e, part) for part in PARTS] for e in errors]
+    return np.array(rows, dtype=np.float64)
+
+
+def _errors(group: TableReader, m: int) -> tuple[ErrorParts | None, ...]:
+    """What `_sizes` wrote of m channels."""
+    if "error_sd" not in group:
+        return ()
+    sizes, surveys = group.floats("error_sd", m, len(PARTS)), group.texts("survey", m)
+    found: list[ErrorParts | None] = []
+    for row, survey in zip(sizes.tolist(), surveys, strict=True):
+        parts: dict[str, Any] = dict(zip(PARTS, row, strict=True))
+        found.append(None if np.isnan(row[0]) else ErrorParts(**parts, survey=survey))
+    return tuple(found)
 
 
 def reading_unit(table: GaugeTable) -> str:
@@ -142,6 +168,7 @@ def read_gauges(file: h5py.File, n: int) -> GaugeTable:
         dimensions=group.texts("dimension", m),
         units=group.texts("display_unit", m),
         accuracy=group.floats("accuracy", m),
+        errors=_errors(group, m),
     )
 
 
@@ -197,6 +224,36 @@ def _diagnostics(
         scale=about.attribute("scale", float),
         influence=table.floats("influence", *shape, n)[at],
         **{name: table.floats(name, *shape)[at] for name in DIAGNOSTIC_COLUMNS},
+    )
+
+
+def write_accuracies(file: h5py.File, table: AccuracyTable) -> None:
+    """Writes ``/accuracies``: what was estimated of the errors, one component of variance a row.
+
+    Args:
+        file: the result.
+        table: standard deviations in SI, or factors of what was stated (no part, dimensionless).
+    """
+    out = TableWriter(file, ACCURACIES, {"component": table.names})
+    for name in ("values", "lower95", "upper95"):
+        out.add(name, getattr(table, name), "component")
+    for name in ("parts", "dimensions", "units"):
+        out.add(name, getattr(table, name), "component")
+
+
+def read_accuracies(file: h5py.File) -> AccuracyTable:
+    """What was estimated of the errors."""
+    group = TableReader(file, ACCURACIES)
+    names = group.texts("component")
+    c = len(names)
+    return AccuracyTable(
+        names=names,
+        values=group.floats("values", c),
+        lower95=group.floats("lower95", c),
+        upper95=group.floats("upper95", c),
+        parts=group.texts("parts", c),
+        dimensions=group.texts("dimensions", c),
+        units=group.texts("units", c),
     )
 
 

@@ -54,6 +54,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "angle": "30 deg",
     "temperature": "10 degC",
     "expansion": "1e-5 1/K",
+    "strain": "50 microstrain",
     DIMENSIONLESS: "0.25",
     None: "15 GPa",
 }
@@ -349,7 +350,6 @@ def shape_of(value: object) -> str:
 
 
 Length = Annotated[Given, Of("length")]
-Accuracy = Annotated[Given, Of("length", above=0.0)]
 Stress = Annotated[Given, Of("pressure", tied=True)]
 Modulus = Annotated[Given, Of("pressure", tied=True, above=0.0)]
 Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]

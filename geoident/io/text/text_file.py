@@ -98,7 +98,7 @@ def encoding_problem(name: str) -> str | None:
     """
     try:
         codec = codecs.lookup(name)
-        b"".decode(codec.name)
+        b"aaaa".decode(codec.name, "replace")
     except (LookupError, ValueError) as error:
         known = isinstance(error, LookupError) and "not a text" in str(error)
         return "it does not make text" if known else "there is none of this name"

@@ -30,7 +30,13 @@ WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
 
 SCATTER = 2.0
-"""Scatter of the residuals, in stated accuracies, from which on it is said."""
+"""Scatter of the residuals, in stated accuracies, from which on it is said; or its inverse."""
+
+ENOUGH = 20
+"""Readings from which on a small scatter is no chance."""
+
+EXACT = 0.01
+"""Scatter below which the readings are computed ones, of which nothing is to be said."""
 
 
 def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
@@ -151,13 +157,22 @@ def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
 
 
 def _scatter(found: Diagnostics) -> list[str]:
-    if not found.scale > SCATTER:
-        return []
-    return [
-        f"The residuals are {found.scale:.1f} times as large as the stated accuracies: the gauges "
-        "are less accurate than stated, or the model does not describe the ground; the intervals "
-        "are then too narrow."
-    ]
+    read = np.count_nonzero(np.isfinite(found.standardized))
+    if found.scale > SCATTER:
+        return [
+            f"The residuals are {found.scale:.1f} times as large as the stated accuracies: the "
+            "gauges are less accurate than stated, or the model does not describe the ground; the "
+            "intervals are then too narrow. If it is the gauges, write 'accuracies: estimate' "
+            "under 'fit' (or 'accuracy: estimate' at a gauge): the residuals then say how accurate "
+            "they are."
+        ]
+    if read >= ENOUGH and EXACT < found.scale < 1.0 / SCATTER:
+        return [
+            f"The residuals are only {found.scale:.2g} of the stated accuracies: the gauges are "
+            "more accurate than stated, and the intervals wider than they need be. Write "
+            "'accuracies: estimate' under 'fit' to let the residuals say how accurate they are."
+        ]
+    return []
 
 
 def bound_findings(found: Certificate | None, parameters: Sequence[Parameter]) -> tuple[str, ...]:

@@ -15,20 +15,25 @@ from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result, write_result
+from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
-from geoident.model.result import Counts, Result
+from geoident.model.result import AccuracyTable, Counts, Result
+from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.errors import Row, error_structure
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.inputs import build_model
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
+    reading_table,
     require_enough,
     select_readings,
     times_of,
@@ -45,11 +50,13 @@ class Setup:
         model: the staged model of the case.
         case: the case.
         readings: all of them, and which take part.
+        accuracies: those that were estimated; None where all are given.
     """
 
     model: CaseModel
     case: Case
     readings: ReadingTable
+    accuracies: AccuracyTable | None = None
 
 
 def prepare(job: Job) -> Setup:
@@ -143,9 +150,29 @@ def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
     response: Response = staged
     if isinstance(staged, StagedResponse):
         response = Remembered(staged, log, before=control.stop.check)
-    return Problem(
-        response, readings.value[used], readings.sd[used], case.parameters, case.fit.loss
-    )
+    structure = structure_of_used(case, used)
+    if structure is None:
+        sd, shared = readings.sd[used], None
+    else:
+        sd, shared = structure.at(np.zeros(len(structure.names)))
+    return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
+
+
+def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
+    """The errors of the used readings of a case; None where all are independent.
+
+    Args:
+        case: with k readings.
+        used: (k,) which of them.
+    """
+    return error_structure(used_rows(case, used))
+
+
+def used_rows(case: Case, used: Bools) -> tuple[Row, ...]:
+    """The used readings (k,) of a case with their channels."""
+    channels = {channel.name: channel for channel in case.channels}
+    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
+    return tuple((channels[reading.channel], reading) for reading in taken)
 
 
 def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
@@ -241,8 +268,31 @@ def searched(
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
         outcome = search(problem, job.methods, control)
+        setup, problem, outcome = _with_accuracies(setup, problem, outcome, job, control)
         written = result(setup, problem, outcome)
         return write(written, job.place, job.found, inputs=job.inputs.files)
+
+
+def _with_accuracies(
+    setup: Setup, problem: Problem, outcome: Outcome, job: Job, control: Control
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with the accuracies that the case wants estimated; as it is where there are none."""
+    case, used = setup.case, setup.readings.used
+    structure = structure_of_used(case, used)
+    if structure is None or not structure.names:
+        return setup, problem, outcome
+    found = weighed(
+        problem, structure, outcome, lambda again: search(again, job.methods[-1:], control)
+    )
+    root = np.exp(0.5 * found.components.log_factor)
+    sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))
+    again = Setup(
+        setup.model,
+        sized,
+        reading_table(sized, setup.readings.reason),
+        accuracy_table(case, structure.names, found.components),
+    )
+    return again, found.problem, found.outcome
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from hashlib import sha256
 from typing import Protocol
 
 import numpy as np
@@ -71,6 +72,7 @@ class Remembered:
         self._before = before
         self._counts = inner.counts
         self._seen: set[tuple[str, bytes]] = set()
+        self._metric = ""  # of the first condensation
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,12 +113,18 @@ class Remembered:
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for readings that are the same in the whole run.
 
+        Their accuracies change where they are estimated: each is a kind of its own in the log.
+
         Args:
             p: (n,) parameters, SI.
             measured: (g,) readings, SI.
-            sd: (g,) their standard deviations, SI.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
         """
-        known = self._known("condense", p, lambda: self._condense(p, measured, sd))
+        metric = sha256(np.ascontiguousarray(sd).tobytes()).hexdigest()
+        self._metric = self._metric or metric
+        kind = "condense" if metric == self._metric else f"condense {metric[:16]}"
+        known = self._known(kind, p, lambda: self._condense(p, measured, sd))
         return Condensed(
             readings=np.array(known["v"]),
             flexibility=np.array(known["flexibility"]),

@@ -149,7 +149,11 @@ def _as_fitted(case: Case, gauges: GaugeTable, source: Source) -> Case:
     """A case with the readings and accuracies of a result, whose files need not be there."""
     pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
     known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
-    channels = tuple(replace(c, accuracy=known.get(c.name, c.accuracy)) for c in case.channels)
+    errors = dict(zip(gauges.channels, gauges.errors, strict=False))
+    channels = tuple(
+        replace(c, accuracy=known.get(c.name, c.accuracy), errors=errors.get(c.name))
+        for c in case.channels
+    )
     return replace(case, readings=readings_of(gauges.readings), channels=channels, source=source)
 
 

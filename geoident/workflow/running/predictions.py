@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.forward.protocols import Survey
+from geoident.identify.assessment.later_readings import LaterReadings, given_used
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
-from geoident.model.arrays import Bools, Floats
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.gauges import Reading
 from geoident.model.result import NORMAL_95, GaugeTable, Prediction
+from geoident.workflow.running.errors import Row, error_structure
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
@@ -29,6 +35,7 @@ def predict_stages(
     sensitivity: Floats,
     accuracy: Floats,
     stages: Bools,
+    known: KnownErrors | None = None,
 ) -> Prediction:
     """Bands of the computed readings at the given stages.
 
@@ -38,12 +45,62 @@ def predict_stages(
         sensitivity: (n_channels, n_stages, n) derivatives of the computed readings, SI.
         accuracy: (n_channels, n_stages) standard deviation of a reading, m; NaN for no prediction.
         stages: (n_stages,) the stages to predict.
+        known: what the used readings tell of errors that later ones share; None where all are
+            independent.
     """
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sd = np.full(computed.shape, np.nan)
+    if known is not None:
+        later = known.of(np.argwhere(wanted), sensitivity[wanted])
+        mean[wanted] += later.shift
+        sd[wanted] = predict_band(assessment, later.jacobian, later.sd)
+        return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
     sd[wanted] = predict_band(assessment, sensitivity[wanted], accuracy[wanted])
     return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
+
+
+@dataclass(frozen=True)
+class KnownErrors:
+    """What the used readings tell of errors that later ones share with them (theory 7).
+
+    Args:
+        case: whose gauges are predicted.
+        problem: the used readings, with their own standard deviations as the loss leaves them.
+        computed: (g,) what the model says of them at the estimate, SI.
+        jacobian: (g, n) its derivative, SI.
+        rows: the g readings with their channels.
+    """
+
+    case: Case
+    problem: Problem
+    computed: Floats
+    jacobian: Floats
+    rows: tuple[Row, ...]
+
+    def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
+        """Later readings as the used ones let expect them.
+
+        Args:
+            places: (l, 2) numbers of their channels and stages.
+            sensitivity: (l, n) derivatives of what the model says of them, SI.
+        """
+        channels, stages = self.case.channels, self.case.stages
+        later = [
+            (channels[i], Reading(channels[i].name, stages[j].name, None))
+            for i, j in places.tolist()
+        ]
+        whole = error_structure([*self.rows, *later])
+        assert whole is not None
+        g = len(self.rows)
+        _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
+        return given_used(
+            replace(self.problem, shared=shared),
+            self.computed,
+            self.jacobian,
+            later=whole.rows(np.arange(g, g + len(later))),
+            later_jacobian=sensitivity,
+        )
 
 
 def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.result import GaugeTable
+from geoident.workflow.running.errors import own_sd, total_sd
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
@@ -66,18 +68,21 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
         stage=tuple(reading.stage for reading in readings),
         time=_numbers([reading.time for reading in readings]),
         value=_numbers([reading.value for reading in readings]),
-        sd=_numbers(
-            [
-                channel.accuracy if reading.accuracy is None else reading.accuracy
-                for reading, channel in zip(readings, owners, strict=True)
-            ]
-        ),
+        sd=_numbers([total_sd(*row) for row in zip(owners, readings, strict=True)]),
         used=np.array([not reason for reason in reasons], dtype=np.bool_),
         bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
         reason=tuple(reasons),
         computed=np.full(len(readings), np.nan),
         note=tuple(r.note for r in readings) if any(r.note for r in readings) else (),
+        **(_shares(owners, readings) if any(c.errors for c in owners) else {}),
     )
+
+
+def _shares(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
+    """What a table says beside, where readings share errors."""
+    own = [own_sd(*row) for row in zip(owners, readings, strict=True)]
+    epochs = np.array([reading.epochs for reading in readings], dtype=np.int64)
+    return {"own_sd": _numbers(own), "epochs": epochs}
 
 
 def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
@@ -87,10 +92,11 @@ def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
             table.channel[k],
             table.stage[k],
             None if np.isnan(table.value[k]) else float(table.value[k]),
-            float(table.sd[k]),
+            float(table.sd[k] if table.own_sd is None else table.own_sd[k]),
             time=None if np.isnan(table.time[k]) else float(table.time[k]),
             bad=table.reason[k].removeprefix(FLAGGED) if table.bad[k] else "",
             note=table.notes[k],
+            epochs=1 if table.epochs is None else int(table.epochs[k]),
         )
         for k in range(len(table))
     )
@@ -162,6 +168,7 @@ def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTa
         dimensions=tuple(channel.dimension for channel in channels),
         units=tuple(channel.unit for channel in channels),
         accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
+        errors=tuple(channel.errors for channel in channels),
     )
 
 
@@ -193,7 +200,8 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
     """
     parameters, used = case.parameters, int(np.count_nonzero(readings.used))
     priors = sum(1 for parameter in parameters if parameter.prior is not None)
-    if used + priors >= len(parameters) and used:
+    estimated = any(c.errors and c.errors.estimated for c in case.channels)
+    if used + priors >= len(parameters) + estimated and used:
         return
     known = _count(used, "usable reading")
     known += f" and {_count(priors, 'prior')}" if priors else ""
@@ -201,7 +209,8 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
         ("readings",),
         code="too-few-readings",
         message=f"{known} cannot determine {_count(len(parameters), 'parameter')}"
-        f" ({', '.join(parameter.name for parameter in parameters)})",
+        f" ({', '.join(parameter.name for parameter in parameters)})"
+        + (" and how accurate the gauges are" if estimated else ""),
         hint=_remedy(readings),
     )
     raise InputError([fault])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.derivatives import assert_exact
-from support.load_cells import GAUGES, VALUES, P, cell, nailed
+from support.load_cells import ENDS, GAUGES, VALUES, P, cell, nailed
 
 from geoident.errors import InputError
 
@@ -23,8 +23,8 @@ def test_a_load_cell_reads_the_axial_force_of_its_bolt():
 def test_it_is_read_while_the_bolt_stands():
     staged = nailed(*GAUGES)
     assert staged.unreadable("n1", "go on") is None
-    assert staged.unreadable("n1", "open") == "its bolt does not stand then"
-    assert staged.unreadable("n1", "cut") == "its bolt does not stand then"
+    assert staged.unreadable("n1", "open") == "its structure does not stand then"
+    assert staged.unreadable("n1", "cut") == "its structure does not stand then"
     assert "later stage" in staged.unreadable("late", "bolt")
 
 
@@ -42,10 +42,21 @@ def test_methods_of_unit_forces_along_readings_refuse_it():
         assert why == "gauge 'n1' reads something else than displacements"
 
 
-def test_a_cell_between_points_without_a_bolt_is_a_fault():
+def test_a_cell_on_a_bar_that_is_not_there_is_a_fault():
     with pytest.raises(InputError) as error:
-        nailed(GAUGES[0], cell("x", (1.1, 2.1), (3.6, 0.7)))
+        nailed(GAUGES[0], cell("x", *ENDS[0], member=2))
     (fault,) = error.value.faults
-    assert fault.code == "no-bolt"
-    assert fault.path == "gauges.x"
-    assert "from (1.1, 2.1) m to (3.6, 0.7) m" in fault.message
+    assert fault.code == "no-such-bar"
+    assert fault.path == "gauges.x.bar"
+    assert fault.message == "gauge 'x' sits on bar 3 of the structure 'nails', which has 2"
+
+
+def test_a_cell_is_zeroed_only_while_its_structure_stands():
+    with pytest.raises(InputError) as error:
+        nailed(GAUGES[0], cell("x", *ENDS[0], zero="open"))
+    (fault,) = error.value.faults
+    assert fault.code == "zero-before-structure"
+    assert fault.message == (
+        "gauge 'x' reads zero at stage 'open', at which the structure 'nails' does not stand; it "
+        "stands at: bolt, go on"
+    )

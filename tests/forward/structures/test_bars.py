@@ -326,8 +326,8 @@ def _all(yields=(), free=None, **changes):
         "channels": (
             displacement("top", (3.0, 2.5), (1.0, 0.0)),
             displacement("up", (1.4, 1.4), (0.6, 0.8)),
-            cell("N1", *_STRUT),
-            cell("N2", *_ANCHOR),
+            cell("N1", *_STRUT, structure="prop"),
+            cell("N2", *_ANCHOR, structure="A1"),
         ),
     }
     return model(mesh, **{**settings, **changes})

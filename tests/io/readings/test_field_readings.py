@@ -8,6 +8,7 @@ from geoident.errors import InputError
 from geoident.io.readings.file import FORMATS, Format
 from geoident.io.text.dates import read_date
 from geoident.model.gauges import Reading
+from geoident.workflow.running.errors import total_sd
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 
@@ -190,7 +191,9 @@ def test_readings_before_the_zero_are_counted_not_dropped_in_silence(read):
 def test_the_mean_has_the_accuracy_of_one_by_the_root_of_their_number(read):
     case = read(DATES + "{file: r.csv, several: mean}", files={"r.csv": DATED})
     assert values(case)[:2] == [("EX1.a5", "heading", 1.5), ("EX1.a5", "bench 1", 5.0)]
-    assert case.readings[0].accuracy == pytest.approx(1e-4 / 2**0.5)
+    anchor = case.channels[0]
+    assert total_sd(anchor, case.readings[0]) == pytest.approx(1e-4 / 2**0.5)
+    assert case.readings[0].epochs == 2  # days
     assert case.readings[1].time == pytest.approx(read_date("2024-04-16"))
     assert case.readings[2].accuracy is None
 
@@ -216,8 +219,10 @@ def test_a_mean_of_differences_has_the_error_of_the_zero_once(read):
     description = "{file: r.csv, rezero: true, several: SEVERAL}"
     for several, sd in (("mean", 0.2), ("last", 0.4), ("all", 0.4)):
         case = read(DATES + description.replace("SEVERAL", several), files={"r.csv": text})
-        accuracies = {round(1e3 * r.accuracy, 9) for r in case.readings}
+        (anchor,) = {c for c in case.channels if c.name == "EX1.a5"}
+        accuracies = {round(1e3 * total_sd(anchor, r), 9) for r in case.readings}
         assert accuracies == {round((0.3**2 + sd**2) ** 0.5, 9)}
+        assert anchor.errors.zero == pytest.approx(3e-4)  # of all of them
 
 
 def test_a_zero_that_is_flagged_is_not_subtracted(refused):
@@ -252,7 +257,7 @@ def test_dates_have_the_declared_format(read, refused):
             "readings.date_format",
             "more than once",
         ),
-        (DATES + "{file: r.csv, unit: MPa}", "readings.unit", "no unit of length"),
+        (DATES + "{file: r.csv, unit: m/s2}", "readings.unit", "no unit of length"),
         (DATES + "{file: r.csv, columns: {gage: G}}", "readings.columns.gage", "no column 'gage'"),
         (DATES + "{file: r.csv, channels: {EX1: E}}", "readings.channels.EX1", "no gauge 'EX1'"),
         (DATES + "{file: r.csv, several: first}", "readings.several", "expected last, mean, all"),

@@ -43,10 +43,10 @@ def surveyed(
             hint = faults.did_you_mean(name, known, what="Gauges of points")
             message = f"there is no gauge '{name}' whose point is surveyed"
             faults.add((*path, "channels", name), "unknown-gauge", message, hint, key=True)
-    points = {
-        origin if isinstance(origin, str) else origin.name or name: name
-        for name, origin in described.channels.items()
-    }
+    points: dict[str, tuple[str, ...]] = {}
+    for name, origin in described.channels.items():
+        point = origin if isinstance(origin, str) else origin.name or name
+        points[point] = (*points.get(point, ()), name)
     survey = described.transformation.survey(plane=analysis.dim == 2)
     return replace(survey, points=points, targets=targets)
 

@@ -7,6 +7,7 @@ from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
+from geoident.io.case.accuracy import dimension_read
 from geoident.io.case.gauges import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
@@ -29,8 +30,7 @@ def _date_format(value: object) -> str:
 
 def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
     """Dimensions of what gauges of some kinds read: those of their accuracies."""
-    marks = [mark for kind in kinds for mark in kind.model_fields["accuracy"].metadata]
-    found = [mark.dimension for mark in marks if isinstance(mark, Of)]
+    found = [dimension_read(kind) for kind in kinds]
     return tuple(dict.fromkeys(name for name in found if name is not None))
 
 

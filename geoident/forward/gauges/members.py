@@ -1,0 +1,348 @@
+"""Forces and strains of structures: load cells, strain gauges on bars and beams, cells on linings.
+
+A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
+arc with the inside of the beam to the right,
+
+    N                       axial force, from the piece that holds the place
+    M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
+    Q = dM/ds               shear force
+
+and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI.
+The inside is the side without ground, or that of the point ``towards``. Where pieces meet in a
+place, they count equally.
+
+Forces of structures are zero when they are built, or the prestress then, so these channels read
+values unless the case gives a zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.fem.location import REACH, Site, format_point
+from geoident.forward.gauges.observable import GaugeSurroundings, MarchState, Placed
+from geoident.forward.gauges.stress import Spots, Stresses, readers_of
+from geoident.forward.structures.members import (
+    StructureMembers,
+    facing_balance,
+    present_throughout,
+    rigidities,
+    straight_pieces,
+)
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.gauges import Channel
+from geoident.model.structures import Bars, Beam, Structure
+from geoident.units import with_article
+
+DIMENSIONS = {"N": "line load", "Q": "line load", "M": "moment per length"}
+"""Of the forces of a beam, per metre; the force of a bar is that of one bar."""
+
+BENDING = ("M", "inside", "outside")
+"""What cannot be read without knowing which side is the inside."""
+
+_SAME = 1e-6
+"""Difference of distances, in parts of a piece, below which two pieces are equally near."""
+
+
+class MemberReadings:
+    """Forces and strains of structures, SI.
+
+    Args:
+        channels: what is read, each of one structure.
+    """
+
+    rows = None  # EA(p) stands between the displacements and the force
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = channels
+        self._places: dict[str, _Place] = {}
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, SI."""
+        rows = [self._read(channel, state) for channel in self._channels]
+        return np.array(rows).reshape(len(rows), state.end.members.shape[1])
+
+    def _read(self, channel: Channel, state: MarchState) -> Floats:
+        part, forces = state.structures.part(channel.structure), state.end.members
+        if isinstance(part.structure, Bars):
+            if channel.kind == "load-cell":
+                found = state.structures.bar(part.name, channel.member, forces, state.point)
+                return -found if channel.compression else found
+            smeared = forces[part.rows.start + channel.member]
+            axial, _ = rigidities(part.structure, state.point)
+            return _scaled(smeared, 1.0 / axial)
+        if channel.name not in self._places:
+            found_place = nearest(part.members.ends, np.array(channel.second))
+            self._places[channel.name] = found_place.seen_from(channel.towards)
+        found = _of_beam(part, self._places[channel.name], channel, forces, state.point)
+        return -found if channel.compression else found
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A place on a beam.
+
+    Args:
+        pieces: (k,) that meet there.
+        along: (k,) how far along each, from 0 to 1.
+        turned: (k,) 1, or -1 where the inside is to the left of the piece.
+        point: (dim,) on the beam, m.
+        distance: from the point that was asked for, m.
+        normals: (k, dim) unit vectors to the right of the pieces.
+        lengths: (k,) of the pieces, m.
+    """
+
+    pieces: Ints
+    along: Floats
+    turned: Floats
+    point: Floats
+    distance: float
+    normals: Floats
+    lengths: Floats
+
+    def seen_from(self, towards: tuple[float, ...] | None) -> _Place:
+        """The same with the inside on the side of a point (dim,), m, or as the pieces have it."""
+        if towards is None:
+            return self
+        side = self.normals @ (np.array(towards) - self.point)
+        return replace(self, turned=np.where(side < 0, -1.0, 1.0))
+
+
+def nearest(ends: Floats, point: Floats) -> _Place:
+    """Where the pieces of a beam come nearest to a point.
+
+    Args:
+        ends: (n, 2, 2) of the pieces, m.
+        point: (2,) m.
+    """
+    span = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(span, axis=1)
+    along = np.clip(((point - ends[:, 0]) * span).sum(axis=1) / length**2, 0.0, 1.0)
+    foot = ends[:, 0] + along[:, None] * span
+    distance = np.linalg.norm(foot - point, axis=1)
+    best = int(distance.argmin())
+    at = np.linalg.norm(foot - foot[best], axis=1) <= _SAME * length[best]
+    here = np.flatnonzero(at)
+    normals = np.stack([span[here, 1], -span[here, 0]], axis=1) / length[here, None]
+    ones = np.ones(len(here))
+    return _Place(here, along[here], ones, foot[best], float(distance[best]), normals, length[here])
+
+
+def _of_beam(
+    part: StructureMembers, place: _Place, channel: Channel, members: Floats, point: ParameterPoint
+) -> Floats:
+    """A force or a fibre strain of a beam, (1 + n + k,)."""
+    assert isinstance(part.structure, Beam)
+    n = len(part.members)
+    normal, middle, shear = (members[part.rows][i * n : (i + 1) * n] for i in range(3))
+    N, Q = normal[place.pieces].mean(axis=0), shear[place.pieces].mean(axis=0)
+    lever = (place.along - 0.5) * place.lengths
+    there = middle[place.pieces] + lever[:, None] * shear[place.pieces]
+    M = (place.turned[:, None] * there).mean(axis=0)
+    if channel.kind == "load-cell":
+        return np.asarray({"N": N, "M": M, "Q": Q}[channel.quantity])
+    axial, bending = rigidities(part.structure, point)
+    strain = _scaled(N, 1.0 / axial)
+    if channel.quantity == "axis":
+        return strain
+    distance = _fibre_distance(part.structure, channel, point)
+    bent = _scaled(M, distance / bending)
+    return strain + bent if channel.quantity == "inside" else strain - bent
+
+
+def _fibre_distance(beam: Beam, channel: Channel, point: ParameterPoint) -> Dual:
+    """Of a fibre from the axis of a beam, m."""
+    if channel.fibre is not None:
+        return point.constant(channel.fibre)
+    if beam.thickness is None:
+        msg = "a beam without thickness has no inner and outer fibre"
+        raise ValueError(msg)
+    return point.number(beam.thickness).times(0.5)
+
+
+def _scaled(values: Floats, factor: Dual) -> Floats:
+    """Values (1 + n + k,) times a number with n derivatives."""
+    n = len(factor.columns)
+    result = values * factor.value
+    result[:n] = (Dual(values[:n]) * factor).columns
+    return np.asarray(result)
+
+
+def member_readings(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+    """Channels that read forces and strains of structures, while these stand."""
+    faults = [fault for channel in channels for fault in _faults(channel, ground)]
+    readable = [_standing(channel, ground) for channel in channels]
+    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    return Placed(MemberReadings(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
+
+
+_NOT_STANDING = "its structure does not stand then"
+
+
+def pressures_on_beams(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+    """Channels that read what the ground presses on a beam, normal to it, while it stands."""
+    faults = [fault for channel in channels for fault in _faults(channel, ground)]
+    standing = np.array([_standing(channel, ground) for channel in channels])
+    when = standing.reshape(-1, len(ground.sequence.states))
+    if faults:
+        nothing = Stresses([], Spots.of([], ground).water(ground))
+        return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_STANDING)
+    turned, sites = zip(*(_facing(channel, ground) for channel in channels), strict=True)
+    spots = Spots.of(turned, ground, sites)
+    observable = Stresses(readers_of(spots, ground), spots.water(ground))
+    return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
+
+
+def _facing(channel: Channel, ground: GaugeSurroundings) -> tuple[Channel, tuple[Site, ...]]:
+    """The channel at its place on the beam with the normal there, and the ground that presses."""
+    mesh, name = ground.mesh, channel.structure
+    present = present_throughout(ground.sequence, name)
+    _, place, inside = _place(channel, ground)
+    foot = tuple(map(float, place.point))
+    sites = ground.locator.sites(foot)
+    nodes = {site.element: mesh.points[site.nodes].mean(axis=0) for site in sites}
+    behind = tuple(
+        site
+        for site in sites
+        if present is not None
+        and present[site.element]
+        and (nodes[site.element] - place.point) @ inside < 0.0
+    )
+    return replace(channel, second=foot, direction=tuple(map(float, inside)), towards=None), behind
+
+
+def _place(channel: Channel, ground: GaugeSurroundings) -> tuple[Ints, _Place, Floats]:
+    """Pieces (n, 2) of a beam, the place of a channel on it, and the unit vector to its inside."""
+    mesh, structure = ground.mesh, ground.case.structures[channel.structure]
+    assert isinstance(structure, Beam)
+    edges = straight_pieces(mesh, structure.group)
+    place = nearest(mesh.points[edges], np.array(channel.second))
+    if channel.towards is not None:
+        place = place.seen_from(channel.towards)
+    else:
+        present = present_throughout(ground.sequence, channel.structure)
+        if present is not None:
+            balance = facing_balance(mesh, edges[place.pieces], present)
+            place = replace(place, turned=np.where(balance < 0, -1.0, 1.0))
+    inside = (place.turned[:, None] * place.normals).mean(axis=0)
+    return edges, place, inside / np.linalg.norm(inside)
+
+
+def _standing(channel: Channel, ground: GaugeSurroundings) -> Bools:
+    """(n_states,) when a channel on a structure can be read: while it stands, since its zero."""
+    stands = [channel.structure in state.structures for state in ground.sequence.states]
+    since = ground.from_zero(channel)
+    return np.array(stands, dtype=np.bool_) & since
+
+
+def _faults(channel: Channel, ground: GaugeSurroundings) -> Iterator[Fault]:
+    """What is wrong with a channel on a structure that the case has."""
+    structure = ground.case.structures[channel.structure]
+    named = f"gauge '{channel.name}'"
+    of = f"the structure '{channel.structure}'"
+    states = ground.sequence.states
+
+    def fault(code: str, message: str, hint: str, *key: str) -> Fault:
+        place = (*channel.key, *key)
+        return ground.case.source.fault(place, code=code, message=message, hint=hint)
+
+    standing = [state.name for state in states if channel.structure in state.structures]
+    if not standing:
+        message = f"{named} sits on {of}, which no stage builds"
+        yield fault("structure-never-built", message, f"add 'build: [{channel.structure}]'")
+        return
+    if channel.is_zeroed and channel.zero not in standing:
+        message = (
+            f"{named} reads zero at stage '{channel.zero}', at which {of} does not stand; "
+            f"it stands at: {', '.join(standing)}"
+        )
+        hint = "zero it at one of these stages, or remove 'zero' to read what there is since then"
+        yield fault("zero-before-structure", message, hint, "zero")
+    if isinstance(structure, Bars):
+        yield from _bar_faults(channel, structure, fault, named, of)
+    else:
+        yield from _beam_faults(channel, structure, ground, fault, named, of)
+    wanted = _dimension(channel, structure)
+    if channel.dimension != wanted:
+        what = "of one bar" if isinstance(structure, Bars) else "of a beam, per metre"
+        message = (
+            f"{named} reads {_QUANTITIES[channel.quantity]} {what}: {with_article(wanted)}; its "
+            f"accuracy is {with_article(channel.dimension)}"
+        )
+        hint = f"write the accuracy as {with_article(wanted)}"
+        yield fault("unit", message, hint, "accuracy")
+
+
+_QUANTITIES = {
+    "N": "the axial force",
+    "M": "the bending moment",
+    "Q": "the shear force",
+    "": "the strain",
+    "axis": "the strain",
+    "inside": "the strain",
+    "outside": "the strain",
+}
+"""What a channel on a structure reads, by its quantity."""
+
+_MakesFault = Callable[..., Fault]
+
+
+def _dimension(channel: Channel, structure: Structure) -> str:
+    """The dimension of what a channel reads of a structure."""
+    if channel.kind == "strain":
+        return "strain"
+    if channel.kind == "pressure-cell":
+        return "pressure"
+    return "force" if isinstance(structure, Bars) else DIMENSIONS[channel.quantity]
+
+
+def _bar_faults(
+    channel: Channel, structure: Bars, fault: _MakesFault, named: str, of: str
+) -> Iterator[Fault]:
+    count = len(structure.ends)
+    if channel.kind == "pressure-cell":
+        message = f"{named} reads a pressure on {of}, whose bars the ground does not press on"
+        yield fault("wrong-structure", message, "name a beam, or give a point and a normal")
+    elif channel.quantity not in ("N", "", "axis"):
+        message = f"{named} reads '{channel.quantity}' of {of}; its bars bear only N"
+        yield fault("wrong-structure", message, "remove the key, or name a beam")
+    elif channel.member >= count:
+        message = f"{named} sits on bar {channel.member + 1} of {of}, which has {count}"
+        yield fault("no-such-bar", message, "correct 'bar'; they count from 1", "bar")
+
+
+def _beam_faults(
+    channel: Channel,
+    beam: Beam,
+    ground: GaugeSurroundings,
+    fault: _MakesFault,
+    named: str,
+    of: str,
+) -> Iterator[Fault]:
+    asked = format_point(channel.second)
+    edges, place, _ = _place(channel, ground)
+    if place.distance > REACH * place.lengths.max():
+        message = (
+            f"{named} sits at {asked}, which is not on {of}; its nearest place is "
+            f"{format_point(place.point)}, {place.distance:.3g} m away"
+        )
+        yield fault("not-on-structure", message, "correct the point or the structure", "point")
+        return
+    bends = channel.kind == "pressure-cell" or channel.quantity in BENDING
+    present = present_throughout(ground.sequence, channel.structure)
+    if bends and channel.towards is None and present is not None:
+        balance = facing_balance(ground.mesh, edges[place.pieces], present)
+        if not balance.all():
+            message = (
+                f"{named} reads {of} at {asked}, where there is ground on both sides of it or on "
+                "none: which side is its inside is not known"
+            )
+            yield fault("which-side", message, "give 'towards': a point on the inside")
+    if channel.quantity in ("inside", "outside") and not (beam.thickness or channel.fibre):
+        message = f"{named} reads a fibre of {of}, whose thickness is not given"
+        yield fault("no-thickness", message, "give 'fibre': its distance from the axis")

@@ -1,0 +1,45 @@
+"""Strains: of the ground at a point, along a line in it, and of the fibres of structures.
+
+Along a line, such as the pieces of a fibre optic cable, the mean strain is a sum of displacements
+of points divided by a length; it is placed like any other motion. At a point it is recovered from
+the strain points around, as the stress is (`fem.recovery`); both are linear in the displacements.
+Structures have the strain of their forces: see `structures`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import scipy.sparse as sp
+
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.recovery import recovery
+from geoident.forward.gauges.observable import (
+    GaugeSurroundings,
+    Placed,
+    RelativeDisplacements,
+)
+from geoident.forward.gauges.stress import NORMAL_COMPONENTS, Spots, component_weights
+from geoident.model.gauges import Channel
+
+
+def strains(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+    """Channels that read a strain at a point, while its ground stays from their zero on.
+
+    The coefficients of a stress n . S n hold for a strain n . eps n too, with shear strains
+    gamma = 2 eps halved.
+    """
+    kinematics, spots = kinematics_of(ground.case.analysis), Spots.of(channels, ground)
+    rows = [sp.csr_array((0, ground.mesh.points.size))]
+    for spot in spots.found:
+        if spot.site is None:
+            continue
+        element, sequence = spot.site.element, ground.sequence
+        group = sequence.group_of == sequence.group_of[element]
+        found = recovery(ground.mesh, kinematics, element, group, spot.place)
+        weights = component_weights(spot.channel, spot.signs, kinematics.n_strain)
+        if not spot.channel.quantity:
+            weights[NORMAL_COMPONENTS:] /= 2.0
+        rows.append(sp.csr_array(weights[None] @ found.gradients))
+    operator = sp.csr_array(sp.vstack(rows))
+    return Placed(RelativeDisplacements(operator), spots.readable, spots.snapped, spots.faults)

@@ -1,0 +1,295 @@
+"""Accuracies from the residuals: variance components by restricted maximum likelihood (theory 7).
+
+The covariance of the errors is Sigma(t) = V_0 + sum_c e^(t_c) V_c, with V_0 what is given and t the
+logarithms of factors on what is to be estimated. With the model linearised at the estimate, J its
+Jacobian, R the rows of the priors and M = J^T Sigma^-1 J + R^T R, twice the negative logarithm
+of the restricted likelihood is, up to a constant (Patterson & Thompson 1971),
+
+    -2 l = log|Sigma| + log|M| + phi,     phi = min over x of |L^-1 (y - v - J x)|^2 + |rho + R x|^2
+
+log|M| accounts for the parameters that were fitted with the same readings: without it, as in
+maximum likelihood, accuracies come out too good. With P = Sigma^-1 - Sigma^-1 J M^-1 J^T Sigma^-1
+and q = Sigma^-1 (y - v - J x), the derivatives by t and the expected information are
+
+    d(-2 l)/dt_c = e^(t_c) (tr P V_c - q^T V_c q)       I_cd = e^(t_c + t_d) tr(P V_c P V_d) / 2
+
+so Newton's method with I (Fisher's scoring), shortened where -2 l would rise, finds t, and I^-1 is
+its covariance. For repeated readings of one quantity this is the variance with n - 1, and for
+groups of equal size the estimator of the analysis of variance.
+
+Where a factor falls to `LOWEST`, the residuals show nothing of it. Its interval, and that of one of
+which they show hardly any, begins at zero and ends where -2 l is 3.84 above its minimum. Components
+that the readings cannot tell apart keep their ratio (a pseudo-inverse of I moves only what is
+seen).
+
+Directions of the parameters that neither readings nor priors see are left out of J, and so are
+parameters on a bound. Dense in the readings: a few products (g, g) an iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
+from geoident.identify.problem.problem import Problem, Scaling
+from geoident.model.arrays import Bools, Floats
+from geoident.model.result import NORMAL_95
+
+LOWEST = -18.0
+"""Logarithm of the smallest factor of a variance: a ten-thousandth of the first accuracy."""
+
+HIGHEST = 18.0
+
+_UNSEEN = 1e-8
+"""Directions of the parameters with singular values below this part of the largest are left out."""
+
+_TOGETHER = 1e-6
+"""Eigenvalues of the information, scaled to a diagonal of ones, below which components are not told
+apart."""
+
+_NOTHING = 1e-3
+"""Information on a logarithm of a variance below which the residuals show nothing of it."""
+
+_HARDLY = 4.0
+"""Half width of an interval of t from which on it begins at zero: a factor of 7 on the accuracy."""
+
+_MOST_STEPS = 100
+_CHI_SQUARED_95 = NORMAL_95**2
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """The factors of c components of variance.
+
+    Args:
+        log_factor: (c,) t.
+        covariance: (c, c) of t.
+        lower: (c,) lower end of the 95 % interval of t; -inf where the residuals show nothing.
+        upper: (c,) upper end; inf where the readings do not tell it from the others.
+        minus_two_l: -2 l, up to a constant.
+    """
+
+    log_factor: Floats
+    covariance: Floats
+    lower: Floats
+    upper: Floats
+    minus_two_l: float
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """-2 l at one t, its gradient (c,) and the expected information (c, c)."""
+
+    value: float
+    gradient: Floats
+    information: Floats
+
+
+class RestrictedLikelihood:
+    """-2 l of the factors of components, for a model that is linear near the estimate.
+
+    Args:
+        structure: the errors of the g readings.
+        gap: (g,) measured less computed readings at the estimate, SI.
+        jacobian: (g, q) derivatives of the computed readings by directions of the parameters.
+        prior: (k,) residuals of the priors at the estimate.
+        prior_rows: (k, q) their derivatives; with the Jacobian of full rank.
+    """
+
+    def __init__(
+        self,
+        structure: ErrorStructure,
+        gap: Floats,
+        jacobian: Floats,
+        prior: Floats,
+        prior_rows: Floats,
+    ) -> None:
+        self.structure = structure
+        self.gap = gap
+        self.jacobian = jacobian
+        self.prior = prior
+        self.prior_rows = prior_rows
+        self.parts = [_part(structure, c) for c in range(len(structure.names))]
+
+    def value(self, t: Floats) -> float:
+        """-2 l at t (c,)."""
+        return self._solved(t)[0]
+
+    def terms(self, t: Floats) -> _Terms:
+        """-2 l at t (c,) with its derivatives."""
+        value, sigma, q, M = self._solved(t)
+        pull = sigma.solve(self.jacobian)
+        P = sigma.inverse - pull @ np.linalg.solve(M, pull.T)
+        moved = [part.times(P) for part in self.parts]  # V_c P
+        size = np.exp(t)
+        trace = np.array([np.trace(V) for V in moved])
+        squares = np.array([part.squares(q) for part in self.parts])
+        both = [[float(np.sum(A * B.T)) for B in moved] for A in moved]
+        information = 0.5 * np.outer(size, size) * np.array(both).reshape(len(t), len(t))
+        return _Terms(value, size * (trace - squares), information)
+
+    def _solved(self, t: Floats) -> tuple[float, Covariance, Floats, Floats]:
+        """-2 l, Sigma, q and M."""
+        sd, shared = self.structure.at(t)
+        sigma = Covariance(sd, shared or SharedErrors(self.structure.columns))
+        J, R = self.jacobian, self.prior_rows
+        M = J.T @ sigma.solve(J) + R.T @ R
+        x = np.linalg.solve(M, J.T @ sigma.solve(self.gap) - R.T @ self.prior)
+        left = self.gap - J @ x
+        q = sigma.solve(left)
+        prior = self.prior + R @ x
+        _, log_det = np.linalg.slogdet(M)
+        value = sigma.log_determinant() + float(log_det) + float(left @ q + prior @ prior)
+        return value, sigma, q, M
+
+
+@dataclass(frozen=True)
+class _Part:
+    """V_c = diag(own) + B B^T at a factor of one: own (g,), B (g, k)."""
+
+    own: Floats
+    B: Floats
+
+    def times(self, matrix: Floats) -> Floats:
+        """V_c times a matrix (g, g)."""
+        return np.asarray(self.own[:, None] * matrix + self.B @ (self.B.T @ matrix))
+
+    def squares(self, q: Floats) -> float:
+        """q^T V_c q."""
+        shared = self.B.T @ q
+        return float(q @ (self.own * q) + shared @ shared)
+
+
+def _part(structure: ErrorStructure, c: int) -> _Part:
+    own = np.where(structure.component == c, structure.sd**2, 0.0)
+    columns = structure.columns[:, np.flatnonzero(structure.column_component == c)]
+    return _Part(own, np.asarray(columns.toarray()))
+
+
+def likelihood_at(
+    problem: Problem, structure: ErrorStructure, values: Floats, readings: Floats, jacobian: Floats
+) -> RestrictedLikelihood:
+    """The restricted likelihood with the model linearised at the estimate.
+
+    Args:
+        problem: the used readings and the parameters.
+        structure: the errors of the readings.
+        values: (n,) the estimate, SI.
+        readings: (g,) v there, SI.
+        jacobian: (g, n) its derivative, SI.
+    """
+    scaling = Scaling(problem.parameters)
+    free = _free(problem, values)
+    J = (jacobian * scaling.slope(values))[:, free]
+    R = scaling.prior_jacobian(values)[:, free]
+    rows = np.concatenate([J / problem.sd[:, None], R])
+    _, S, Vt = np.linalg.svd(rows, full_matrices=False)
+    seen = Vt[_UNSEEN * S.max(initial=0.0) < S].T
+    return RestrictedLikelihood(
+        structure,
+        problem.measured - readings,
+        J @ seen,
+        scaling.prior_residuals(values),
+        R @ seen,
+    )
+
+
+def _free(problem: Problem, values: Floats) -> Bools:
+    """Parameters (n,) that are not on a bound."""
+    lower, upper = problem.bounds
+    return np.asarray((values > lower) & (values < upper), dtype=np.bool_)
+
+
+def estimate_components(likelihood: RestrictedLikelihood, start: Floats) -> VarianceComponents:
+    """The factors that the residuals make most likely.
+
+    Args:
+        likelihood: of the factors.
+        start: (c,) logarithms of factors to begin with.
+    """
+    t = _vanished(likelihood, _minimised(likelihood, start))
+    found = likelihood.terms(t)
+    inner = (t > LOWEST) & (t < HIGHEST)
+    covariance = np.zeros((len(t), len(t)))
+    square = np.ix_(inner, inner)
+    covariance[square], unseen = _inverse(found.information[square])
+    half = NORMAL_95 * np.sqrt(np.diag(covariance))
+    lower, upper = t - half, t + half
+    apart = np.zeros(len(t), dtype=np.bool_)
+    apart[inner] = unseen
+    small = ~apart & ((t <= LOWEST) | (half > _HARDLY))
+    lower[apart | small] = -np.inf
+    upper[apart | (t >= HIGHEST)] = np.inf
+    for c in np.flatnonzero(small).tolist():
+        upper[c] = _upper_end(likelihood, t, c, found.value + _CHI_SQUARED_95)
+    return VarianceComponents(t, covariance, lower, upper, found.value)
+
+
+def _vanished(likelihood: RestrictedLikelihood, t: Floats) -> Floats:
+    """The factors (c,), at their lowest where the residuals show nothing of them."""
+    found = likelihood.terms(t)
+    for c in np.flatnonzero(np.diag(found.information) < _NOTHING).tolist():
+        trial = t.copy()
+        trial[c] = LOWEST
+        if likelihood.value(trial) <= found.value + _NOTHING:
+            t = trial
+    return t
+
+
+def _minimised(likelihood: RestrictedLikelihood, start: Floats) -> Floats:
+    """The t (c,) of the lowest -2 l, by Fisher's scoring."""
+    t = np.clip(start, LOWEST, HIGHEST)
+    for _ in range(_MOST_STEPS):
+        here = likelihood.terms(t)
+        held = ((t <= LOWEST) & (here.gradient > 0.0)) | ((t >= HIGHEST) & (here.gradient < 0.0))
+        moving = ~held
+        if not moving.any():
+            return t
+        step = np.zeros(len(t))
+        inverse, _ = _inverse(here.information[np.ix_(moving, moving)])
+        step[moving] = np.clip(-0.5 * inverse @ here.gradient[moving], -3.0, 3.0)
+        reached = _descended(likelihood.value, t, step, here.value)
+        change = float(np.abs(reached - t).max())
+        t = reached
+        if change <= 1e-7:
+            return t
+    return t
+
+
+def _descended(value: Callable[[Floats], float], t: Floats, step: Floats, before: float) -> Floats:
+    """The end of a step, shortened until -2 l does not rise; t itself if it always does."""
+    for _ in range(30):
+        trial = np.clip(t + step, LOWEST, HIGHEST)
+        if value(trial) <= before + 1e-12 * abs(before):
+            return trial
+        step = 0.5 * step
+    return t
+
+
+def _inverse(information: Floats) -> tuple[Floats, Bools]:
+    """Pseudo-inverse (c, c), and which components (c,) have a part in what is not seen."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    size, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    seen = size > _TOGETHER
+    inverse = (vectors[:, seen] / size[seen]) @ vectors[:, seen].T / np.outer(scale, scale)
+    return inverse, np.asarray(np.any(np.abs(vectors[:, ~seen]) > 0.1, axis=1), dtype=np.bool_)
+
+
+def _upper_end(likelihood: RestrictedLikelihood, t: Floats, c: int, level: float) -> float:
+    """The factor of a component, the others as they are, at which -2 l reaches a level."""
+    low, high = LOWEST, HIGHEST
+
+    def at(x: float) -> float:
+        trial = t.copy()
+        trial[c] = x
+        return likelihood.value(trial)
+
+    if at(high) < level:
+        return np.inf
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at(middle) < level else (low, middle)
+    return high

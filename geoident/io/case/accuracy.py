@@ -1,0 +1,377 @@
+"""How accurate a gauge is: one quantity, what its errors are made of, or ``estimate``.
+
+A quantity stands for readings whose errors are independent. A mapping says what they share, and
+what it leaves out has the size that is usual for the kind of gauge (`TYPICAL`). A part, or the
+whole, may be ``estimate``: its size then follows from the residuals, and the usual size is where
+the estimation begins. Gauges of one kind have one size.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic_core import CoreSchema
+
+from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.values import Given, Of, quantity_pattern, require_text
+from geoident.io.text.faults import Faults
+from geoident.io.text.wording import Refusal, shorten
+from geoident.model.case import Case
+from geoident.model.gauges import PARTS, Channel, ErrorParts, Reading
+from geoident.units import DIMENSIONS, UNITS, read_quantity, unit_list, with_article
+
+if TYPE_CHECKING:
+    from geoident.io.case.case import CaseSection
+
+ESTIMATE = "estimate"
+
+_ROOT = re.compile(r"(.*?)\s*/\s*(?:sqrt\s*\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+)\s*\^?\s*0\.5)")
+
+
+@dataclass(frozen=True)
+class Typical:
+    """Standard deviations that are usual for a kind of gauge, SI.
+
+    Args:
+        reading: of one reading.
+        head: of the head at an epoch.
+        epoch: of the set-up of a survey.
+        along: per root of a metre along a casing.
+        unit: in which such gauges are read.
+    """
+
+    reading: float
+    head: float = 0.0
+    epoch: float = 0.0
+    along: float = 0.0
+    unit: str = ""
+
+
+TYPICAL: Mapping[str, Typical] = {
+    "extensometer": Typical(1e-4, head=0.5e-4, unit="mm"),
+    "convergence": Typical(2e-4, epoch=1e-4, unit="mm"),
+    "settlement": Typical(3e-4, epoch=3e-4, unit="mm"),
+    "levelling": Typical(3e-4, epoch=3e-4, unit="mm"),
+    "displacement": Typical(1e-3, epoch=0.5e-3, unit="mm"),
+    "target": Typical(1e-3, epoch=0.5e-3, unit="mm"),
+    "line-of-sight": Typical(2e-3, epoch=1e-3, unit="mm"),
+    "inclinometer": Typical(1e-4, along=2e-4, unit="mm"),
+    "tilt": Typical(5e-5, unit="mrad"),
+    "strain": Typical(5e-6, unit="microstrain"),
+    "load-cell": Typical(5e3, unit="kN"),
+    "pressure-cell": Typical(1e4, unit="kPa"),
+    "stress": Typical(5e5, unit="MPa"),
+    "piezometer": Typical(1e3, unit="kPa"),
+}
+"""Kind of gauge to what is usual.
+
+Extensometers: rods with dial or displacement gauges read to some hundredths of a millimetre and
+are good to 0.1 mm; the head moves with its seat and its temperature by about half of that, for all
+anchors at once. Tape extensometers repeat to 0.1 to 0.2 mm, and the temperature of one tape is
+wrong for all lines of a day: 1 K on 10 m is 0.1 mm. Precise levelling: 0.3 mm a point, and as much
+for the set-up and the benchmark. Total stations and GNSS: 1 mm a target over 100 m, half of it
+refraction and orientation that a set-up shares. Inclinometers: 0.16 mm of a single interval adds up
+like a random walk to 1.24 mm in 30 m of casing (Mikkelsen, FMGM 2003): 0.2 mm/sqrt(m). Of kinds
+that are not here nobody but the user knows it.
+"""
+
+
+@dataclass(frozen=True)
+class Size(Of):
+    """Annotation of a `Given`: a standard deviation, or ``estimate``, which has no dimension.
+
+    Args:
+        walk: per root of a length, as in ``0.2 mm/sqrt(m)``.
+    """
+
+    walk: bool = False
+
+    def parse(self, value: object) -> Given:
+        """The size that a text says.
+
+        Raises:
+            UnitError: no quantity.
+            Refusal: no text, or a size below zero.
+        """
+        if isinstance(value, Given):
+            return value
+        text = require_text(value, self.words())
+        if text.strip() == ESTIMATE:
+            return Given(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
+        given = self._along(text) if self.walk else super().parse(text)
+        if not given.factor >= 0.0:
+            message = f"'{shorten(text)}' is negative; a standard deviation is expected"
+            raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
+        return given
+
+    def words(self) -> str:
+        """What is expected, for a message."""
+        if self.walk:
+            return "a standard deviation per root of a length, such as 0.2 mm/sqrt(m),"
+        return super().words()
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = super().__get_pydantic_json_schema__(schema, handler)
+        found = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
+        if self.walk:
+            found = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
+            described["examples"] = ["0.2 mm/sqrt(m)"]
+            described["description"] = "a standard deviation per root of a length, or estimate"
+            described["type"] = "string"
+        else:
+            described["description"] += ", or estimate"
+        described["pattern"] = rf"^\s*({found}|{ESTIMATE})\s*$"
+        described["x-quantity"] = f"{described['x-quantity']} or `{ESTIMATE}`"
+        return described
+
+    def _along(self, text: str) -> Given:
+        match = _ROOT.fullmatch(text.strip())
+        unit = (match[2] or match[3]) if match else ""
+        if match is None or UNITS.get(unit, ("",))[0] != "length":
+            message = f"'{shorten(text)}' is not {self.words()[:-1]}"
+            raise Refusal("unit", message, "It grows with the root of the length of casing.")
+        size = read_quantity(match[1])
+        value = size.value / math.sqrt(UNITS[unit][1])
+        return Given(text, value, None, size.dimension, size.unit)
+
+
+Part = Annotated[Given, Size(None)]
+
+
+class ErrorsSection(Section):
+    """What the errors of readings are made of, as standard deviations; 0 for none.
+
+    What is left out has the size that is usual for the kind of gauge. Each may be `estimate`.
+    """
+
+    reading: Part | None = Field(
+        None, description="Of each reading by itself.", examples=["0.1 mm"]
+    )
+    zero: Part | None = Field(
+        None,
+        description="Of the zero, which all later readings of a channel share; without it that of "
+        "one reading.",
+        examples=["0.1 mm"],
+    )
+    head: Part | None = Field(
+        None,
+        description="Of the head, which all channels of the gauge share on a day of a stage.",
+        examples=["0.05 mm"],
+    )
+    epoch: Part | None = Field(
+        None,
+        description="Of the set-up, which all readings of a survey share on a day of a stage.",
+        examples=["0.2 mm"],
+    )
+    along: Annotated[Given, Size(None, walk=True)] | None = Field(
+        None,
+        description="What adds up along a casing, as a random walk from its reference end.",
+        examples=["0.2 mm/sqrt(m)"],
+    )
+
+
+def accuracy_shape(value: object) -> str:
+    """``mapping`` or ``text``: tells the ways apart in which an accuracy can be written."""
+    return "mapping" if isinstance(value, Mapping | ErrorsSection) else "text"
+
+
+AS_PARTS = Annotated[ErrorsSection, Tag("mapping")]
+ACCURACY = Discriminator(accuracy_shape)
+LengthAccuracy = Annotated[
+    Annotated[Given, Size("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+AngleAccuracy = Annotated[
+    Annotated[Given, Size("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+PressureAccuracy = Annotated[
+    Annotated[Given, Size("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+StrainAccuracy = Annotated[
+    Annotated[Given, Size("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
+ForceAccuracy = Annotated[Annotated[Given, Size(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY]
+AnyAccuracy = Given | ErrorsSection
+
+EstimatedKinds = Annotated[
+    Annotated[Literal["estimate"], Tag("text")]
+    | Annotated[dict[str, Literal["estimate"]], Tag("mapping")],
+    Discriminator(accuracy_shape),
+]
+
+
+def dimension_read(kind: type[Section]) -> str | None:
+    """The dimension of what gauges of a kind read: that of their accuracy; None for any."""
+    about = kind.model_fields["accuracy"]
+    return _dimension([*about.metadata, about.annotation])
+
+
+def _dimension(marks: Iterable[object]) -> str | None:
+    for mark in marks:
+        if isinstance(mark, Of):
+            if mark.dimension is not None:
+                return mark.dimension
+        elif mark is not ErrorsSection and (found := _dimension(get_args(mark))):
+            return found
+    return None
+
+
+def check_parts(given: AnyAccuracy, dimension: str, kind: str) -> None:
+    """Refuse sizes of another dimension, and a reading without an error of its own.
+
+    Args:
+        given: of a gauge.
+        dimension: of what it reads.
+        kind: of the gauge.
+    """
+    if isinstance(given, Given):
+        return
+    faults = SectionFaults()
+    for name in PARTS:
+        part: Given | None = getattr(given, name)
+        if part is not None and part.text != ESTIMATE and part.dimension != dimension:
+            message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
+            message += f"{with_article(dimension)} is expected"
+            faults.add(("accuracy", name), "unit", message, f"Its units: {unit_list(dimension)}.")
+    if given.reading is None and kind not in TYPICAL:
+        hint = f"Write 'reading: ...' in a unit of {dimension}."
+        faults.add(("accuracy",), "missing-key", "'reading' is missing", hint)
+    elif given.reading is not None and given.reading.factor == 0.0:
+        message = "a reading without an error of its own would fix the answer alone"
+        faults.add(("accuracy", "reading"), "out-of-range", message, "Write one above zero.")
+    faults.raise_any()
+
+
+def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None:
+    """What the errors of a gauge are made of; None where its readings are independent.
+
+    Args:
+        given: as the case says.
+        kind: of the gauge.
+        survey: to which the gauge belongs.
+    """
+    usual = TYPICAL.get(kind, Typical(1.0))
+    if isinstance(given, Given):
+        if given.text != ESTIMATE:
+            return None
+        known = (("reading", _component(kind, "reading")),)
+        return ErrorParts(usual.reading, survey=survey, estimated=known)
+    sizes: dict[str, float] = {}
+    estimated: dict[str, str] = {}
+    for name in PARTS:
+        part: Given | None = getattr(given, name)
+        if part is None and name == "zero":
+            sizes[name] = sizes["reading"]
+            estimated |= {name: estimated["reading"]} if "reading" in estimated else {}
+        elif part is None:
+            sizes[name] = getattr(usual, name)
+        elif part.text == ESTIMATE:
+            own = usual.reading if name in ("reading", "zero") else getattr(usual, name)
+            sizes[name] = own or usual.reading
+            estimated[name] = _component(kind, name)
+        else:
+            sizes[name] = part.factor
+    return ErrorParts(**sizes, survey=survey, estimated=tuple(estimated.items()))
+
+
+def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:
+    """The unit in which people want to see what a gauge reads.
+
+    Args:
+        given: how accurate it is, as the case says.
+        kind: of the gauge.
+        dimension: of what it reads.
+    """
+    if dimension == "length":
+        return "mm"
+    parts = [given] if isinstance(given, Given) else [given.reading, given.zero, given.epoch]
+    units = [part.unit for part in parts if part is not None and part.unit]
+    usual = TYPICAL[kind].unit if kind in TYPICAL else ""
+    fitting = [u for u in (*units, usual) if UNITS.get(u, ("",))[0] == dimension]
+    return fitting[0] if fitting else DIMENSIONS[dimension]
+
+
+def described_channels(
+    case: Case, section: CaseSection, zeros: Mapping[str, Reading], faults: Faults
+) -> tuple[Channel, ...]:
+    """The channels of a case with all that is known of their errors.
+
+    Args:
+        case: with its channels.
+        section: the same as it was written.
+        zeros: channel to what was read at its zero and subtracted from its readings.
+        faults: is told what cannot be estimated.
+    """
+    kinds = section.fit.accuracies
+    channels = tuple(
+        _with_zero(c, zeros[c.name], stated=section.gauges[c.gauge].states_zero)
+        if c.name in zeros
+        else c
+        for c in case.channels
+    )
+    if isinstance(kinds, dict):
+        present = dict.fromkeys(channel.kind for channel in channels)
+        for kind in kinds.keys() - present.keys():
+            path = ("fit", "accuracies", kind)
+            faults.add_unknown(path, "kind of gauge", kind, list(present), key=True)
+    found = tuple(
+        _estimated(c) if isinstance(kinds, str) or (kinds and c.kind in kinds) else c
+        for c in channels
+    )
+    if section.fit.loss != "squared" and any(c.errors and c.errors.estimated for c in found):
+        message = f"accuracies cannot be estimated with the loss '{section.fit.loss}': it explains "
+        message += "large residuals by wrong readings, an estimated accuracy by the gauge"
+        hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
+        faults.add(("fit", "loss"), "contradiction", message, hint)
+    return tuple(c if c.errors is None else _complete(c, c.errors) for c in found)
+
+
+def _complete(channel: Channel, parts: ErrorParts) -> Channel:
+    """A channel with its total accuracy; without the error of a zero where it has no zero."""
+    if not channel.is_zeroed:
+        kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
+        parts = replace(parts, zero=0.0, estimated=kept)
+    return _with_parts(channel, parts)
+
+
+def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
+    """A channel whose readings are differences from one that was read at its zero.
+
+    Args:
+        channel: of the case.
+        zero: what was subtracted, perhaps a mean.
+        stated: the case itself says how accurate the zero is.
+    """
+    if stated:
+        return channel
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    own = zero.accuracy
+    size = parts.reading / math.sqrt(zero.count) if own is None else own
+    kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
+    component = parts.component("reading")
+    if own is None and component is not None:
+        kept = (*kept, ("zero", component))
+    return _with_parts(channel, replace(parts, zero=size, estimated=kept))
+
+
+def _estimated(channel: Channel) -> Channel:
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    known = dict(parts.estimated)
+    more = {
+        name: channel.kind for name in PARTS if getattr(parts, name) > 0.0 and name not in known
+    }
+    return _with_parts(channel, replace(parts, estimated=tuple((known | more).items())))
+
+
+def _with_parts(channel: Channel, parts: ErrorParts) -> Channel:
+    return replace(channel, errors=parts, accuracy=parts.total(channel.along))
+
+
+def _component(kind: str, part: str) -> str:
+    return f"{kind}: {part}"

@@ -1,0 +1,136 @@
+"""From what a case says of the errors of its gauges to the covariance of its readings (theory 7).
+
+Shared errors are named by what shares them: the zero of a channel; the head of a gauge, the set-up
+of a survey or a step along a casing at an epoch. An epoch is a day of a stage, or the stage
+where no dates are known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.identify.problem.errors import ErrorStructure
+from geoident.model.gauges import Channel, Reading
+
+DAY = 86400.0
+"""Seconds."""
+
+Source = tuple[str | float, ...]
+"""What a shared error is that of, such as ``("zero", "EX1.a5")``."""
+
+Row = tuple[Channel, Reading]
+"""A reading and its channel."""
+
+
+def error_structure(rows: Sequence[Row]) -> ErrorStructure | None:
+    """The errors of readings; None where all are independent and of given size.
+
+    Args:
+        rows: readings with their channels.
+    """
+    if all(channel.errors is None for channel, _ in rows):
+        return None
+    table = _Table(steps=_steps(rows))
+    for number, row in enumerate(rows):
+        table.add(number, row)
+    return table.structure()
+
+
+def own_sd(channel: Channel, reading: Reading) -> float:
+    """Standard deviation of what a reading has by itself, SI.
+
+    Its own if it has one; that of a mean of n falls with the root of n.
+    """
+    if reading.accuracy is not None:
+        return reading.accuracy
+    size = channel.accuracy if channel.errors is None else channel.errors.reading
+    return size / math.sqrt(reading.count) if reading.count > 1 else size
+
+
+def total_sd(channel: Channel, reading: Reading) -> float:
+    """Standard deviation of a reading with all that it shares, SI."""
+    own = own_sd(channel, reading)
+    if channel.errors is None:
+        return own
+    return math.hypot(own, *(size for _, _, size in _shared(channel, reading, {})))
+
+
+@dataclass
+class _Table:
+    """Collects the entries of B."""
+
+    steps: Mapping[str, tuple[float, ...]]
+    sources: dict[Source, int] = field(default_factory=dict)
+    components: dict[str, int] = field(default_factory=dict)
+    of_source: list[int] = field(default_factory=list)
+    entries: list[tuple[int, int, float]] = field(default_factory=list)
+    sd: list[float] = field(default_factory=list)
+    component: list[int] = field(default_factory=list)
+
+    def add(self, number: int, row: Row) -> None:
+        """Takes a reading."""
+        channel, reading = row
+        self.sd.append(own_sd(channel, reading))
+        estimated = channel.errors is not None and reading.accuracy is None
+        self.component.append(self._component(channel, "reading") if estimated else -1)
+        if channel.errors is None:
+            return
+        for part, source, size in _shared(channel, reading, self.steps):
+            if size <= 0.0:
+                continue
+            if source not in self.sources:
+                self.sources[source] = len(self.sources)
+                self.of_source.append(self._component(channel, part))
+            self.entries.append((number, self.sources[source], size))
+
+    def structure(self) -> ErrorStructure:
+        """All of it."""
+        at = np.array([(i, k) for i, k, _ in self.entries], dtype=np.int64).reshape(-1, 2)
+        size = np.array([size for _, _, size in self.entries], dtype=np.float64)
+        shape = (len(self.sd), len(self.sources))
+        return ErrorStructure(
+            sd=np.array(self.sd, dtype=np.float64),
+            component=np.array(self.component, dtype=np.int64),
+            columns=sp.csr_array((size, (at[:, 0], at[:, 1])), shape=shape),
+            column_component=np.array(self.of_source, dtype=np.int64),
+            names=tuple(self.components),
+        )
+
+    def _component(self, channel: Channel, part: str) -> int:
+        name = channel.errors.component(part) if channel.errors else None
+        return -1 if name is None else self.components.setdefault(name, len(self.components))
+
+
+def _shared(
+    channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
+) -> Iterator[tuple[str, Source, float]]:
+    """The shared errors of a reading: part, what it is that of, and standard deviation."""
+    parts = channel.errors
+    assert parts is not None
+    few = 1.0 / math.sqrt(reading.epochs)
+    day = -1.0 if reading.time is None else reading.time // DAY
+    epoch = (reading.stage, day)
+    yield "zero", ("zero", channel.name), parts.zero
+    yield "head", ("head", channel.gauge, *epoch), parts.head * few
+    yield "epoch", ("epoch", parts.survey or channel.gauge, *epoch), parts.epoch * few
+    before = 0.0
+    for place in steps.get(channel.run, (channel.along,)):
+        if place > channel.along:
+            break
+        size = parts.along * math.sqrt(place - before) * few
+        yield "along", ("along", channel.run or channel.name, *epoch, place), size
+        before = place
+
+
+def _steps(rows: Sequence[Row]) -> dict[str, tuple[float, ...]]:
+    """Run to the places of its channels, from the reference end on, m."""
+    found: dict[str, set[float]] = {}
+    for channel, _ in rows:
+        if channel.run:
+            found.setdefault(channel.run, set()).add(channel.along)
+    return {run: tuple(sorted(places)) for run, places in found.items()}
