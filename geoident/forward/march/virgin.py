@@ -30,6 +30,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
+from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import OnTheGround, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import is_wet
@@ -133,7 +134,7 @@ def _disagreements(march: March, values: Values) -> Iterator[tuple[str, _Disagre
             continue
         mine = group_of_point == g
         if growth.surface not in depths:
-            levels = Depths(march.mesh, growth.surface, points.position)
+            levels = Depths(march.on_mesh.mesh, growth.surface, points.position)
             depths[growth.surface] = levels.at(ParameterPoint(values, ())).value
         stressed = depths[growth.surface][mine] > 0.0
         density = case.materials[material].density.value(values)
@@ -158,7 +159,7 @@ def _below_table(march: March, values: Values) -> Bools:
     water = march.case.water
     if water is None:
         return np.zeros(points.n_points, dtype=bool)
-    depth = Depths(march.mesh, water.table, points.position).at(ParameterPoint(values, ()))
+    depth = Depths(march.on_mesh.mesh, water.table, points.position).at(ParameterPoint(values, ()))
     wet = is_wet(water, sequence.group_of[points.element], sequence.groups)
     return np.asarray(wet & (depth.value > 0.0))
 
@@ -246,7 +247,7 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         point: the parameters; derivatives are not asked for.
     """
     point = ParameterPoint(point.values, ())
-    system, mesh = march.systems[0], march.mesh
+    system, mesh = march.systems[0], march.on_mesh.mesh
     stress = march.in_situ.columns(point)[..., 0]
     stress[:, ~system.present] = 0.0
     parts = [forces(point)[:, 0] for _, forces in march.actions.parts(0)]
@@ -301,7 +302,7 @@ def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints
         Their sum (n_nodes, dim), the sum of their sizes (n_nodes,), and an element (n_nodes,) that
         is present at each node (0 where there is none).
     """
-    discretization, mesh = march.systems.discretization, march.mesh
+    discretization, mesh = march.systems.discretization, march.on_mesh.mesh
     present = march.sequence.present(0)
     adds = discretization.kinematics.incidence
     total, size = np.zeros((mesh.n_nodes, mesh.dim)), np.zeros(mesh.n_nodes)
@@ -336,9 +337,9 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         if model.surface is None:
             continue
         here = present & np.isin(group_of_point, groups)
-        places = StressPlaces(points.position[here], group_of_point[here], sequence.groups)
-        above = march.overburden.above(places.positions)
-        on_top = OnTheGround(model, march.mesh, places.positions, above)
+        places = StressPlaces(points.position[here], group_of_point[here])
+        above = Overburden(march.on_mesh).above(places.positions)
+        on_top = OnTheGround(model, march.on_mesh.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value
         low, high = int(np.argmin(gap)), int(np.argmax(gap))
         if gap[low] < 0:

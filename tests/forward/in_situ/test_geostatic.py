@@ -111,7 +111,7 @@ def test_by_hand_with_water_and_surcharge():
     assert imbalance(staged) < 1e-12
     # 6 m down, in the clay: 10 + 4 x 18.1485 + 2 x 19.1295 - 4 x 9.81 = 81.613 kPa
     places = np.array([[3.1, 6.0]])
-    above = Overburden(staged.case, mesh).above(places)
+    above = Overburden(staged.on_mesh).above(places)
     weight = above.weight(staged.case, NOWHERE).value[0]
     assert weight + 10e3 - 4 * GAMMA_W == pytest.approx(81.613e3, rel=1e-9)
 
@@ -231,7 +231,7 @@ def test_a_lens_and_what_is_not_there():
         mesh, GeostaticStress(K0=Scalar(0.5)),
         groups={rest: "sand", "lens": "clay", "building": None, "gallery": None},
     )  # fmt: skip
-    above = Overburden(staged.case, staged.mesh).above
+    above = Overburden(staged.on_mesh).above
     case = staged.case
     sand, clay = SAND.density.factor * G, CLAY.density.factor * G
 
