@@ -228,7 +228,7 @@ def test_the_modulus_is_found_only_where_weight_and_stress_agree(case, tmp_path)
 
 
 def test_check_says_what_the_weight_above_comes_to(case):
-    """Squares of 1 m with Gauss points at 0.2113 of them: 18.639 kPa/m times 3.789 m less 9.81 times 1.789."""
+    """Gauss points at 0.2113 m: 18.639 kPa/m times 3.789 m less 9.81 times 1.789 is 53.1 kPa."""
     water = "water: {table: 2 m}\n"
     assert (
         "vertical effective in-situ stress by the weight above, at the start values, in "
