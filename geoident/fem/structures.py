@@ -15,7 +15,21 @@ The rotations theta are no unknowns of the model. No moment acts on them from ou
 follow the displacements: with EI the same along the whole beam, minimal energy gives theta = R u,
 R = -K_rr^-1 K_ru, whatever EI is. Put into k and k' this is exact static condensation; K keeps two
 fixed matrices, one times EA and one times EI. The price: all nodes of one beam couple with each
-other, and beams of different structures meet in a hinge.
+other, and beams of different structures meet in a hinge. At a hinge within a beam every member end
+has a rotation of its own; the energy is least where its moment is zero.
+
+About an axis a beam is a thin shell of revolution (Kirchhoff and Love; Timoshenko and
+Woinowsky-Krieger, Theory of plates and shells, 1959, chapters 15 and 16), its members are frusta of
+cones over the whole turn. With s along the meridian, r the radius, u_r linear between the nodes,
+theta = dw/ds of the cubic w, and D = E t / (1 - nu^2), B = D t^2 / 12,
+
+    e_s = t . (u_2 - u_1) / L     e_t = u_r / r                 N_s = D (e_s + nu e_t), N_t
+    k_s = dtheta/ds               k_t = theta (dr/ds) / r       M_s = B (k_s + nu k_t), M_t
+
+at the two Gauss points of a member. The energy of a pair (a, b) is that of its sum and difference,
+a^2 + 2 nu a b + b^2 = (1 + nu) / 2 (a + b)^2 + (1 - nu) / 2 (a - b)^2, so the rows are a + b and
+a - b with weights w (1 +- nu) / 2, and moduli D and B. Rotations occur in the bending energy alone
+and follow as above, for any uniform B, but not for any nu: nu is a given number.
 """
 
 from __future__ import annotations
@@ -42,15 +56,24 @@ class Members:
         weight: w, (n_rows,).
         bending: (n_rows,) the row goes with EI, else with EA.
         ends: (n_members, 2, dim) first and second end, m.
+        nodes: (n_members, 2) nodes of the ends of beams; None for bars.
+        nu: Poisson's ratio of a shell of revolution; None for all others.
     """
 
     operator: sp.csr_array
     weight: Floats
     bending: Bools
     ends: Floats
+    nodes: Ints | None = None
+    nu: float | None = None
 
     def __len__(self) -> int:
         return len(self.ends)
+
+    @property
+    def length(self) -> Floats:
+        """Length (n_members,) of every member, m."""
+        return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
 
 
 def bars(
@@ -103,20 +126,21 @@ def grouted_parts(ends: Floats, grouted: float, count: int) -> tuple[Floats, Flo
     return np.stack([ends[:, 0], ends[:, 0] + free[:, None] * direction], axis=1), points
 
 
-def beams(mesh: Mesh, edges: Ints, clamped: Bools) -> Members:
+def beams(mesh: Mesh, edges: Ints, clamped: Bools, hinged: Bools | None = None) -> Members:
     """Beams of one bending stiffness along edges (n, 2) of a plane mesh, rigid joints between them.
 
     Args:
         mesh: the mesh.
         edges: (n, 2) node indices of the two ends of every member.
         clamped: (n_nodes,) nodes at which the beams do not turn.
+        hinged: (n_nodes,) nodes at which they turn against each other; None for none.
     """
     n, ends = len(edges), mesh.points[edges]
     direction, length = _directions(ends)
     normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
     axial = _difference(mesh, edges, direction / length[:, None])
     chord = _difference(mesh, edges, normal / length[:, None])
-    first, second = _turns(edges, clamped)
+    first, second = _turns(edges, clamped, hinged)
     psi_weight = np.concatenate([length, length**3 / 12])
     turning = [_by(1 / length) @ (second - first), _by(6 / length**2) @ (first + second)]
     moving = [sp.csr_array(chord.shape), _by(-12 / length**2) @ chord]
@@ -127,7 +151,129 @@ def beams(mesh: Mesh, edges: Ints, clamped: Bools) -> Members:
         np.concatenate([length, psi_weight]),
         np.repeat([False, True], [n, 2 * n]),
         ends,
+        edges,
     )
+
+
+def shells(mesh: Mesh, edges: Ints, clamped: Bools, hinged: Bools | None, nu: float) -> Members:
+    """Shells of revolution about x = 0 along edges (n, 2) of their meridian, as `beams`.
+
+    Args:
+        mesh: the mesh, of the half section x >= 0.
+        edges: (n, 2) node indices of the two ends of every member; none lies on the axis.
+        clamped: (n_nodes,) nodes at which the meridian does not turn, those on the axis among them.
+        hinged: (n_nodes,) nodes at which its pieces turn against each other; None for none.
+        nu: Poisson's ratio, which couples meridian and hoops.
+    """
+    ends = mesh.points[edges]
+    direction, length = _directions(ends)
+    normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+    along = _difference(mesh, edges, direction / length[:, None])
+    chord = _difference(mesh, edges, normal / length[:, None])
+    first, second = _turns(edges, clamped, hinged)
+    pairs: list[tuple[sp.csr_array, sp.csr_array]] = []  # e_s and e_t
+    bent: list[tuple[sp.csr_array, sp.csr_array]] = []  # k_s and k_t by motion
+    turned: list[tuple[sp.csr_array, sp.csr_array]] = []  # k_s and k_t by rotations
+    weights = []
+    for xi in GAUSS:
+        radius = ends[:, 0, 0] * (1 - xi) + ends[:, 1, 0] * xi
+        weights.append(np.pi * radius * length)  # 2 pi r times half of the length
+        slope = _by(direction[:, 0] / radius)
+        pairs.append((along, _radial(mesh, edges, (1 - xi) / radius, xi / radius)))
+        bent.append((_by((6 - 12 * xi) / length) @ chord, (6 * xi * (1 - xi) * slope) @ chord))
+        meridian = _by((6 * xi - 4) / length) @ first + _by((6 * xi - 2) / length) @ second
+        angle = (1 - 4 * xi + 3 * xi**2) * first + (3 * xi**2 - 2 * xi) * second
+        turned.append((meridian, slope @ angle))
+    shares = np.concatenate([(1 + nu) / 2 * np.concatenate(weights),
+                             (1 - nu) / 2 * np.concatenate(weights)])  # fmt: skip
+    by_turns, by_motion = _sums_and_differences(turned), _sums_and_differences(bent)
+    bending = by_motion + by_turns @ _follow(by_turns, by_motion, shares)
+    return Members(
+        sp.csr_array(sp.vstack([_sums_and_differences(pairs), bending])),
+        np.concatenate([shares, shares]),
+        np.repeat([False, True], len(shares)),
+        ends,
+        edges,
+        nu,
+    )
+
+
+GAUSS = (0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0))
+"""Gauss points of a member of a shell, in parts of its length."""
+
+
+def _sums_and_differences(pairs: Sequence[tuple[sp.csr_array, sp.csr_array]]) -> sp.csr_array:
+    """Rows a + b of all pairs (a, b), then a - b."""
+    rows = [a + b for a, b in pairs] + [a - b for a, b in pairs]
+    return sp.csr_array(sp.vstack(rows))
+
+
+def _radial(mesh: Mesh, edges: Ints, first: Floats, second: Floats) -> sp.csr_array:
+    """(n, n_dofs) u_x of the first ends times some factors (n,) and of the second ends."""
+    n = len(edges)
+    data = np.stack([first, second], axis=1)
+    entries = (data.ravel(), (np.repeat(np.arange(n), 2), (edges * mesh.dim).ravel()))
+    return sp.csr_array(entries, shape=(n, mesh.points.size))
+
+
+@dataclass(frozen=True)
+class SectionForces:
+    """Forces in beams per metre out of plane or of circumference; columns as of what they are of.
+
+    Args:
+        axial: N at mid-length, (n_members, ...), tension positive; of bars all that there is.
+        first: M at the first end, (n_members, ...), positive with tension on the right.
+        second: M at the second end.
+        shear: Q = dM/ds at mid-length; of a shell also what hoop moments add on a cone.
+        hoop: N_t of a shell, (n_members, ...), zero otherwise.
+    """
+
+    axial: Floats
+    first: Floats
+    second: Floats
+    shear: Floats
+    hoop: Floats
+
+
+def section_forces(members: Members, forces: Floats) -> SectionForces:
+    """Forces in the sections of beams or shells; linear, so that derivatives travel in columns.
+
+    Args:
+        members: beams or shells.
+        forces: q (n_rows, ...).
+    """
+    n, length = len(members), members.length.reshape(-1, *(1,) * (forces.ndim - 1))
+    if members.nu is None:
+        axial, middle, shear = forces.reshape(3, n, *forces.shape[1:])
+        half = shear * length / 2
+        return SectionForces(axial, middle - half, middle + half, shear, np.zeros_like(axial))
+    total, rest = (1 + members.nu) / 2, (1 - members.nu) / 2
+    table = forces.reshape(2, 2, 2, n, *forces.shape[1:])  # axial or bending; sum or less; point
+    meridian = total * table[:, 0] + rest * table[:, 1]
+    hoop = total * table[:, 0] - rest * table[:, 1]
+    (axial, moment), (around, twist) = meridian.mean(axis=1), hoop.mean(axis=1)
+    rise = (meridian[1, 1] - meridian[1, 0]) * np.sqrt(3.0)  # of M over the length
+    radius, run = (x.reshape(length.shape) for x in _radius_and_run(members))
+    shear = rise / length + run / (radius * length) * (moment - twist)
+    return SectionForces(axial, moment - rise / 2, moment + rise / 2, shear, around)
+
+
+def _radius_and_run(members: Members) -> tuple[Floats, Floats]:
+    """Radius (n,) at mid-length, and r_2 - r_1 (n,), m."""
+    radii = members.ends[:, :, 0]
+    return radii.mean(axis=1), radii[:, 1] - radii[:, 0]
+
+
+def area_shares(mesh: Mesh, members: Members) -> Floats:
+    """Area (n_nodes,) of beams that belongs to each node, of a metre or of the whole turn, m2."""
+    assert members.nodes is not None
+    radius = 2 * np.pi * members.ends[:, :, 0] if members.nu is not None else np.ones((1, 2))
+    parts = members.length[:, None] * (2 * radius + radius[:, ::-1]) / 6
+    nodes = members.nodes.ravel()
+    shares = np.broadcast_to(parts, members.nodes.shape).ravel()
+    total = np.zeros(mesh.n_nodes)
+    np.add.at(total, nodes, shares)
+    return total
 
 
 def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
@@ -185,13 +331,21 @@ def _difference(mesh: Mesh, edges: Ints, vectors: Floats) -> sp.csr_array:
     return sp.csr_array((data.ravel(), (rows, columns.ravel())), shape=(n, mesh.points.size))
 
 
-def _turns(edges: Ints, clamped: Bools) -> tuple[sp.csr_array, sp.csr_array]:
-    """(n, n_turns) pick the rotations of first and second ends; clamped ones are zero."""
-    free = np.setdiff1d(edges, np.flatnonzero(clamped))
+def _turns(edges: Ints, clamped: Bools, hinged: Bools | None) -> tuple[sp.csr_array, sp.csr_array]:
+    """(n, n_turns) pick the rotations of first and second ends; clamped ones are zero.
+
+    At a hinge every end has its own, even where the node is clamped otherwise.
+    """
+    number, held = edges.copy(), clamped[edges]
+    if hinged is not None:
+        own = hinged[edges]
+        number[own] = len(hinged) + np.arange(np.count_nonzero(own))
+        held &= ~own
+    free = np.unique(number[~held])
     picks = []
-    for end in edges.T:
-        rows = np.flatnonzero(~clamped[end])
-        columns = np.searchsorted(free, end[rows])
+    for turn, fixed in zip(number.T, held.T, strict=True):
+        rows = np.flatnonzero(~fixed)
+        columns = np.searchsorted(free, turn[rows])
         shape = (len(edges), len(free))
         picks.append(sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape))
     return picks[0], picks[1]

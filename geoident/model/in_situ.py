@@ -135,7 +135,7 @@ class ProfileStress(_Stress):
         return {"at_surface": self.at_surface, "gradient": self.gradient}
 
 
-Ratio = Scalar | Mapping[str, Scalar]
+StressRatio = Scalar | Mapping[str, Scalar]
 """One number for all ground, or element group to its own."""
 
 
@@ -158,12 +158,12 @@ class GeostaticStress(_Stress):
         tectonic: stress added everywhere, Pa, tension positive; None for none.
     """
 
-    K0: Ratio
+    K0: StressRatio
     surface: Surface | None = None
     cover: Scalar | None = None
     surcharge: Scalar | None = None
     held: bool | None = None
-    K0_across: Ratio | None = None
+    K0_across: StressRatio | None = None
     azimuth: Scalar | None = None
     tectonic: Components | None = None
 

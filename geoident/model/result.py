@@ -362,18 +362,21 @@ class FieldSeries:
 
 @dataclass(frozen=True)
 class MemberForces:
-    """Forces in linings and bolts, NaN while a structure does not stand.
+    """Forces in beams and bars, NaN while a structure does not stand.
 
     Args:
         structures: (n_members,) name of the structure of each straight piece.
         numbers: (n_members,) its number within the structure, from 1.
         stages: names of the stages, the virgin state not among them.
         ends: (n_members, 2, dim) its two ends, m.
-        axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bolt.
+        axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bar.
         moment: (n_members, 2, n_stages) M at the two ends, N m per metre, positive with tension on
-            the open side (from first to second end: on the right); NaN for bolts.
-        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bolts.
-        per_metre: (n_members,) it is a lining.
+            the open side (from first to second end: on the right); NaN for bars.
+        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bars.
+        per_metre: (n_members,) it is a lining or wall, about an axis per metre of circumference.
+        hoop: (n_members, n_stages) N_t around the axis, N per metre; NaN where there is none.
+        prestress: (n_members, n_stages) the axial force of one bar, N, that a jack gives at this
+            stage and at which it is locked off; NaN where none does.
     """
 
     structures: tuple[str, ...]
@@ -384,6 +387,8 @@ class MemberForces:
     moment: Floats
     shear: Floats
     per_metre: Bools
+    hoop: Floats
+    prestress: Floats
 
 
 @dataclass(frozen=True)

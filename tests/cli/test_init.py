@@ -9,6 +9,7 @@ from geoident.io.case.file import read_case
 from geoident.io.docs.skeleton import name_text
 from geoident.io.docs.templates import TEMPLATES
 from geoident.io.text.yaml_reader import parse_yaml
+from geoident.model.in_situ import GeostaticStress
 from tests.support.trench import write_mesh
 
 MESHLESS = ("opening",)
@@ -86,8 +87,8 @@ class TestFromMesh:
         assert told.exit_code == 3
         paths = [line.split(": ")[1] for line in told.stderr.splitlines() if "replaced" in line]
         assert paths == [
-            "materials.ground.E", "materials.ground.nu", "groups.rock", "groups.upper",
-            "groups.lower", "supports", "stages", "gauges",
+            "materials.ground.E", "materials.ground.nu", "materials.ground.density", "groups.rock",
+            "groups.upper", "groups.lower", "supports", "in_situ.K0", "stages", "gauges",
         ]  # fmt: skip
         assert f"{case}:" in told.stderr
 
@@ -96,12 +97,19 @@ class TestFromMesh:
         for name in ("rock", "upper", "lower"):
             text = text.replace(f"{name}: FILL_IN", f"{name}: ground")
         text = text.replace("E: FILL_IN", "E: 1 GPa").replace("nu: FILL_IN", "nu: 0.3")
-        text = text.replace("supports: FILL_IN", "supports: {bottom: fixed}")
+        text = text.replace("density: FILL_IN", "density: 1900 kg/m3")
+        text = text.replace("K0: FILL_IN", "K0: 0.5")
+        text = text.replace("supports: FILL_IN", "supports: {bottom: fixed, left: x, right: x}")
         text = text.replace("stages: FILL_IN", "stages: [{name: dig, excavate: [upper]}]")
         text = text.replace("gauges: FILL_IN", "gauges: {}")
         case.write_text(text, encoding="utf-8")
-        assert run("check", case).exit_code == 0
-        assert read_case(str(case)).case.stages[0].excavate == ("upper",)
+        told = run("check", case)
+        assert told.exit_code == 0, told.stderr
+        assert "out of balance" not in told.stdout
+        filled = read_case(str(case)).case
+        assert filled.stages[0].excavate == ("upper",)
+        assert filled.gravity == (0.0, -9.81)  # not commented out: the stress is its weight
+        assert isinstance(filled.in_situ, GeostaticStress)
 
     def test_a_mesh_that_is_none(self, here, run):
         refused = run("init", "--from", "nothing.msh")

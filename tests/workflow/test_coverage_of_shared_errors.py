@@ -158,7 +158,7 @@ gauges:
   X: {kind: extensometer, head: [2 m, 3 m], anchors: {a: [1 m, 3 m], b: [0.5 m, 3 m]}, accuracy: A}
   Y: {kind: extensometer, head: [4 m, 3 m], anchors: {a: [5 m, 3 m], b: [5.5 m, 3 m]}, accuracy: A}
 """
-SHARED = "{reading: 0.01 mm, zero: 0.02 mm, head: 0.02 mm, epoch: 0.02 mm}"
+SHARED = "{reading: 0.002 mm, zero: 0.004 mm, head: 0.004 mm, epoch: 0.004 mm}"
 
 
 @pytest.mark.slow

@@ -14,10 +14,11 @@ external forces f_ka of each kind k (weight, water, loads, held edges), the part
 
     |sum_k f_ka - sum_e q_ea|  /  (sum_e |q_ea| + sum_k |f_ka|)
 
-over the free directions. Both sides are forces of the patch of elements around the node, so it is
-the local stress that counts: near a free surface, where stresses vanish, the weight of the patch
-remains below the line. A weight that is wrong by the part d is out of balance by d / 2 at most, so
-what the unit weights may differ is never told as out of balance.
+over the free directions; mid-nodes count half to the corners beside them. Both sides are forces of
+the patch of elements around the node, so it is the local stress that counts: near a free surface,
+where stresses vanish, the weight of the patch remains below the line. A weight that is wrong by the
+part d is out of balance by d / 2 at most, so what the unit weights may differ is never told as out
+of balance.
 """
 
 from __future__ import annotations
@@ -29,15 +30,17 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.in_situ.stress import OnTheGround, Places
+from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.in_situ.stress import OnTheGround, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import is_wet
 from geoident.forward.march.march import March
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case, KeyPath
+from geoident.model.cells import CELLS
 from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import GeostaticStress, HeimStress, InSitu, ProfileStress, Surface
-from geoident.model.mesh import spans
+from geoident.model.mesh import Mesh, spans
 from geoident.model.parameter import Scalar, Values
 
 UNIT_WEIGHT = 0.02
@@ -50,6 +53,8 @@ _NOTHING = 1e-9
 """Local forces, in parts of the largest, that count as none."""
 
 _GRAVITY = 9.81
+
+_SHOWN = 8  # groups in a note
 
 ACCEPT = "or take it knowingly: in_situ: {equilibrium: accept}"
 
@@ -129,7 +134,7 @@ def _disagreements(march: March, values: Values) -> Iterator[tuple[str, _Disagre
             continue
         mine = group_of_point == g
         if growth.surface not in depths:
-            levels = Depths(march.mesh, growth.surface, points.position)
+            levels = Depths(march.on_mesh.mesh, growth.surface, points.position)
             depths[growth.surface] = levels.at(ParameterPoint(values, ())).value
         stressed = depths[growth.surface][mine] > 0.0
         density = case.materials[material].density.value(values)
@@ -154,7 +159,7 @@ def _below_table(march: March, values: Values) -> Bools:
     water = march.case.water
     if water is None:
         return np.zeros(points.n_points, dtype=bool)
-    depth = Depths(march.mesh, water.table, points.position).at(ParameterPoint(values, ()))
+    depth = Depths(march.on_mesh.mesh, water.table, points.position).at(ParameterPoint(values, ()))
     wet = is_wet(water, sequence.group_of[points.element], sequence.groups)
     return np.asarray(wet & (depth.value > 0.0))
 
@@ -176,20 +181,21 @@ def _weight_fault(case: Case, found: _Disagreement, groups: list[str]) -> Fault:
         hint = f"Add 'gravity: 9.81 m/s2' ({given}), {ACCEPT}."
         return case.source.fault(found.path, code="no-gravity", message=message, hint=hint)
     own = found.density * found.gravity
+    weighs = _weight(own - (found.water or 0.0))
     product = f"{density} x {found.gravity:.4g} m/s2"
     if found.water is None:
-        message = f"{stress}, but density times gravity of '{found.material}' is {_weight(own)}"
+        message = f"{stress}, but density times gravity of '{found.material}' is {weighs}"
         message += f" ({product})"
     else:
         message = (
             f"{stress}, but below the water table '{found.material}' weighs "
-            f"{_weight(own - found.water)} ({product} less {_weight(found.water)} of water; "
+            f"{weighs} ({product} less {_weight(found.water)} of water; "
             "in-situ stresses are effective)"
         )
     right = (found.grows + (found.water or 0.0)) / found.gravity if found.gravity else 0.0
     hint = (
-        f"Correct the density ({right:.4g} kg/m3 would agree) or '{found.path[-1]}', or let "
-        f"'model: geostatic' take the weight from the densities, {ACCEPT}."
+        f"Correct '{found.path[-1]}' ({weighs}) or the density ({right:.4g} kg/m3), or let 'model: "
+        f"geostatic' take the weight from the densities, {ACCEPT}."
     )
     return case.source.fault(found.path, code="unit-weight", message=message, hint=hint)
 
@@ -206,8 +212,9 @@ def _balance_faults(march: March, values: Values) -> list[Fault]:
         f"of {found.size / 1e3:.3g} {unit}"
     )
     hint = (
-        "Let weight, water, loads and in-situ stress agree: 'model: geostatic' makes the vertical "
-        f"stress of the weight above; where slopes or dipping layers remain, {ACCEPT[3:]}."
+        "Hold the edges of the model ('supports', or 'held: true'), and let weight, water, loads "
+        "and in-situ stress agree, as 'model: geostatic' does; where slopes or dipping layers "
+        f"remain, {ACCEPT[3:]}."
     )
     path = ("in_situ",)
     return [march.case.source.fault(path, code="out-of-balance", message=message, hint=hint)]
@@ -240,10 +247,13 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         point: the parameters; derivatives are not asked for.
     """
     point = ParameterPoint(point.values, ())
-    system, mesh = march.systems[0], march.mesh
+    system, mesh = march.systems[0], march.on_mesh.mesh
     stress = march.in_situ.columns(point)[..., 0]
     stress[:, ~system.present] = 0.0
     parts = [forces(point)[:, 0] for _, forces in march.actions.parts(0)]
+    # in parts of the largest, so that no square of a force overflows
+    unit = max((float(np.abs(x).max(initial=0.0)) for x in (stress, *parts)), default=0.0) or 1.0
+    stress, parts = stress / unit, [part / unit for part in parts]
     internal, size, owner = _internal_forces(march, stress)
     rest = -internal.ravel()
     for part in parts:
@@ -251,14 +261,38 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)
     free = np.zeros(len(rest), dtype=bool)
     free[system.pattern.dofs] = True
-    left = np.linalg.norm(np.where(free, rest, 0.0).reshape(-1, mesh.dim), axis=1)
+    unheld = _at_corners(mesh, np.where(free, rest, 0.0).reshape(-1, mesh.dim))
+    left, size = np.linalg.norm(unheld, axis=1), _at_corners(mesh, size[:, None])[:, 0]
     floor = max(_NOTHING * float(size.max(initial=0.0)), np.finfo(float).tiny)
     ratio = np.where(size > floor, left / np.maximum(size, floor), 0.0)
     worst = int(np.argmax(ratio))
     group = march.sequence.groups[march.sequence.group_of[owner[worst]]]
     return LocalImbalance(
-        float(ratio[worst]), float(left[worst]), float(size[worst]), mesh.points[worst], group
+        float(ratio[worst]),
+        unit * float(left[worst]),
+        unit * float(size[worst]),
+        mesh.points[worst],
+        group,
     )
+
+
+def _at_corners(mesh: Mesh, forces: Floats) -> Floats:
+    """Forces (n_nodes, k) with those of mid-nodes shared by the corners beside them.
+
+    The part of a stress that an element of second order cannot follow moves forces to and fro
+    between its corners and mid-nodes, which is no imbalance of the patch.
+    """
+    beside = np.zeros((mesh.n_nodes, 2), dtype=np.int64)
+    middle = np.zeros(mesh.n_nodes, dtype=bool)
+    for block in mesh.blocks:
+        cell = CELLS[block.kind]
+        for n, edge in enumerate(cell.edges):
+            nodes = block.nodes[:, cell.n_corners + n]
+            beside[nodes], middle[nodes] = block.nodes[:, edge], True
+    shared = np.where(middle[:, None], 0.0, forces)
+    for corner in beside[middle].T:
+        np.add.at(shared, corner, 0.5 * forces[middle])
+    return shared
 
 
 def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints]:
@@ -268,7 +302,7 @@ def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints
         Their sum (n_nodes, dim), the sum of their sizes (n_nodes,), and an element (n_nodes,) that
         is present at each node (0 where there is none).
     """
-    discretization, mesh = march.systems.discretization, march.mesh
+    discretization, mesh = march.systems.discretization, march.on_mesh.mesh
     present = march.sequence.present(0)
     adds = discretization.kinematics.incidence
     total, size = np.zeros((mesh.n_nodes, mesh.dim)), np.zeros(mesh.n_nodes)
@@ -303,9 +337,9 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         if model.surface is None:
             continue
         here = present & np.isin(group_of_point, groups)
-        places = Places(points.position[here], group_of_point[here], sequence.groups)
-        above = march.overburden.above(places.positions)
-        on_top = OnTheGround(model, march.mesh, places.positions, above)
+        places = StressPlaces(points.position[here], group_of_point[here])
+        above = Overburden(march.on_mesh).above(places.positions)
+        on_top = OnTheGround(model, march.on_mesh.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value
         low, high = int(np.argmin(gap)), int(np.argmax(gap))
         if gap[low] < 0:
@@ -320,6 +354,32 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         key = (*path, "surface")
         faults.append(case.source.fault(key, code="surface", message=message, hint=hint))
     return faults
+
+
+def overburden_notes(march: March, values: Values) -> list[str]:
+    """What the weight above comes to in the groups with a geostatic stress, a sentence.
+
+    Args:
+        march: of the case.
+        values: parameters by name, SI.
+    """
+    points, sequence = march.systems.discretization.points, march.sequence
+    wanted = [g for _, _, groups in _geostatic_zones(march) for g in groups]
+    wanted = [g for g in sequence.states[0].materials if g in wanted]
+    if not wanted:
+        return []
+    stress = march.in_situ.columns(ParameterPoint(values, ()))[march.case.analysis.dim - 1, :, 0]
+    group_of_point = sequence.group_of[points.element]
+    said = []
+    for g in wanted[:_SHOWN]:
+        mine = -stress[group_of_point == g] / 1e3
+        said.append(f"'{sequence.groups[g]}' {mine.min():.3g} .. {mine.max():.3g} kPa")
+    more = f" and {len(wanted) - _SHOWN} more groups" if len(wanted) > _SHOWN else ""
+    effective = "" if march.case.water is None else "effective "
+    return [
+        f"vertical {effective}in-situ stress by the weight above, at the start values, in "
+        f"compression: {', '.join(said)}{more}"
+    ]
 
 
 def _gap_text(position: Floats, gap: float, side: str) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.stages import ConstructionSequence
-from geoident.forward.structures.members import Structures, bar_share
+from geoident.fem.structures import section_forces
+from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.structures.members import StructureMembers, Structures, bar_share
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.result import MemberForces
-from geoident.model.structures import Bars, Beam, Structure
+from geoident.model.structures import Bars, Beam
 
 
 class MemberRecorder:
@@ -31,19 +32,23 @@ class MemberRecorder:
         self._axial: list[Floats] = []
         self._moment: list[Floats] = []
         self._shear: list[Floats] = []
+        self._hoop: list[Floats] = []
+        self._prestress: list[Floats] = []
 
     def add(self, number: int, members: Floats) -> None:
         """Record the forces (n_rows, ...) at a state; column 0 of them counts."""
         state = self._sequence.states[number]
-        parts = []
+        parts, given = [], []
         for part in self._structures.parts:
-            length = np.linalg.norm(part.members.ends[:, 1] - part.members.ends[:, 0], axis=1)
-            found = self._at_ends(part.structure, members[part.rows, 0], length)
+            found = self._at_ends(part, members[part.rows, 0])
             parts.append(found if part.name in state.structures else np.full_like(found, np.nan))
+            given.append(self._given(part, state))
         table = np.concatenate(parts, axis=1)
         self._axial.append(table[0])
         self._moment.append(table[1:3])
         self._shear.append(table[3])
+        self._hoop.append(table[4])
+        self._prestress.append(np.concatenate(given))
 
     def table(self) -> MemberForces | None:
         """All that was recorded, without the virgin state; None if nothing ever stands."""
@@ -58,17 +63,26 @@ class MemberRecorder:
             axial=np.stack(self._axial[1:], axis=-1),
             moment=np.stack(self._moment[1:], axis=-1).swapaxes(0, 1),
             shear=np.stack(self._shear[1:], axis=-1),
+            hoop=np.stack(self._hoop[1:], axis=-1),
+            prestress=np.stack(self._prestress[1:], axis=-1),
             per_metre=np.concatenate(
                 [np.full(len(part.members), isinstance(part.structure, Beam)) for part in parts]
             ),
         )
 
-    def _at_ends(self, structure: Structure, forces: Floats, length: Floats) -> Floats:
-        """N, M at the first and second end, Q: (4, n_members); of a bar only N, of one bar."""
-        if isinstance(structure, Bars):
-            share = bar_share(structure, ParameterPoint(self._values, ())).value
-            missing = np.full(len(forces), np.nan)
-            return np.stack([forces * share, missing, missing, missing])
-        axial, middle, shear = forces.reshape(3, -1)
-        half = shear * length / 2
-        return np.stack([axial, middle - half, middle + half, shear])
+    def _at_ends(self, part: StructureMembers, forces: Floats) -> Floats:
+        """N, M at the first and second end, Q, N_t: (5, n_members); of a bar only N, of one bar."""
+        missing = np.full(len(part.members), np.nan)
+        if isinstance(part.structure, Bars):
+            share = bar_share(part.structure, ParameterPoint(self._values, ())).value
+            return np.stack([forces * share, missing, missing, missing, missing])
+        found = section_forces(part.members, forces)
+        hoop = missing if part.members.nu is None else found.hoop
+        return np.stack([found.axial, found.first, found.second, found.shear, hoop])
+
+    def _given(self, part: StructureMembers, state: ConstructionState) -> Floats:
+        """Axial forces (n_members,) that a jack gives at a state, tension positive, N; else NaN."""
+        force = np.nan
+        if isinstance(part.structure, Bars) and part.name in state.stressed:
+            force = part.structure.sense * state.stressed[part.name].value(self._values)
+        return np.full(len(part.members), force)

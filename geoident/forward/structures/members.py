@@ -25,24 +25,26 @@ would give off most of the force where the grout begins, the more the finer the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
+    area_shares,
     bars,
     beams,
     grouted_parts,
     member_blocks,
+    shells,
     stiffness_map,
 )
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
@@ -80,20 +82,16 @@ class Structures:
     `structure_checks` has made sure that each finds its nodes and elements.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
-        locator: finds points in the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-    ) -> None:
-        self._sequence = sequence
-        self._dim = mesh.dim
-        self.parts = tuple(_parts(case, mesh, sequence, locator))
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
+        self._dim = on_mesh.mesh.dim
+        self._gravity = on_mesh.case.gravity or (0.0,) * self._dim
+        self.parts = tuple(_parts(on_mesh))
         members = [part.members for part in self.parts]
-        operators = [m.operator for m in members] or [sp.csr_array((0, mesh.points.size))]
+        operators = [m.operator for m in members] or [sp.csr_array((0, on_mesh.mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
         self._transpose = self._operator.T.tocsr()
         self._weight = np.concatenate([m.weight for m in members] or [np.empty(0)])
@@ -170,6 +168,29 @@ class Structures:
             chosen = part.members.bending[:, None]
             result[part.rows] = np.where(chosen, bending.columns, axial.columns)
         return result
+
+    def weights(
+        self, state: ConstructionState
+    ) -> Iterator[tuple[str, Callable[[ParameterPoint], Floats]]]:
+        """What the structures that stand at a state weigh: a name, its forces (n_dofs, 1 + n)."""
+        for part in self.parts:
+            beam = part.structure
+            if part.name in state.structures and isinstance(beam, Beam) and beam.has_weight:
+                name = f"the weight of the structure '{part.name}'"
+                yield name, partial(self._weight_of, part, np.array(self._gravity))
+
+    def _weight_of(self, part: StructureMembers, gravity: Floats, point: ParameterPoint) -> Floats:
+        """Nodal forces (n_dofs, 1 + n) of the weight of a beam, N."""
+        beam = part.structure
+        assert isinstance(beam, Beam)
+        size = float(np.linalg.norm(gravity))
+        if beam.density is not None and beam.thickness is not None:
+            pressure = point.number(beam.density) * point.number(beam.thickness)
+            pressure = pressure.times(size)
+        else:
+            pressure = point.constant(0.0) if beam.weight is None else point.number(beam.weight)
+        unit = np.outer(area_shares(self._mesh, part.members), gravity / size).ravel()
+        return np.outer(unit, pressure.columns)
 
     def strain(self, u: Floats) -> Floats:
         """Member strains (n_rows, ...) of displacements (n_dofs, ...)."""
@@ -278,42 +299,71 @@ def inadmissible(case: Case, values: Values) -> str | None:
     return None
 
 
-def _parts(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> Iterator[StructureMembers]:
+def _parts(on_mesh: CaseOnMesh) -> Iterator[StructureMembers]:
+    mesh = on_mesh.mesh
     first = 0
-    for name, structure in case.structures.items():
-        present = present_throughout(sequence, name)
+    for name, structure in on_mesh.case.structures.items():
+        present = present_throughout(on_mesh.sequence, name)
         if present is None:
             continue
         if isinstance(structure, Beam):
             edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
-            members = beams(mesh, edges, clamped_nodes(mesh, structure))
+            members = _beams(on_mesh, structure, edges)
         else:
-            members = _bars(case, mesh, structure, locator, present)
+            members = _bars(on_mesh, structure, present)
         rows = slice(first, first + len(members.weight))
         first = rows.stop
         yield StructureMembers(name, structure, members, rows)
 
 
-def _bars(case: Case, mesh: Mesh, structure: Bars, locator: Locator, present: Bools) -> Members:
+def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
+    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
+    mesh = on_mesh.mesh
+    clamped = clamped_nodes(mesh, beam)
+    hinged = np.zeros(mesh.n_nodes, dtype=bool)
+    for hinge in beam.hinges:
+        hinged[hinge_nodes(mesh, beam, hinge)] = True
+    if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
+        return beams(mesh, edges, clamped, hinged)
+    on_axis = on_mesh.kinematics.on_axis(mesh.points)
+    nu = 0.0 if beam.nu is None else beam.nu.factor
+    return shells(mesh, edges, clamped | on_axis, hinged & ~on_axis, nu)
+
+
+def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
+    """Nodes (k,) of a beam at one of its hinges; none where the hinge is not on the beam.
+
+    Args:
+        mesh: the mesh.
+        beam: on its lines.
+        hinge: a group of the mesh, or a point (dim,), m, at most 1 % of a piece from its node.
+    """
+    pieces = straight_pieces(mesh, beam.group)
+    mine = np.unique(pieces)
+    if isinstance(hinge, str):
+        return np.intersect1d(mine, group_nodes(mesh, hinge))
+    shortest = np.linalg.norm(np.diff(mesh.points[pieces], axis=1)[:, 0], axis=1).min()
+    apart = np.linalg.norm(mesh.points[mine] - hinge, axis=1)
+    nearest = int(np.argmin(apart))
+    return mine[[nearest]] if apart[nearest] <= 0.01 * shortest else mine[:0]
+
+
+def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
     """Bars on the mesh; their members are numbered as the case gives them."""
+    locator = on_mesh.locator
     ends = np.array(structure.ends, dtype=np.float64)
     extent = None
-    if case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
+    if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
         extent = 2 * np.pi * ends[:, 0, 0]
     held = [tuple([p for _, p in points] for points in held_points(structure, pair))
             for pair in structure.ends]  # fmt: skip
     sites = [
-        tuple(
-            [s for p in points if (s := holding_site(locator, p, present)) is not None]
-            for points in pair
-        )
+        tuple([s for p in points if (s := locator.best(p, present)) is not None] for points in pair)
         for pair in held
     ]
     if isinstance(structure, Anchors):
         ends, _ = grouted_parts(ends, structure.grouted, GROUT_POINTS)
-    return bars(mesh, ends, [(first, second) for first, second in sites], extent)
+    return bars(on_mesh.mesh, ends, [(first, second) for first, second in sites], extent)
 
 
 def held_points(
@@ -337,17 +387,6 @@ def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | Non
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
     there = [n for n, state in enumerate(sequence.states) if name in state.structures]
     return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
-
-
-def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
-    """The best present element that holds a point (dim,), m; None if there is none.
-
-    Args:
-        locator: finds points.
-        point: (dim,) m.
-        present: (n_elements,) which elements are there.
-    """
-    return next((s for s in locator.sites(point) if present[s.element]), None)
 
 
 def straight_pieces(mesh: Mesh, group: str) -> Ints:
@@ -374,7 +413,7 @@ def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
 
     Args:
         mesh: a plane mesh.
-        edges: nodes of the two ends of each.
+        edges: (n, 2) nodes of the two ends of each.
         present: (n_elements,) which elements are there.
     """
     balance = np.zeros(len(edges))

@@ -26,7 +26,7 @@ from geoident.model.in_situ import (
     HeimStress,
     InSitu,
     ProfileStress,
-    Ratio,
+    StressRatio,
     Surface,
 )
 from geoident.model.parameter import Scalar
@@ -348,7 +348,7 @@ def _components(
     return xx, yy, zz, xy, yz, xz
 
 
-def _ratio(given: Given | dict[str, Given]) -> Ratio:
+def _ratio(given: Given | dict[str, Given]) -> StressRatio:
     if isinstance(given, Given):
         return given.scalar
     return {group: ratio.scalar for group, ratio in given.items()}

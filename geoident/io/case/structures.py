@@ -6,13 +6,15 @@ import math
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.schema.section import Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Area,
     AxialStiffness,
     BendingStiffness,
+    Coordinates,
+    Density,
     Force,
     Given,
     Line,
@@ -22,8 +24,10 @@ from geoident.io.schema.values import (
     Of,
     Ratio,
     Size,
+    Stress,
     WallStiffness,
     scalar_of,
+    shape_of,
 )
 from geoident.model.case import Analysis
 from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
@@ -45,12 +49,17 @@ class _StructureBase(Section):
         refuse((), "wrong-pair", message, "Give the stiffness in one of these ways.")
 
 
-class BeamSection(_StructureBase):
-    """A lining as a chain of beams on lines of the mesh (plane strain), joined to its nodes.
+Hinge = Annotated[
+    Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], Discriminator(shape_of)
+]
 
-    Corners are rigid, its ends turn freely where they are not clamped, and two structures that
-    meet are joined by a hinge. Forces are per metre out of plane. It has no weight, and changes of
-    temperature do not strain it.
+
+class BeamSection(_StructureBase):
+    """A lining or wall as a chain of beams on lines of the mesh, joined to its nodes.
+
+    About an axis it is a thin shell of revolution, with hoop forces. Corners are rigid, its ends
+    turn freely where they are not clamped, and two structures that meet are joined by a hinge.
+    Forces are per metre out of plane or of circumference. Changes of temperature do not strain it.
     """
 
     kind: Literal["beam"]
@@ -58,7 +67,9 @@ class BeamSection(_StructureBase):
     E: Modulus | None = Field(None, description="Young's modulus.")
     thickness: Size | None = Field(None, description="Thickness.", examples=["0.2 m"])
     nu: Ratio | None = Field(
-        None, description="Poisson's ratio: E / (1 - nu^2) is taken; E itself if missing."
+        None,
+        description="Poisson's ratio: E / (1 - nu^2) is taken; E itself if missing. Of a shell of "
+        "revolution a number, no parameter.",
     )
     EA: WallStiffness | None = Field(
         None, description="Axial stiffness per metre out of plane, in place of E and thickness."
@@ -70,16 +81,52 @@ class BeamSection(_StructureBase):
         [],
         description="Groups on whose nodes the beam does not turn: planes of symmetry, abutments.",
     )
+    hinges: list[Hinge] = Field(
+        [],
+        description="Where its pieces turn freely against each other: points at nodes of the beam, "
+        "or groups of the mesh.",
+        examples=[["[3 m, -2 m]"]],
+    )
+    density: Density | None = Field(
+        None, description="Density, with the thickness; its weight acts with gravity."
+    )
+    weight: Stress | None = Field(
+        None,
+        description="Weight of a square metre of it, in place of the density.",
+        examples=["8 kN/m2"],
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> BeamSection:
         self._require_one_of(("E", "thickness"), ("E", "thickness", "nu"), ("EA", "EI"))
+        faults = SectionFaults()
+        if self.density is not None and (self.weight is not None or self.thickness is None):
+            other = "no thickness" if self.thickness is None else "weight"
+            message = f"found density and {other}; density with a thickness, or weight is expected"
+            faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
+        for key in ("density", "weight"):
+            given: Given | None = getattr(self, key)
+            if given is not None and given.parameter is None and given.factor < 0:
+                message = f"'{given.text}' is negative"
+                faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
+        faults.raise_any()
         return self
 
     def structure(self, context: Context) -> Beam:
-        """A lining, in plane strain."""
-        if context.analysis is not Analysis.PLANE_STRAIN:
-            _refuse("beams", "plane-strain", context)
+        """A lining or wall, in the plane or about an axis."""
+        if context.analysis is Analysis.SOLID:
+            _refuse("beams", "plane-strain or axisymmetric", context)
+        if context.analysis is Analysis.AXISYMMETRIC and self.nu and self.nu.parameter:
+            message = "nu of a shell of revolution couples its meridian and hoops; it cannot be a "
+            message += "parameter"
+            hint = "Write the number itself; E and thickness may be parameters."
+            context.at("nu").refuse("bad-tie", message, hint)
+        hinges = tuple(
+            hinge
+            if isinstance(hinge, str)
+            else context.at("hinges", n).vector(hinge, "the hinge") or ()
+            for n, hinge in enumerate(self.hinges)
+        )
         return Beam(
             self.on,
             E=scalar_of(self.E),
@@ -88,6 +135,9 @@ class BeamSection(_StructureBase):
             EA=scalar_of(self.EA),
             EI=scalar_of(self.EI),
             clamped_on=tuple(self.clamped_on),
+            hinges=hinges,
+            density=scalar_of(self.density),
+            weight=scalar_of(self.weight),
         )
 
 

@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Sequence
 
-from geoident.io.text.blanks import BLANK
+from geoident.io.case.file import BLANK
 from geoident.model.summary import MeshSummary, PartSummary
 
 _PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
@@ -31,7 +31,7 @@ def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
     parts = (
         _head(mesh, mesh_file, title),
         _PARAMETERS,
-        f"materials:\n  ground: {{elastic: isotropic, E: {BLANK}, nu: {BLANK}}}\n",
+        _MATERIALS,
         _groups(mesh),
         _supports(mesh),
         _IN_SITU,
@@ -48,11 +48,20 @@ parameters: {}
   # E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}
   # K0:     {start: 1.0, bounds: [0.3, 3.0]}
 """
-_IN_SITU = """\
-# In-situ stress of the ground (compression positive here); remove the # of one line.
-# in_situ: {model: heim, vertical: 8 MPa, K0: 1.0}   # the same everywhere
-# in_situ: {model: heim, unit_weight: 26 kN/m3, surface: 0 m, K0: 0.5}   # growing with depth
-# gravity: 9.81 m/s2   # weight of what is placed; its materials then need a density
+_MATERIALS = f"""\
+# The density is that of the ground with its water, saturated below a water table.
+materials:
+  ground: {{elastic: isotropic, E: {BLANK}, nu: {BLANK}, density: {BLANK}}}
+"""
+_IN_SITU = f"""\
+# In-situ stress of the ground. The vertical is the weight of the layers above, from their densities
+# and gravity; K0 is the horizontal in parts of it, one number or one for each group: {{clay: 0.6}}.
+gravity: 9.81 m/s2
+in_situ: {{model: geostatic, K0: {BLANK}}}
+# Where the mesh ends below the surface: surface: 394 m, cover: 26 kN/m3 (what the ground between
+# weighs). Far below it a stress that is the same everywhere may do, without gravity:
+# in_situ: {{model: heim, vertical: 8 MPa, K0: 1.0}}   # compression positive
+# water: {{table: 0 m}}   # stresses are then effective
 """
 _READINGS = """\
 # readings: readings.csv   # gauge,stage,value,unit

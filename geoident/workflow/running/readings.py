@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import InputError
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -73,6 +74,7 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
         bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
         reason=tuple(reasons),
         computed=np.full(len(readings), np.nan),
+        note=tuple(r.note for r in readings) if any(r.note for r in readings) else (),
         **(_shares(owners, readings) if any(c.errors for c in owners) else {}),
     )
 
@@ -94,6 +96,7 @@ def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
             float(table.sd[k] if table.own_sd is None else table.own_sd[k]),
             time=None if np.isnan(table.time[k]) else float(table.time[k]),
             bad=table.reason[k].removeprefix(FLAGGED) if table.bad[k] else "",
+            note=table.notes[k],
             epochs=1 if table.epochs is None else int(table.epochs[k]),
         )
         for k in range(len(table))
@@ -129,20 +132,19 @@ def with_computed(
         survey: of the model at p.
         p: (n,) parameters, SI.
     """
-    names = [channel.name for channel in case.channels]
-    rows = np.array([names.index(channel) for channel in readings.channel], dtype=np.int64)
-    states = [case.stage_names.index(stage) for stage in readings.stage]
-    columns = np.array(states, dtype=np.int64) - 1  # the survey leaves the virgin state out
+    pairs = tuple(zip(readings.channel, readings.stage, strict=True))
+    common = ReadingPlaces.of(case, pairs, ())
+    own = replace(common, times=readings.time)
     values = model.values(p)
-    own, common = (
-        model.instrument_errors.added(values, model.names, rows, columns + 1, times)
-        for times in (readings.time, None)
+    at_own, at_common = (
+        model.instrument_errors.added(values, model.names, places) for places in (own, common)
     )
-    more = own - common
+    more = at_own - at_common
+    place = common.rows, common.states - 1  # the survey leaves the virgin state out
     return replace(
         readings,
-        computed=survey.computed[rows, columns] + more[:, 0],
-        sensitivity=survey.sensitivity[rows, columns] + more[:, 1:],
+        computed=survey.computed[place] + more[:, 0],
+        sensitivity=survey.sensitivity[place] + more[:, 1:],
     )
 
 

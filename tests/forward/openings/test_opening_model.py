@@ -215,7 +215,7 @@ def test_points_in_the_opening_are_read_before_it_is_there():
 
 
 def test_a_gauge_of_another_quantity_has_no_closed_form():
-    cell = replace(GAUGES[0], name="cell", kind="load-cell")
+    cell = replace(GAUGES[0], name="cell", kind="load-cell", structure="nails")
     opened = without_mesh(material("rock", 5e9, 0.25), channels=(GAUGES[1], cell))
     assert opened.unreadable("cell", "face") == "it reads something else than displacements"
     table = opened.survey(np.empty(0), fields=False).computed
@@ -300,6 +300,14 @@ def test_unevenness_of_the_stress_is_told_in_parts_of_its_mean():
         assert f"is up to {told} off its mean" in said
     even = without_mesh(material("rock", 5e9, 0.25)).notes
     assert not [note for note in even if "in-situ stress around" in note]
+
+
+def test_unevenness_counts_the_wall_below_the_centre():
+    """1 m under the surface, radius 2 m: three times the stress below, none at all above."""
+    shallow = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(25e3), surface=Scalar(1.0))
+    notes = without_mesh(material("rock", 5e9, 0.25), in_situ=shallow).notes
+    (said,) = [note for note in notes if "in-situ stress around" in note]
+    assert "is up to 200 % off its mean" in said
 
 
 def test_options_give_the_circle():

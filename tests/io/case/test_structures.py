@@ -90,11 +90,52 @@ def test_bolts_in_plane_strain_need_a_spacing(project, built):
     assert (fault.code, fault.path) == ("missing-key", "structures.bolts")
 
 
-def test_beams_stand_in_plane_strain_only(project, built):
-    faults = project.faults(built().replace("plane-strain", "axisymmetric"))
-    found = {f.path: f.message for f in faults if f.code == "wrong-analysis"}
-    assert found.keys() == {"structures.shell.kind"}
-    assert "beams in axisymmetric analysis" in found["structures.shell.kind"]
+def test_beams_stand_in_plane_models_only(project, built):
+    solid = built().replace("plane-strain", "solid")
+    found = {f.path: f.message for f in project.faults(solid) if f.code == "wrong-analysis"}
+    assert found == {
+        "structures.shell.kind": "beams in solid analysis; they are available in plane-strain or "
+        "axisymmetric analysis only"
+    }
+
+
+def test_nu_of_a_shell_of_revolution_is_a_number(project, built):
+    shell = SHELL.replace("nu: 0.2", "nu: «$nu")
+    text = built(shell).replace("plane-strain", "axisymmetric")
+    text = text.replace("parameters:\n", "parameters:\n  nu: {start: 0.2, bounds: [0, 0.4]}\n")
+    fault = project.only_fault(text)
+    assert (fault.code, fault.message) == (
+        "bad-tie",
+        "nu of a shell of revolution couples its meridian and hoops; it cannot be a parameter",
+    )
+
+
+def test_hinges_and_weight_of_a_beam(project, built):
+    shell = SHELL.replace("}", ", hinges: [[3, 1 m], joint], density: 2500 kg/m3}")
+    found = project.read(built(shell)).case.structures["shell"]
+    assert found.hinges == ((3.0, 1.0), "joint")
+    assert found.density == Scalar(2500.0)
+    shell = "{kind: beam, on: wall, EA: 1 GN/m, EI: 30 MNm2/m, weight: 8 kN/m2}"
+    assert project.read(built(shell)).case.structures["shell"].weight == Scalar(8e3)
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "message"),
+    [
+        ("density: 2500 kg/m3, weight: 8 kN/m2", "wrong-pair",
+         "found density and weight; density with a thickness, or weight is expected"),
+        ("weight: «-8 kN/m2", "out-of-range", "'-8 kN/m2' is negative"),
+        ("density: «-2500 kg/m3", "out-of-range", "'-2500 kg/m3' is negative"),
+        ("hinges: [«[3 m]]", "wrong-dimension",
+         "the hinge has 1 components; 2 expected (x, y)"),
+    ],
+)  # fmt: skip
+def test_wrong_beams_are_refused(project, built, more, code, message):
+    shell = SHELL.replace("}", f", {more}}}")
+    if "«" not in more:
+        shell = "«" + shell
+    fault = project.only_fault(built(shell))
+    assert (fault.code, fault.message) == (code, message)
 
 
 STRUT = (
@@ -166,11 +207,14 @@ def test_prestress_that_cannot_be_is_refused(project, built, does, code, message
 
 def test_bars_about_an_axis_need_their_number_or_spacing(project, built):
     def faults(bolt):
-        found = project.faults(built(bolt=bolt).replace("plane-strain", "axisymmetric"))
+        text = built(bolt=bolt).replace("plane-strain", "axisymmetric")
+        found = project.faults(text.replace("EA: 4 GN", "EA: 4 MPa"))
         return {f.code: f.message for f in found if f.path.startswith("structures.bolts")}
 
-    assert faults(BOLT) == {}
-    assert faults(BOLT.replace("spacing: 1.5 m", "number: 12")) == {}
+    assert project.read(built().replace("plane-strain", "axisymmetric")).case.structures["bolts"]
+    ring = BOLT.replace("spacing: 1.5 m", "number: 12")
+    case = project.read(built(bolt=ring).replace("plane-strain", "axisymmetric")).case
+    assert case.structures["bolts"].number == Scalar(12.0)
     assert faults(BOLT.replace("spacing: 1.5 m", "number: 12, spacing: 1 m")) == {
         "wrong-pair": "found both; either number or spacing of the bolts around the axis is "
         "expected"

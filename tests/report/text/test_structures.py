@@ -20,6 +20,8 @@ def forces():
         * np.array([[[NAN, 2.0], [NAN, -7.25]], [[NAN, -7.25], [NAN, 0.0]], [[NAN] * 2] * 2]),
         shear=1e3 * np.array([[NAN, -9.25], [NAN, 7.25], [NAN, NAN]]),
         per_metre=np.array([True, True, False]),
+        hoop=np.full((3, 2), NAN),
+        prestress=np.full((3, 2), NAN),
     )
 
 

@@ -35,6 +35,7 @@ def result():
     members = MemberForces(
         ("wall",), np.array([4]), ("drift",), np.zeros((1, 2, 2)), np.array([[-1234.5]]),
         np.array([[[50.0], [-75.0]]]), np.array([[2500.0]]), np.array([True]),
+        np.array([[NAN]]), np.array([[NAN]]),
     )  # fmt: skip
     return replace(known, sensitivity=sensitivity, members=members)
 
