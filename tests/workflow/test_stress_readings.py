@@ -52,7 +52,12 @@ CELLS = """\
   P2: {kind: pressure-cell, point: [5 m, 1 m], normal: [0, 1], accuracy: 0.2 MPa}
 """
 OVERCORING = """\
-  O: {kind: stress, point: [12 m, 9 m], components: [xx, yy, zz, xy], state: virgin, accuracy: 0.2 MPa}
+  O:
+    kind: stress
+    point: [12 m, 9 m]
+    components: [xx, yy, zz, xy]
+    state: virgin
+    accuracy: 0.2 MPa
 """
 FIT = "fit: {method: gauss-newton}\n"
 
