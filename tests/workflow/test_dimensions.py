@@ -15,7 +15,7 @@ import xarray
 
 from geoident.errors import InputError
 from geoident.io.case.file import read_case
-from geoident.io.case.gauges import ConvergenceSection
+from geoident.io.case.gauges.kinds import ConvergenceSection
 from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings
