@@ -14,9 +14,9 @@ import pytest
 import xarray
 
 from geoident.errors import InputError
-from geoident.io.case.accuracy import FORCES
 from geoident.io.case.file import read_case
-from geoident.io.case.gauges import ConvergenceSection
+from geoident.io.case.gauges.accuracy import FORCES
+from geoident.io.case.gauges.kinds import ConvergenceSection
 from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings

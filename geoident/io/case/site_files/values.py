@@ -7,8 +7,8 @@ from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from geoident.io.case.accuracy import FORCES, dimension_read
-from geoident.io.case.gauges import GaugeSection
+from geoident.io.case.gauges.accuracy import FORCES, dimension_read
+from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
 from geoident.io.schema.section import Section

@@ -15,14 +15,21 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import (
+from geoident.io.case.gauges.accuracy import (
     ESTIMATE,
     FORCES,
     ForceAccuracy,
     PressureAccuracy,
     StrainAccuracy,
 )
-from geoident.io.case.gauge import GaugeBase, GivenLength, Vector, distance, point_of, unit_vector
+from geoident.io.case.gauges.gauge import (
+    GaugeBase,
+    GivenLength,
+    Vector,
+    distance,
+    point_of,
+    unit_vector,
+)
 from geoident.io.schema.section import Context, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coordinates,
