@@ -70,7 +70,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     caption = (
         "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
         "lines: computed; dashed lines with 95 % bands: predicted. Positive: the points move "
-        "apart, or the motion follows the direction of the gauge."
+        "apart, or the motion follows the direction of the gauge; of stresses and forces what "
+        "the axis says."
     )
     return paged(
         instruments(result.gauges),

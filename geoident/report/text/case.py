@@ -37,16 +37,18 @@ def axis_names(result: Result) -> tuple[str, str, str]:
 
 def gauge_quantity(result: Result, gauge: str) -> str:
     """What a gauge measures, with its unit and direction, as a figure says it."""
-    gauges = _case(result.case_resolved).get("gauges")
-    found = gauges.get(gauge) if isinstance(gauges, dict) else None
-    given = found if isinstance(found, dict) else {}
+    case = _case(result.case_resolved)
+    given = _mapping(_mapping(case, "gauges"), gauge)
     component = given.get("component")
     along = f" {component}" if isinstance(component, str) else ""
     unit, dimension = _unit_of_gauge(result.gauges, gauge)
-    length = dimension == "length"
-    name, direction = _QUANTITIES.get(given.get("kind", ""), (f"displacement{along}", ""))
+    kind = given.get("kind", "")
+    if kind in _OF_FORCE:
+        name, direction = _force_quantity(given, _mapping(case, "structures"))
+    else:
+        name, direction = _QUANTITIES.get(kind, (f"displacement{along}", ""))
+        name = name if dimension == "length" else dimension
     what = ", ".join(word for word in (unit, direction) if word)
-    name = name if length else dimension
     return f"{name} ({what})" if what else name
 
 
@@ -56,6 +58,39 @@ _QUANTITIES = {
     "settlement": ("settlement", "downwards"),
 }
 """Kind of a gauge of lengths: what it measures, and in which direction it counts."""
+
+_OF_FORCE = {
+    "stress": "stress",
+    "pressure-cell": "pressure",
+    "piezometer": "pore pressure",
+    "strain": "strain",
+    "load-cell": "force",
+}
+_FORCES = {"N": "axial force", "M": "bending moment", "Q": "shear force"}
+
+
+def _force_quantity(given: dict[str, Any], structures: dict[str, Any]) -> tuple[str, str]:
+    """What a gauge of stresses or forces measures, and which sign is positive."""
+    kind = given["kind"]
+    name, direction = _OF_FORCE[kind], ""
+    if kind == "load-cell":
+        quantity = given.get("quantity", "N")
+        name = _FORCES.get(quantity, name)
+        strut = _mapping(structures, given.get("structure", "")).get("kind") == "strut"
+        counts = given.get("sign", "compression" if strut else "tension")
+        direction = {"N": counts, "M": "tension inside"}.get(quantity, "")
+    elif kind == "stress":
+        direction = given.get("positive", "tension")
+    elif kind != "piezometer":
+        direction = "elongation" if kind == "strain" else "compression"
+    since = "change of " if "zero" in given and kind != "strain" else ""
+    return since + name, f"{direction} +" if direction else ""
+
+
+def _mapping(given: dict[str, Any], key: str) -> dict[str, Any]:
+    """What a key of a case holds, if it is a mapping; else an empty one."""
+    found = given.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 def _unit_of_gauge(gauges: GaugeTable, gauge: str) -> tuple[str, str]:
