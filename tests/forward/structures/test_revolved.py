@@ -14,6 +14,7 @@ from support.revolved import constant, revolve
 from support.tunnels import with_lines
 
 from geoident.errors import InputError
+from geoident.forward.actions.supports import fixed_dofs
 from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
@@ -58,8 +59,11 @@ def test_lined_shaft_carries_its_share_of_the_ground():
     stages = (Stage("sink", excavate=("core",), build=("lining",)),)
     gauge = cell("e", None, (RADIUS, 0.4), structure="lining")
     gauges = tuple(
-        replace(gauge, name=name, kind=kind, quantity=quantity)
-        for name, kind, quantity in (("e", "strain", "axis"), ("N", "load-cell", "N"))
+        replace(gauge, name=name, kind=kind, quantity=quantity, dimension=dimension)
+        for name, kind, quantity, dimension in (
+            ("e", "strain", "axis", "strain"),
+            ("N", "load-cell", "N", "line load"),
+        )
     )
     staged = _shaft(structures={"lining": lining}, stages=stages, channels=gauges)
     found = staged.survey(NOTHING, fields=True)
@@ -162,7 +166,7 @@ def _reactions(staged):
         held = points.forces(end.stress[..., 0], points.volume)
         held += staged.structures.nodal_forces(end.members[:, :1])[:, 0]
         held -= staged.actions.forces(end.state, NOWHERE)[:, 0]
-        yield held.reshape(-1, 2)[staged.on_mesh.fixed.reshape(-1, 2)[:, 1], 1].sum()
+        yield held.reshape(-1, 2)[fixed_dofs(staged.on_mesh).reshape(-1, 2)[:, 1], 1].sum()
 
 
 PARAMETERS = (
