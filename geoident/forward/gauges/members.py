@@ -163,7 +163,7 @@ def _of_beam(
     return strain + bent if channel.quantity == "inside" else strain - bent
 
 
-def _between(place: _Place, first: Floats, second: Floats) -> Floats:
+def _between(place: _PlaceOnBeam, first: Floats, second: Floats) -> Floats:
     """A moment (k,) at a place, linear along its pieces, with the sign of the inside."""
     along = place.along[:, None]
     there = (1.0 - along) * first[place.pieces] + along * second[place.pieces]
