@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
+from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
@@ -95,6 +96,19 @@ def _parameter(table: ParameterTable, i: int) -> CsvRow:
         bool(table.determined[i]),
         prior_in_unit(table.priors[i], unit, dimension),
     )
+
+
+def _accuracies(result: Result) -> CsvTable:
+    found = accuracies_list(result.accuracies) if result.accuracies is not None else []
+    header = ("errors", "sd", "factor", "lower95", "upper95", "unit", "determined")
+    rows = [tuple(_number(entry.get(name)) for name in header) for entry in found]
+    return CsvTable(header, tuple(rows))
+
+
+def _number(cell: CsvCell | None) -> CsvCell:
+    if cell is None or (isinstance(cell, float) and math.isinf(cell)):
+        return math.nan
+    return cell if isinstance(cell, str | bool) else float(cell)
 
 
 def _shown(table: ParameterTable, i: int, value: float) -> float:
@@ -298,6 +312,7 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
 
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
+    "accuracies": _accuracies,
     "gauges": _gauges,
     "diagnostics": _diagnostics,
     "prediction": _prediction,

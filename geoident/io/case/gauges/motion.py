@@ -15,8 +15,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import AngleAccuracy
-from geoident.io.case.gauge import (
+from geoident.io.case.gauges.accuracy import AngleAccuracy
+from geoident.io.case.gauges.gauge import (
     GaugeBase,
     GivenLength,
     Motion,
