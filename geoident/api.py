@@ -23,8 +23,7 @@ from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.estimate import Finished
-from geoident.workflow.running.inputs import load_inputs
-from geoident.workflow.running.jobs import Request, plan_fit
+from geoident.workflow.running.jobs import Request, load_inputs, plan_fit
 
 __all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict"]
 

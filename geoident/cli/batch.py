@@ -15,9 +15,8 @@ from types import FrameType
 
 import click
 
-from geoident.cli.error_boundary import say_error
+from geoident.cli.error_boundary import combined, say_error
 from geoident.cli.options import Options
-from geoident.cli.several import combined
 from geoident.cli.signals import CODES, handled_signals
 from geoident.errors import ExitCode
 

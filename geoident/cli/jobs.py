@@ -9,8 +9,8 @@ from functools import partial
 
 import click
 
+from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
-from geoident.cli.several import failures_as_json
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.elements import ReferenceElement, reference_element
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh, spans
 
 REACH = 0.1
@@ -59,6 +59,10 @@ class Locator:
                 if (site := _site(self._mesh, block, int(e), span.start, x)) is not None
             ]
         return tuple(sorted(found, key=lambda site: (max(site.outside, 1e-6), site.element)))
+
+    def best(self, point: tuple[float, ...], present: Bools) -> Site | None:
+        """The best of the elements that hold a point (dim,), m, and are present (n_elements,)."""
+        return next((site for site in self.sites(point) if present[site.element]), None)
 
 
 def _boxes(mesh: Mesh, block: ElementBlock) -> tuple[Floats, Floats]:

@@ -371,7 +371,7 @@ def _support_of(
     mine = march.systems.discretization.points_of[group]
     yield lambda point: march.in_situ.columns(point)[:, mine]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
-    start = ParameterPoint({p.name: p.start for p in case.parameters}, ())
+    start = ParameterPoint(case.start, ())
     if base or march.virgin(start)[1] > NEGLIGIBLE_IMBALANCE:
         made_of = [sequence.states[n].materials.get(group) for n in (0, *way)]
         for name in dict.fromkeys(name for name in made_of if name is not None):

@@ -17,7 +17,7 @@ from geoident.errors import Fault, Location
 from geoident.fem.kinematics import AXISYMMETRIC
 from geoident.forward.actions.supports import load_keys
 from geoident.forward.in_situ.stress import in_situ_models
-from geoident.forward.stages import element_number
+from geoident.forward.stages import CaseOnMesh, element_number
 from geoident.model.actions import Seismic
 from geoident.model.case import Analysis, Case, KeyPath
 from geoident.model.in_situ import InSitu
@@ -27,12 +27,13 @@ _SHOWN = 10
 _SOLID = "model it as a solid"
 
 
-def revolution_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def revolution_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """What in an axisymmetric case does not turn about the axis."""
+    case = on_mesh.case
     if case.analysis is not Analysis.AXISYMMETRIC:
         return []
     return [
-        *_radius_faults(mesh),
+        *_radius_faults(on_mesh.mesh),
         *_gravity_faults(case),
         *_seismic_faults(case),
         *(

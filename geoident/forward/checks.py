@@ -3,19 +3,17 @@
 Each room checks its own (`ground`, `yielding`, `in_situ`, `actions`, `structures`, `gauges`); here
 their findings come together, in three rounds, since each round needs what the round before made
 sure of: groups that the mesh has; ground that is there when something needs it; gauges that can be
-read when they were. What the rounds prepared is handed on, so that a model need not seek it again.
+read when they were. What the rounds prepared is handed on (`CaseOnMesh`): a model need not seek it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
-from geoident.fem.faces import FaceTable, face_table, nonconforming
-from geoident.fem.kinematics import Kinematics, kinematics_of
-from geoident.fem.location import Locator, format_point
+from geoident.fem.faces import nonconforming
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.location import format_point
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented
 from geoident.forward.actions.supports import (
@@ -35,7 +33,7 @@ from geoident.forward.in_situ.stress import (
     surface_faults,
     zone_faults,
 )
-from geoident.forward.stages import ConstructionSequence, construction_sequence, group_faults
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, group_faults
 from geoident.forward.structures.checks import (
     structure_faults,
     structure_notes,
@@ -43,76 +41,45 @@ from geoident.forward.structures.checks import (
 )
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
-from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
 
 
-@dataclass(frozen=True)
-class CaseOnMesh:
-    """A case and a mesh that fit each other, with what finding that out has prepared.
-
-    Args:
-        case: the case.
-        mesh: its mesh, every element turned so that its volume is positive.
-        kinematics: of the analysis.
-        table: the faces of the mesh.
-        locator: finds elements by points.
-        sequence: the states of construction on the groups of the mesh.
-        observation: the gauges on the mesh.
-        fixed: (n_dofs,) degrees of freedom held by supports or by the axis of revolution.
-    """
-
-    case: Case
-    mesh: Mesh
-    kinematics: Kinematics
-    table: FaceTable
-    locator: Locator
-    sequence: ConstructionSequence
-    observation: Observation
-    fixed: Bools
-
-
-def check_on_mesh(case: Case, mesh: Mesh) -> CaseOnMesh:
+def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
     """Make sure that a case fits its mesh; nothing is assembled or solved.
+
+    Returns:
+        The case on its mesh, and its gauges there.
 
     Raises:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    kinematics = kinematics_of(case.analysis)
-    mesh = oriented(mesh, kinematics)
-    table = face_table(mesh)
-    _raise_any(_group_faults(case, mesh, table))
-    sequence = construction_sequence(case, mesh)
-    locator = Locator(mesh)
-    _raise_any(
-        [
-            *load_place_faults(case, mesh, table, locator, sequence),
-            *zone_faults(case, sequence),
-            *structure_place_faults(case, mesh, sequence, locator),
-        ]
-    )
-    observation, faults = observe(case, mesh, locator, sequence)
+    on_mesh = CaseOnMesh(case, oriented(mesh, kinematics_of(case.analysis)))
+    _raise_any(_group_faults(on_mesh))
+    places = load_place_faults, zone_faults, structure_place_faults
+    _raise_any([fault for faults_of in places for fault in faults_of(on_mesh)])
+    observation, faults = observe(on_mesh)
     _raise_any(faults or reading_faults(case, observation))
-    fixed = fixed_dofs(case, mesh)
-    found = CaseOnMesh(case, mesh, kinematics, table, locator, sequence, observation, fixed)
-    _refuse_mechanisms(found)
-    return found
+    _refuse_mechanisms(on_mesh)
+    return on_mesh, observation
 
 
-def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> list[str]:
+def notes_on_mesh(
+    on_mesh: CaseOnMesh, observation: Observation, *, n_outside: int, in_tension: bool
+) -> list[str]:
     """What the user should know of how the case was understood.
 
     Args:
-        found: the case on its mesh.
+        on_mesh: the case on its mesh.
+        observation: its gauges there.
         n_outside: strain points beside the faces that give a level of the ground or of the water.
         in_tension: whether most of the virgin ground is in tension at the start values.
     """
-    case, sequence = found.case, found.sequence
+    case = on_mesh.case
     notes = []
-    on_axis = np.count_nonzero(found.kinematics.on_axis(found.mesh.points))
+    on_axis = np.count_nonzero(on_mesh.kinematics.on_axis(on_mesh.mesh.points))
     if on_axis:
         notes.append(f"{on_axis} nodes on the axis of revolution x = 0 are held radially (u_r = 0)")
     if any(edges_held(model) for _, model in in_situ_models(case)):
@@ -120,28 +87,28 @@ def notes_on_mesh(found: CaseOnMesh, *, n_outside: int, in_tension: bool) -> lis
             "the in-situ stress is held at the edges of the model by tractions "
             "(in_situ: held: true)"
         )
-    if found.observation.snapped:
+    if observation.snapped:
         notes.append(
             "points just outside the mesh, taken by the nearest element: "
-            + ", ".join(found.observation.snapped)
+            + ", ".join(observation.snapped)
         )
     if n_outside:
         notes.append(
             f"{n_outside} strain points lie beside the faces that give the level of the ground or "
             "of the water; the level of the nearest node of these faces was taken"
         )
-    if any(state.water is not None for state in sequence.states):
+    if any(state.water is not None for state in on_mesh.sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
-    notes += _conformity_notes(found)
-    notes += _odd_notes(case, sequence, in_tension=in_tension)
+    notes += _conformity_notes(on_mesh)
+    notes += _odd_notes(on_mesh, in_tension=in_tension)
     notes += yield_notes(case)
-    notes += structure_notes(case, found.mesh, sequence, found.fixed)
+    notes += structure_notes(on_mesh)
     return notes
 
 
-def _conformity_notes(found: CaseOnMesh) -> list[str]:
+def _conformity_notes(on_mesh: CaseOnMesh) -> list[str]:
     """Where elements touch without sharing a face."""
-    centres = nonconforming(found.mesh, found.table)
+    centres = nonconforming(on_mesh.mesh, on_mesh.table)
     if not len(centres):
         return []
     n = len(centres)
@@ -178,10 +145,10 @@ def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Val
     return impossible_structure(case, values)
 
 
-def _odd_notes(case: Case, sequence: ConstructionSequence, *, in_tension: bool) -> list[str]:
+def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     """What is allowed, and seldom meant."""
-    notes = []
-    densities = [case.materials[name].density for name in sequence.materials]
+    case, notes = on_mesh.case, []
+    densities = [case.materials[name].density for name in on_mesh.sequence.materials]
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     if in_tension:
@@ -192,28 +159,29 @@ def _odd_notes(case: Case, sequence: ConstructionSequence, *, in_tension: bool) 
     return notes
 
 
-def _group_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
+def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """What names groups that the mesh lacks, or asks of a section what it cannot do."""
     return [
-        *revolution_faults(case, mesh),
-        *section_faults(case),
-        *yield_faults(case),
-        *group_faults(case, mesh),
-        *support_faults(case, mesh),
-        *load_faults(case, mesh, table),
-        *surface_faults(case, mesh),
-        *structure_faults(case, mesh),
+        *revolution_faults(on_mesh),
+        *section_faults(on_mesh.case),
+        *yield_faults(on_mesh.case),
+        *group_faults(on_mesh),
+        *support_faults(on_mesh),
+        *load_faults(on_mesh),
+        *surface_faults(on_mesh),
+        *structure_faults(on_mesh),
     ]
 
 
-def _refuse_mechanisms(found: CaseOnMesh) -> None:
+def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
     """Refuse states without ground, and with pieces that can move freely.
 
     Raises:
         InputError: no ground is present at a stage.
         ModelError: a piece of the ground can move freely.
     """
-    mesh, sequence, source = found.mesh, found.sequence, found.case.source
+    mesh, sequence, source = on_mesh.mesh, on_mesh.sequence, on_mesh.case.source
+    fixed = fixed_dofs(on_mesh)
     checked = set()
     for n, state in enumerate(sequence.states):
         present = sequence.present(n)
@@ -223,7 +191,7 @@ def _refuse_mechanisms(found: CaseOnMesh) -> None:
         if not present.any():
             msg = f"at stage '{state.name}' no ground is present"
             raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
-        loose = loose_body(mesh, found.table, found.kinematics, present, found.fixed)
+        loose = loose_body(mesh, on_mesh.table, on_mesh.kinematics, present, fixed)
         if loose is None:
             continue
         place: KeyPath = ("stages", n - 1) if n else ("supports",)

@@ -14,11 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
-from geoident.forward.discretization import numbers
-from geoident.forward.ground_at import GroundAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
+from geoident.forward.march.systems import GroundAt
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
+from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
@@ -41,16 +41,14 @@ class ReadingRows:
     offset: Floats
 
 
-def export_obstacle(march: March, names: tuple[str, ...], p: Floats) -> str | None:
+def export_obstacle(march: March, point: ParameterPoint) -> str | None:
     """Why the equations of a model are no `StagedSystem`, a clause, or None if they are one.
 
     Args:
         march: the staged model.
-        names: of its n parameters.
-        p: (n,) parameters to look at.
+        point: the parameters to look at, and their names.
     """
-    values = dict(zip(names, map(float, p), strict=True))
-    return next(_obstacles(march, ParameterPoint(values, names)), None)
+    return next(_obstacles(march, point), None)
 
 
 def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
@@ -83,28 +81,24 @@ def _yield_obstacles(march: March, material: Material, point: ParameterPoint) ->
         yield why
 
 
-def export(
-    march: March, names: tuple[str, ...], p: Floats, readings: ReadingRows, last: int
-) -> StagedSystem:
+def export(march: March, point: ParameterPoint, readings: ReadingRows, last: int) -> StagedSystem:
     """The equations of a model up to a state.
 
     Args:
         march: the staged model, without obstacle.
-        names: of its n parameters.
-        p: (n,) any parameters inside the domain: everything is affine around them.
+        point: any parameters inside the domain, all n: everything is affine around them.
         readings: what is read.
         last: number of the last state.
     """
-    return _Exporter(march, names, p).system(readings, last)
+    return _Exporter(march, point).system(readings, last)
 
 
 class _Exporter:
-    """ParameterPoint sets are the groups, and the axial and bending rows of every structure."""
+    """Point sets are the groups, and the axial and bending rows of every structure."""
 
-    def __init__(self, march: March, names: tuple[str, ...], p: Floats) -> None:
-        self.march, self.p = march, p
-        self.point = ParameterPoint(dict(zip(names, map(float, p), strict=True)), names)
-        self.n = len(names)
+    def __init__(self, march: March, point: ParameterPoint) -> None:
+        self.march, self.point, self.n = march, point, len(point.names)
+        self.p = np.array([point.values[name] for name in point.names])
         self.s = march.systems.discretization.points.n_strain
         self.ground = GroundAt(march.case, self.point, self.s)
         self.sets: list[PointSet] = []

@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.solvers.direct import Solver
-from geoident.forward.actions.forces import Actions
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.checks import (
-    CaseOnMesh,
     check_on_mesh,
     imbalance_notes,
     inadmissible_numbers,
     notes_on_mesh,
 )
-from geoident.forward.discretization import Discretization
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
-from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.state import UnitForces
+from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.virgin import contradictions, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.protocols import ReadingPlaces, Survey
+from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
+from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
-from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
@@ -62,7 +59,7 @@ def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    return StagedModel(check_on_mesh(case, mesh), solver=solver)
+    return StagedModel(*check_on_mesh(case, mesh), solver=solver)
 
 
 class StagedModel:
@@ -70,37 +67,23 @@ class StagedModel:
 
     Args:
         on_mesh: the case and the mesh that it fits.
+        observation: its gauges there.
         solver: factorizes the stiffness matrices.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, *, solver: Solver) -> None:
-        case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
-        table, locator = on_mesh.table, on_mesh.locator
-        self.on_mesh = on_mesh
-        self.case, self.mesh, self.sequence = case, mesh, sequence
-        self.names = tuple(parameter.name for parameter in case.parameters)
-        self.observation = on_mesh.observation
-        self.instrument_errors = InstrumentErrors(case, self.observation.zero, sequence.built_on)
+    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
+        self.on_mesh, self.observation = on_mesh, observation
+        self.case, self.mesh, self.sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+        self.names = tuple(parameter.name for parameter in self.case.parameters)
+        self.instrument_errors = InstrumentErrors(self.case, self.sequence.built_on)
         self._solver = solver
         self._evaluations = 0
         self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.structures = Structures(case, mesh, sequence, locator)
-        self.discretization = Discretization(mesh, on_mesh.kinematics, sequence)
-        self.systems = StageSystems(
-            mesh, sequence, self.discretization, on_mesh.fixed, solver, self.structures
-        )
-        overburden = Overburden(case, mesh, table)
-        self.actions = Actions(
-            case,
-            mesh,
-            table,
-            locator,
-            sequence,
-            self.discretization,
-            overburden,
-            self.structures.weights,
-        )
-        self.march = March(case, mesh, sequence, self.systems, self.actions, overburden)
+        self.discretization = on_mesh.discretization
+        self.systems = StageSystems(on_mesh, solver)
+        self.structures = self.systems.structures
+        self.march = March(on_mesh, self.systems)
+        self.actions = self.march.actions
 
     @property
     def counts(self) -> Counts:
@@ -127,18 +110,18 @@ class StagedModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        start = {p.name: p.start for p in self.case.parameters}
         return tuple(
             notes_on_mesh(
                 self.on_mesh,
+                self.observation,
                 n_outside=max(self.march.n_outside, self.actions.n_outside),
-                in_tension=self.march.virgin_tension(start),
+                in_tension=self.march.virgin_tension(self.case.start),
             )
         )
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
-        start = {p.name: p.start for p in self.case.parameters}
+        start = self.case.start
         _, imbalance = self.march.virgin(ParameterPoint(start, ()))
         return (*imbalance_notes(imbalance), *self._contradiction_notes(start))
 
@@ -147,11 +130,10 @@ class StagedModel:
 
         Nothing is factorized.
         """
-        start = {p.name: p.start for p in self.case.parameters}
-        gaps = surface_gaps(self.march, start)
+        gaps = surface_gaps(self.march, self.case.start)
         if gaps or self.case.imbalance_accepted:
             return gaps
-        return contradictions(self.march, start)
+        return contradictions(self.march, self.case.start)
 
     def _contradiction_notes(self, values: Values) -> tuple[str, ...]:
         """The same at any values, and where it is accepted."""
@@ -216,11 +198,13 @@ class StagedModel:
         """
         self.count_evaluation()
         run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
-        recorder = FieldRecorder(self.mesh, self.sequence, self.discretization) if fields else None
+        recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
+        equal: dict[str, int] = {}
         for end in run.states():
             state = MarchState(end, run.point, self.structures)
             observed.append(self.observation.values(state))
+            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts:
@@ -239,6 +223,7 @@ class StagedModel:
             tuple(error.message for error in found.collapses),
             found.activity,
             (
+                *_equal_notes(equal, self.case.stage_names),
                 *_unbalanced_notes(found),
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
@@ -282,9 +267,10 @@ class StagedResponse:
         self._model = model
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in model.case.parameters])
+        self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        places = ReadingPlaces.of(model.case, pairs, times)
-        self._row, self._state, self._times = places.rows, places.states, places.times
+        self._places = ReadingPlaces.of(model.case, pairs, times)
+        self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
 
     @property
@@ -331,7 +317,7 @@ class StagedResponse:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
         not_linear = model.observation.not_linear(self._row)
-        return not_linear or export_obstacle(model.march, self.names, self._start)
+        return not_linear or export_obstacle(model.march, self._start_point)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -339,21 +325,18 @@ class StagedResponse:
 
     def staged_system(self) -> StagedSystem:
         """The equations stage by stage, as arrays."""
-        model, start = self._model, self._start
-        values = model.values(start)
-        added = model.instrument_errors.added(
-            values, self.names, self._row, self._state, self._times
-        )
+        model, start = self._model, self._start_point
+        added = model.instrument_errors.added(start.values, self.names, self._places)
         operator = model.observation.operator(self._row)
         rows = ReadingRows(operator, self._active(), added)
-        return export(model.march, self.names, start, rows, self._last)
+        return export(model.march, start, rows, self._last)
 
     def opening(
         self, centre: tuple[float, float] | None, radius: float | None
     ) -> OpeningResponse | str:
         """The closed form of these readings, or why there is none."""
         model = self._model
-        found = opening_in_mesh(model.case, model.mesh, model.sequence, Circle(centre, radius))
+        found = opening_in_mesh(model.on_mesh, Circle(centre, radius))
         return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
 
     def obstacle(self) -> str | None:
@@ -407,8 +390,7 @@ class StagedResponse:
         self._activity = p.tobytes(), run.findings.activity
         table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
-        values = model.values(p)
-        added = model.instrument_errors.added(values, names, self._row, self._state, self._times)
+        added = model.instrument_errors.added(model.values(p), names, self._places)
         table[:, : added.shape[1]] += added
         return np.asarray(table)
 
@@ -426,6 +408,16 @@ class StagedResponse:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
         return self._model.observation.steps(built_on, self._row, self._state)
+
+
+def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:
+    """Which channels read principal stresses that are not told apart, each with one such state."""
+    for channel, state in equal.items():
+        yield (
+            f"gauge '{channel}' reads one of several equal principal stresses at "
+            f"'{stages[state]}': which of them is not determined, and its sensitivities are those "
+            "for growing parameters"
+        )
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Who is present when, and of what (theory 2): the stages of a case on the groups of a mesh."""
+"""A case on its mesh: who is present when, of what (theory 2), and the ground as strain points."""
 
 from __future__ import annotations
 
@@ -9,14 +9,26 @@ from functools import cached_property
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.fem.faces import FaceTable, FacetPatch, face_table, patches
+from geoident.fem.kinematics import (
+    Kinematics,
+    StrainPoints,
+    block_geometry,
+    kinematics_of,
+    strain_points,
+)
+from geoident.fem.location import Locator
 from geoident.model.actions import Load, Temperature, Water
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
 
 _SHOWN = 5
+
+Index = Ints | slice
+"""Places in an array: their numbers, or a slice where they are one run (no copies)."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +110,122 @@ class ConstructionSequence:
         return result
 
 
+class Discretization:
+    """Strain points of a mesh, made once.
+
+    Args:
+        mesh: the mesh, every element turned so that its volume is positive.
+        kinematics: of the analysis.
+        sequence: the groups of the case.
+
+    Attributes:
+        kinematics: of the analysis.
+        geometries: shape functions and gradients of every block.
+        points: the strain points.
+        points_of: index of a group to its strain points, for groups that are ever present.
+    """
+
+    def __init__(self, mesh: Mesh, kinematics: Kinematics, sequence: ConstructionSequence) -> None:
+        self.kinematics = kinematics
+        self.geometries = tuple(block_geometry(mesh.points, b, kinematics) for b in mesh.blocks)
+        self.points: StrainPoints = strain_points(mesh, self.geometries, kinematics)
+        group_of_point = sequence.group_of[self.points.element]
+        ever = sorted({g for state in sequence.states for g in state.materials})
+        self.points_of: dict[int, Index] = {g: as_index(group_of_point == g) for g in ever}
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of degrees of freedom, free and fixed."""
+        return int(self.points.compatibility.shape[1])
+
+    def volume(self, present: Bools) -> Floats:
+        """V (n_points,), zero at points of elements (n_elements,) that are absent."""
+        return np.where(present[self.points.element], self.points.volume, 0.0)
+
+
+def as_index(mask: Bools) -> Index:
+    """A slice where the marked places (m,) are one run (no copies), else their numbers."""
+    where = np.flatnonzero(mask)
+    if len(where) and where[-1] - where[0] + 1 == len(where):
+        return slice(int(where[0]), int(where[-1]) + 1)
+    return where
+
+
+def numbers(index: Index, n: int) -> Ints:
+    """A slice of n, or an array (k,) of numbers, as numbers (k,)."""
+    return np.arange(n)[index] if isinstance(index, slice) else index
+
+
+@dataclass(frozen=True)
+class CaseOnMesh:
+    """A case on its mesh; what follows from both is made once, when it is first asked for.
+
+    Args:
+        case: the case.
+        mesh: its mesh, every element turned so that its volume is positive (see `oriented`); one
+            without elements where the case has none.
+    """
+
+    case: Case
+    mesh: Mesh
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the analysis."""
+        return kinematics_of(self.case.analysis)
+
+    @cached_property
+    def table(self) -> FaceTable:
+        """The faces of the mesh."""
+        return face_table(self.mesh)
+
+    @cached_property
+    def locator(self) -> Locator:
+        """Finds elements by points."""
+        return Locator(self.mesh)
+
+    @cached_property
+    def sequence(self) -> ConstructionSequence:
+        """The states of construction on the groups of the mesh."""
+        groups = tuple(used_groups(self.case))
+        group_of = np.full(self.mesh.n_elements, -1, dtype=np.int64)
+        for n, name in enumerate(groups):
+            group_of[self.mesh.groups.get(name, [])] = n
+        return ConstructionSequence(groups, group_of, _states_of(self.case, groups))
+
+    @cached_property
+    def discretization(self) -> Discretization:
+        """Its strain points."""
+        return Discretization(self.mesh, self.kinematics, self.sequence)
+
+    @cached_property
+    def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:
+        """Material to the boundary of all ground that is made of it in the virgin state."""
+        if not self.mesh.blocks:
+            return {}
+        made_of: dict[str, list[int]] = {}
+        for group, material in self.sequence.states[0].materials.items():
+            made_of.setdefault(material, []).append(group)
+        here = {m: np.isin(self.sequence.group_of, groups) for m, groups in made_of.items()}
+        table = self.table
+        return {m: patches(self.mesh, table, table.free(mine)) for m, mine in here.items()}
+
+    def missing_group(
+        self, path: KeyPath, what: str, among: str, groups: Mapping[str, object]
+    ) -> Fault:
+        """The case names a group that the mesh does not have.
+
+        Args:
+            path: where it names it.
+            what: the group, with its kind.
+            among: what the groups are that would do.
+            groups: these, by name.
+        """
+        message = f"the mesh {self.mesh.file} has no {what}"
+        hint = f"its {among}: {listed(groups)}"
+        return self.case.source.fault(path, code="missing-group", message=message, hint=hint)
+
+
 def used_groups(case: Case) -> dict[str, KeyPath]:
     """Every element group that the case names, with the key that names it first."""
     used: dict[str, KeyPath] = {name: ("groups", name) for name in case.groups}
@@ -112,16 +240,7 @@ def used_groups(case: Case) -> dict[str, KeyPath]:
     return used
 
 
-def construction_sequence(case: Case, mesh: Mesh) -> ConstructionSequence:
-    """The sequence of a case whose groups are all in the mesh (see `group_faults`)."""
-    groups = tuple(used_groups(case))
-    group_of = np.full(mesh.n_elements, -1, dtype=np.int64)
-    for n, name in enumerate(groups):
-        group_of[mesh.groups[name]] = n
-    return ConstructionSequence(groups, group_of, states_of(case, groups))
-
-
-def states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ...]:
+def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ...]:
     """The states of a case, the virgin state first; groups are counted as they are given."""
     index = {name: n for n, name in enumerate(groups)}
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
@@ -176,16 +295,12 @@ def _stressed_at_building(stage: Stage, known: Mapping[str, Structure]) -> dict[
     return {k: v.prestress for k, v in bars if isinstance(v, Bars) and v.prestress is not None}
 
 
-def group_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Groups that the mesh lacks, elements in none or in two of the case's groups."""
+    case, mesh = on_mesh.case, on_mesh.mesh
     used = used_groups(case)
     faults = [
-        case.source.fault(
-            path,
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no element group '{name}'",
-            hint=f"its element groups: {listed(mesh.groups)}",
-        )
+        on_mesh.missing_group(path, f"element group '{name}'", "element groups", mesh.groups)
         for name, path in used.items()
         if name not in mesh.groups
     ]

@@ -215,3 +215,12 @@ class Case:
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Start values of the parameters by name, SI."""
+        return {parameter.name: parameter.start for parameter in self.parameters}
+
+    def zero_of(self, channel: Channel) -> int:
+        """The state at which a channel reads zero; the virgin state is 0."""
+        return self.stage_names.index(channel.zero)

@@ -1,1 +1,1 @@
-"""One module per command: puts the parts together."""
+"""One module per command that puts parts together."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.gauges.observable import GaugeSurroundings
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
@@ -26,7 +25,7 @@ from geoident.model.summary import (
 )
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.estimate import require_possible
-from geoident.workflow.running.inputs import Inputs, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 
 
@@ -155,11 +154,9 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
 
 
 def _places(model: StagedModel) -> tuple[PlaceSummary, ...]:
-    found = model.on_mesh
-    ground = GaugeSurroundings(found.case, found.mesh, found.locator, found.sequence)
     return tuple(
         PlaceSummary(p.channels, p.point, p.element, p.group, p.distance)
-        for p in placements(ground, found.table)
+        for p in placements(model.on_mesh)
     )
 
 

@@ -100,14 +100,8 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
     )
-    prediction = predict_stages(
-        survey.computed,
-        found.assessment,
-        sensitivity=survey.sensitivity,
-        accuracy=accuracies(case),
-        stages=predicted_stages(gauges),
-        known=found.errors,
-    )
+    stages = predicted_stages(gauges)
+    prediction = predict_stages(survey, found.assessment, accuracies(case), stages, found.errors)
     status = _status(found)
     return Result(
         kind="fit",

@@ -19,7 +19,7 @@ from geoident.model.gauges import Reading
 from geoident.model.summary import Identifiability
 from geoident.workflow.running.diagnosis import parameter_table
 from geoident.workflow.running.errors import error_structure
-from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
 
 
 def identifiability(

@@ -25,15 +25,15 @@ from geoident.workflow.running.estimate import (
     used_rows,
     write,
 )
-from geoident.workflow.running.inputs import (
+from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
     case_path,
     files_of_result,
     inputs_of_result,
     load_inputs,
+    provenance,
 )
-from geoident.workflow.running.jobs import provenance
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     KnownErrors,
@@ -115,11 +115,6 @@ class Task:
     place: Target
     identity: str
     found: Standing
-
-    @property
-    def stages(self) -> tuple[str, ...]:
-        """Names of the stages that were asked for."""
-        return self.request.stages
 
     @property
     def files_read(self) -> tuple[str, ...]:
@@ -324,14 +319,9 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     p = known.parameters.values
     readings = with_computed(_readings(task, known), case, model, survey, p)
     gauges = gauge_table(case, readings, survey.computed)
-    prediction = predict_stages(
-        survey.computed,
-        known.assessment,
-        sensitivity=survey.sensitivity,
-        accuracy=accuracies(case),
-        stages=chosen_stages(gauges, task.stages) if task.stages else predicted_stages(gauges),
-        known=known.errors,
-    )
+    names = task.request.stages
+    stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
+    prediction = predict_stages(survey, known.assessment, accuracies(case), stages, known.errors)
     return Result(
         kind="predict",
         status="done",

@@ -13,7 +13,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.workflow.running.errors import error_structure, own_sd
-from geoident.workflow.running.inputs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
 
 
 class Noise(Enum):

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from geoident.cli.several import combined
+from geoident.cli.error_boundary import combined
 from geoident.io.result.file import read_result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_scan

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from geoident.cli.options import Options
-from geoident.cli.remaining_time import Pace
-from geoident.cli.terminal import Terminal
+from geoident.cli.terminal import Pace, Terminal
 from geoident.model.parameter import Parameter
 from geoident.model.result import Counts, Iteration
 from geoident.workflow.fit import fit

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.identify.problem.protocols import Condensed
 from geoident.model.arrays import Floats
+from geoident.model.response import Condensed
 from geoident.model.result import Counts
 
 

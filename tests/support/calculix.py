@@ -47,7 +47,7 @@ def write_first_stage(staged: StagedModel, path: Path) -> None:
             _write_material(group, staged.case.materials[material].elastic, values, out)
         out.write("*BOUNDARY\n")
         touched = staged.systems[1].touched
-        for dof in np.flatnonzero(fixed_dofs(staged.case, staged.mesh) & touched):
+        for dof in np.flatnonzero(fixed_dofs(staged.on_mesh) & touched):
             out.write(f"{dof // dim + 1},{dof % dim + 1},{dof % dim + 1}\n")
         if staged.case.in_situ is not None:
             _write_initial_stress(staged, values, present, out)

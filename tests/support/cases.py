@@ -9,8 +9,9 @@ import numpy as np
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import (
     Analysis,
     Case,
@@ -102,6 +103,6 @@ def in_situ_stress(
     """Stress (n_strain, m) of one model at positions (m, dim), without topography."""
     mesh = Mesh(np.empty((0, positions.shape[1])), ())
     groups = np.zeros(len(positions), dtype=np.int64)
-    places = StressPlaces(positions, groups, ["all"])
-    found = InSituStress(make_case(mesh, in_situ=model), mesh, places)
+    on_mesh = CaseOnMesh(make_case(mesh, in_situ=model), mesh)
+    found = InSituStress(on_mesh, StressPlaces(positions, groups))
     return found.columns(ParameterPoint(values or {}, ()))[..., 0]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geoident.forward.march.march import RunOptions
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage

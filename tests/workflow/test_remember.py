@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import ExitCode, Interrupted, ModelError
-from geoident.identify.problem.protocols import Condensed
+from geoident.model.response import Condensed
 from geoident.model.result import Counts
 from geoident.workflow.running.control import Control, Silent, StopRequest
 from geoident.workflow.running.evaluation_log import Remembered

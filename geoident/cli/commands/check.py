@@ -8,9 +8,8 @@ from importlib.util import find_spec
 
 import click
 
-from geoident.cli.next_steps import for_one, line, overrides
-from geoident.cli.options import Arguments, Options, Steps, takes
-from geoident.cli.several import each, failures_as_json
+from geoident.cli.error_boundary import each, failures_as_json
+from geoident.cli.options import Arguments, Options, Steps, for_one, line, overrides, takes
 
 EPILOG = """\b
 Examples:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import click
 from click.shell_completion import get_completion_class
 
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
+from geoident.cli.options import Options, always, takes
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.error_boundary import code_of
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
-from geoident.cli.several import failures_as_json
+from geoident.cli.error_boundary import code_of, failures_as_json
+from geoident.cli.options import Options, always, takes
 from geoident.errors import ExitCode
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
+from geoident.cli.options import Options, always, takes
 
 if TYPE_CHECKING:
     from geoident.workflow.doctor import Diagnosis

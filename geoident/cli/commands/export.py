@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
-from geoident.cli.several import each
+from geoident.cli.error_boundary import each
+from geoident.cli.options import Options, always, takes
 from geoident.errors import UsageError
 
 if TYPE_CHECKING:
@@ -70,12 +69,12 @@ def command(
 
 
 def _one_table(path: str, name: str, options: Options) -> int:
+    from geoident.io.result.file import read_result
     from geoident.report.text.csv_tables import csv_tables, csv_text
-    from geoident.workflow.running.inputs import files_of_result
+    from geoident.workflow.running.jobs import files_of_result
     from geoident.workflow.running.outputs import write_text
-    from geoident.workflow.show import show
 
-    result = show(path)
+    result = read_result(path)
     found = csv_tables(result)
     if name not in found:
         msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
@@ -91,9 +90,9 @@ def _one_table(path: str, name: str, options: Options) -> int:
 
 
 def _export(path: str, formats: tuple[str, ...], options: Options) -> int:
-    from geoident.workflow.show import show
+    from geoident.io.result.file import read_result
 
-    result = show(path)
+    result = read_result(path)
     for kind in dict.fromkeys(formats):
         for file in _write(kind, path, result, options):
             click.echo(file)

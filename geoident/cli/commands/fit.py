@@ -6,8 +6,17 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import for_one, line, on_result, overrides, result_of
-from geoident.cli.options import Arguments, Options, Steps, takes
+from geoident.cli.options import (
+    Arguments,
+    Options,
+    Steps,
+    for_one,
+    line,
+    on_result,
+    overrides,
+    result_of,
+    takes,
+)
 
 EPILOG = """\b
 Examples:

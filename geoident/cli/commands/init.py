@@ -9,8 +9,7 @@ from pathlib import Path
 
 import click
 
-from geoident.cli.next_steps import line
-from geoident.cli.options import Arguments, Options, Steps, takes
+from geoident.cli.options import Arguments, Options, Steps, line, takes
 from geoident.io.docs.templates import TEMPLATES
 
 _WIDTH = max(map(len, TEMPLATES)) + 2

@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import on_result, result_of
-from geoident.cli.options import Arguments, Options, Steps, takes
-from geoident.cli.several import failures_as_json
+from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.options import Arguments, Options, Steps, on_result, result_of, takes
 
 EPILOG = """\b
 Examples:

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
+from geoident.cli.options import Options, always, takes
 from geoident.errors import UsageError
 
 EPILOG = """\b

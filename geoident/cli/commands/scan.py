@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import line, overrides, result_of
-from geoident.cli.options import Arguments, Options, Steps, takes
+from geoident.cli.options import Arguments, Options, Steps, line, overrides, result_of, takes
 
 EPILOG = """\b
 Examples:

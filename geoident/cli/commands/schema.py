@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import always
-from geoident.cli.options import Options, takes
+from geoident.cli.options import Options, always, takes
 
 EPILOG = """\b
 Examples:
@@ -25,7 +24,7 @@ An editor with a YAML language server completes and checks a case whose first li
 @takes(after=always("write in the first line of a case: # yaml-language-server: $schema=FILE"))
 def command(markdown: bool, options: Options) -> int:
     """Print the JSON schema of case files, for editors, or all keys for people."""
-    from geoident.workflow.schema import key_page, schema
+    from geoident.io.docs.case_schema import case_schema_text, key_page_text
 
-    click.echo(key_page() if markdown else schema(), nl=False)
+    click.echo(key_page_text() if markdown else case_schema_text(), nl=False)
     return 0

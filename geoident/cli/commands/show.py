@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.next_steps import line
-from geoident.cli.options import Arguments, Options, Steps, takes
-from geoident.cli.several import each, failures_as_json
+from geoident.cli.error_boundary import each, failures_as_json
+from geoident.cli.options import Arguments, Options, Steps, line, takes
 
 EPILOG = """\b
 Examples:
@@ -39,14 +38,14 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 
 
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
+    from geoident.io.result.file import read_result
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.result import result_text
-    from geoident.workflow.running.inputs import case_path
-    from geoident.workflow.show import show
+    from geoident.workflow.running.jobs import case_path
 
     with failures_as_json(path, options):
-        result = show(path)
+        result = read_result(path)
     case = case_path(path, result.provenance.case_file)
     if options.as_json:
         click.echo(dumps(result_object(result, case=case, output=path)))

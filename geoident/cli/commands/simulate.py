@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.next_steps import line, new_name, overrides
-from geoident.cli.options import Arguments, Options, Steps, takes
-from geoident.cli.several import failures_as_json
+from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
 
 if TYPE_CHECKING:
     from geoident.workflow.simulate import Simulated

@@ -6,15 +6,14 @@ Loads are made ready first: what does not depend on parameters is computed once.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FaceTable, FacetPatch, load_patches, patches
-from geoident.fem.kinematics import Kinematics
+from geoident.fem.faces import FacetPatch, load_patches, patches
 from geoident.fem.loads import (
     facet_geometry,
     pressure_forces,
@@ -23,17 +22,14 @@ from geoident.fem.loads import (
     traction_weights,
     weight_shares,
 )
-from geoident.fem.location import Locator, Site
-from geoident.forward.actions.supports import group_nodes, point_site
+from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.discretization import Discretization
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPlaces, edges_held
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import GeostaticStress
 from geoident.model.mesh import Mesh
@@ -61,17 +57,15 @@ def _water_forces(
     return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in terms))
 
 
-def face_load(
-    mesh: Mesh, load: FaceLoad, faces: Sequence[FacetPatch], kinematics: Kinematics
-) -> ReadyLoad:
+def face_load(on_mesh: CaseOnMesh, load: FaceLoad, faces: Sequence[FacetPatch]) -> ReadyLoad:
     """A load on the free faces of the ground.
 
     Args:
-        mesh: the mesh.
+        on_mesh: the case on its mesh.
         load: the load.
         faces: the free faces on which it acts.
-        kinematics: of the analysis.
     """
+    mesh, kinematics = on_mesh.mesh, on_mesh.kinematics
     if isinstance(load, Pressure):
         push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
         return partial(_scaled_forces, [(push, load.value)])
@@ -82,19 +76,20 @@ def face_load(
     return partial(_water_forces, [(FacePressure(load, where), matrix) for where, matrix in ready])
 
 
-def point_force(mesh: Mesh, load: PointForce, site: Site | None) -> ReadyLoad:
-    """A force at a site, shared by the nodes around it; or on the nodes of a group.
+def point_force(on_mesh: CaseOnMesh, load: PointForce, present: Bools) -> ReadyLoad:
+    """A force at a point, shared by the nodes around it; or on the nodes of a group.
 
     Args:
-        mesh: the mesh.
+        on_mesh: the case on its mesh.
         load: the force.
-        site: where it acts, or None where it acts on nodes.
+        present: (n_elements,) which elements are there.
     """
+    mesh = on_mesh.mesh
     shares = np.zeros(mesh.n_nodes)
     if isinstance(load.place, str):
         nodes = group_nodes(mesh, load.place)
         shares[nodes] = 1 / len(nodes)
-    elif site is not None:
+    elif (site := on_mesh.locator.best(load.place, present)) is not None:
         shares[site.nodes] = site.shapes
     return _along_axes(mesh, shares, load.value)
 
@@ -116,35 +111,16 @@ class Actions:
     """Nodal forces of everything that acts from outside; what is given is computed once.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        table: its faces.
-        locator: finds points in it.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
-        overburden: what stands above places of the mesh.
+        on_mesh: the case on its mesh.
         beside: what acts in a state beside loads and on what is no ground: weight of structures.
     """
 
     def __init__(
-        self,
-        case: Case,
-        mesh: Mesh,
-        table: FaceTable,
-        locator: Locator,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-        overburden: Overburden,
-        beside: Callable[[ConstructionState], Iterable[ForcePart]],
+        self, on_mesh: CaseOnMesh, beside: Callable[[ConstructionState], Iterable[ForcePart]]
     ) -> None:
-        self._beside = beside
-        self._case = case
-        self._mesh = mesh
-        self._table = table
-        self._locator = locator
-        self._sequence = sequence
-        self._discretization = discretization
-        self._overburden = overburden
+        self._on_mesh, self._beside = on_mesh, beside
+        self._case, self._mesh, self._sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+        self._discretization = on_mesh.discretization
         self._shares = self._volume_shares()
         self._edges = self._held_edges()
         self._loads = self._ready_loads()
@@ -253,18 +229,17 @@ class Actions:
 
         That is the in-situ stress where it is held, else what lies on the ground beside it.
         """
-        case, mesh, sequence = self._case, self._mesh, self._sequence
-        rows = self._table.free(sequence.present(0))
-        group_of_row = sequence.group_of[self._table.element[rows]]
+        case, sequence, table = self._case, self._sequence, self._on_mesh.table
+        rows = table.free(sequence.present(0))
+        group_of_row = sequence.group_of[table.element[rows]]
         edges: dict[int, list[_Edge]] = {}
         for g in map(int, np.unique(group_of_row)):
             model = case.in_situ_of.get(sequence.groups[g], case.in_situ)
-            mine = partial(patches, mesh, self._table, rows[group_of_row == g])
-            around = _Surroundings(case, mesh, sequence, self._discretization, self._overburden)
+            mine = partial(patches, self._mesh, table, rows[group_of_row == g])
             if edges_held(model):
-                edges[g] = [_HeldEdge(around, patch) for patch in mine()]
+                edges[g] = [_HeldEdge(self._on_mesh, patch) for patch in mine()]
             elif isinstance(model, GeostaticStress) and (model.surcharge or model.cover):
-                edges[g] = [_CoveredEdge(around, patch, model) for patch in mine()]
+                edges[g] = [_CoveredEdge(self._on_mesh, patch, model) for patch in mine()]
         return edges
 
     def _ready_loads(self) -> dict[tuple[int, str], ReadyLoad]:
@@ -283,25 +258,13 @@ class Actions:
         return result
 
     def _ready(self, load: FaceLoad | PointForce, present: Bools) -> ReadyLoad:
-        mesh = self._mesh
         if isinstance(load, PointForce):
-            return point_force(mesh, load, point_site(self._locator, load, present))
-        faces = load_patches(mesh, self._table, load.group, present)
+            return point_force(self._on_mesh, load, present)
+        faces = load_patches(self._mesh, self._on_mesh.table, load.group, present)
         if faces is None:
             msg = f"load on '{load.group}' has no free face (see load_place_faults)"
             raise ValueError(msg)
-        return face_load(mesh, load, faces, self._discretization.kinematics)
-
-
-@dataclass(frozen=True)
-class _Surroundings:
-    """The case on its mesh, as the edges of the model need it."""
-
-    case: Case
-    mesh: Mesh
-    sequence: ConstructionSequence
-    discretization: Discretization
-    overburden: Overburden
+        return face_load(self._on_mesh, load, faces)
 
 
 class _Edge(Protocol):
@@ -318,19 +281,16 @@ class _HeldEdge:
 
     name = HELD_EDGES
 
-    def __init__(self, around: _Surroundings, patch: FacetPatch) -> None:
-        case, mesh, sequence = around.case, around.mesh, around.sequence
-        self._mesh = mesh
-        self._patch = patch
-        self._kinematics = around.discretization.kinematics
+    def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch) -> None:
+        mesh, sequence, water = on_mesh.mesh, on_mesh.sequence, on_mesh.case.water
+        self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
         geometry = facet_geometry(mesh.points, patch, self._kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         groups = sequence.group_of[elements]
-        places = StressPlaces(positions, groups, sequence.groups, elements)
-        self._skeleton = InSituStress(case, mesh, places, around.overburden)
-        self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = is_wet(case.water, groups, sequence.groups)
+        self._skeleton = InSituStress(on_mesh, StressPlaces(positions, groups, elements))
+        self._pores = None if water is None else PorePressure(water, mesh, positions)
+        self._wet = is_wet(water, groups, sequence.groups)
 
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N."""
@@ -346,14 +306,13 @@ class _CoveredEdge:
 
     name = "what lies on the ground"
 
-    def __init__(self, around: _Surroundings, patch: FacetPatch, model: GeostaticStress) -> None:
-        mesh = around.mesh
-        self._mesh, self._patch = mesh, patch
-        self._kinematics = around.discretization.kinematics
+    def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch, model: GeostaticStress) -> None:
+        mesh = on_mesh.mesh
+        self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
         geometry = facet_geometry(mesh.points, patch, self._kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
-        above = around.overburden.above(positions, elements)
+        above = Overburden(on_mesh).above(positions, elements)
         self._open = above.uncovered
         self._on_top = OnTheGround(model, mesh, positions, above)
 

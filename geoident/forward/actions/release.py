@@ -19,8 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.forward.actions.forces import Actions
-from geoident.forward.discretization import Discretization
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 
@@ -32,16 +31,12 @@ class PartialRelease:
     """The forces H_g of every group that left with part of its stress held.
 
     Args:
-        sequence: the states of construction.
-        discretization: the strain points.
+        on_mesh: the case on its mesh.
         actions: what acts on a group itself.
     """
 
-    def __init__(
-        self, sequence: ConstructionSequence, discretization: Discretization, actions: Actions
-    ) -> None:
-        self._sequence = sequence
-        self._discretization = discretization
+    def __init__(self, on_mesh: CaseOnMesh, actions: Actions) -> None:
+        self._sequence, self._discretization = on_mesh.sequence, on_mesh.discretization
         self._actions = actions
 
     def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:

@@ -5,24 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.faces import FaceTable, load_faces, load_patches
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site
-from geoident.forward.stages import ConstructionSequence, listed
+from geoident.fem.faces import load_faces, load_patches
+from geoident.forward.stages import CaseOnMesh, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import Mesh, nodes_in
 
 
-def fixed_dofs(case: Case, mesh: Mesh) -> Bools:
+def fixed_dofs(on_mesh: CaseOnMesh) -> Bools:
     """(n_dofs,) which degrees of freedom the supports hold, and the axis of revolution."""
+    mesh = on_mesh.mesh
     fixed = np.zeros((mesh.n_nodes, mesh.dim), dtype=bool)
-    for support in case.supports:
+    for support in on_mesh.case.supports:
         nodes = group_nodes(mesh, support.group)
         for component in support.components:
             fixed[nodes, component] = True
-    fixed[kinematics_of(case.analysis).on_axis(mesh.points), 0] = True
+    fixed[on_mesh.kinematics.on_axis(mesh.points), 0] = True
     return fixed.ravel()
 
 
@@ -35,19 +34,19 @@ def group_nodes(mesh: Mesh, name: str) -> Ints:
     return nodes_in(mesh.blocks, mesh.groups[name])
 
 
-def support_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def support_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Supports on groups that the mesh does not have."""
-    known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
+    mesh = on_mesh.mesh
+    usual = {**mesh.facet_groups, **mesh.node_groups}
     return [
-        case.source.fault(
+        on_mesh.missing_group(
             ("supports", support.group),
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group '{support.group}'",
-            hint=f"its groups of faces and nodes: "
-            f"{listed({**mesh.facet_groups, **mesh.node_groups})}",
+            f"group '{support.group}'",
+            "groups of faces and nodes",
+            usual,
         )
-        for support in case.supports
-        if support.group not in known
+        for support in on_mesh.case.supports
+        if support.group not in {**usual, **mesh.groups}
     ]
 
 
@@ -64,93 +63,53 @@ def load_key(name: str, since: int) -> KeyPath:
     return ("stages", since - 1, "loads", name) if since else ("loads", name)
 
 
-def load_faults(case: Case, mesh: Mesh, table: FaceTable) -> list[Fault]:
-    """Loads on groups that the mesh does not have or that no element borders.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        table: its faces.
-    """
+def load_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Loads on groups that the mesh does not have or that no element borders."""
+    case, mesh = on_mesh.case, on_mesh.mesh
+    of_nodes = {**mesh.node_groups, **mesh.facet_groups, **mesh.groups}
     faults = []
     for path, load in load_keys(case):
-        if isinstance(load, PointForce | Seismic):
-            faults += _place_faults(case, mesh, path, load)
+        on = (*path, "on")
+        if isinstance(load, Seismic):
             continue
-        if load.group not in mesh.facet_groups:
-            message = f"the mesh {mesh.file} has no group of faces '{load.group}'"
-        elif np.any(load_faces(mesh, table, load.group) < 0):
+        if isinstance(load, PointForce):
+            if isinstance(load.place, str) and load.place not in of_nodes:
+                what = f"group '{load.place}'"
+                faults.append(on_mesh.missing_group(on, what, "groups of nodes", mesh.node_groups))
+        elif load.group not in mesh.facet_groups:
+            what = f"group of faces '{load.group}'"
+            faults.append(on_mesh.missing_group(on, what, "groups of faces", mesh.facet_groups))
+        elif np.any(load_faces(mesh, on_mesh.table, load.group) < 0):
             message = f"some faces of '{load.group}' border no element"
-        else:
-            continue
-        hint = f"its groups of faces: {listed(mesh.facet_groups)}"
-        faults.append(
-            case.source.fault((*path, "on"), code="missing-group", message=message, hint=hint)
-        )
+            hint = f"its groups of faces: {listed(mesh.facet_groups)}"
+            faults.append(case.source.fault(on, code="missing-group", message=message, hint=hint))
     return faults
 
 
-def _place_faults(case: Case, mesh: Mesh, path: KeyPath, load: PointForce | Seismic) -> list[Fault]:
-    """A point force on a group that the mesh does not have."""
-    known = {**mesh.node_groups, **mesh.facet_groups, **mesh.groups}
-    if isinstance(load, Seismic) or not isinstance(load.place, str) or load.place in known:
-        return []
-    return [
-        case.source.fault(
-            (*path, "on"),
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group '{load.place}'",
-            hint=f"its groups of nodes: {listed(mesh.node_groups)}",
-        )
-    ]
-
-
-def point_site(locator: Locator, load: PointForce, present: Bools) -> Site | None:
-    """The present element that takes a point force best; None if it acts on nodes or nowhere.
-
-    Args:
-        locator: finds points.
-        load: the force.
-        present: (n_elements,) which elements are there.
-    """
-    if isinstance(load.place, str):
-        return None
-    return next((s for s in locator.sites(load.place) if present[s.element]), None)
-
-
-def load_place_faults(
-    case: Case, mesh: Mesh, table: FaceTable, locator: Locator, sequence: ConstructionSequence
-) -> list[Fault]:
-    """Loads that at some stage have no free face or no ground to act on.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        table: its faces.
-        locator: finds points in it.
-        sequence: the states of construction.
-    """
+def load_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Loads that at some stage have no free face or no ground to act on."""
+    case, mesh = on_mesh.case, on_mesh.mesh
     faults: dict[KeyPath, Fault] = {}
-    for n, state in enumerate(sequence.states):
-        present = sequence.present(n)
+    for n, state in enumerate(on_mesh.sequence.states):
+        present = on_mesh.sequence.present(n)
         for name, load in state.loads.items():
             path = load_key(name, state.loads_since[name])
             if path in faults or isinstance(load, Seismic):
                 continue
             if isinstance(load, PointForce):
-                if not _has_ground(mesh, locator, load, present):
+                if not _has_ground(on_mesh, load, present):
                     faults[path] = _force_fault(case, load, path, state.name)
-            elif not load_patches(mesh, table, load.group, present):
+            elif not load_patches(mesh, on_mesh.table, load.group, present):
                 faults[path] = _face_fault(case, load, (*path, "on"), state.name)
     return list(faults.values())
 
 
-def _has_ground(mesh: Mesh, locator: Locator, load: PointForce, present: Bools) -> bool:
+def _has_ground(on_mesh: CaseOnMesh, load: PointForce, present: Bools) -> bool:
     """Whether a point force acts on ground that is present."""
     if not isinstance(load.place, str):
-        return point_site(locator, load, present) is not None
-    here = nodes_in(mesh.blocks, present)
-    nodes = group_nodes(mesh, load.place)
+        return on_mesh.locator.best(load.place, present) is not None
+    here = nodes_in(on_mesh.mesh.blocks, present)
+    nodes = group_nodes(on_mesh.mesh, load.place)
     return len(nodes) > 0 and bool(np.isin(nodes, here).all())
 
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.discretization import Discretization
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import TemperatureField
 from geoident.model.arrays import Floats
-from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
 
@@ -26,17 +24,12 @@ class ThermalStrains:
     """Thermal strains of all states; given temperature fields are interpolated once.
 
     Args:
-        case: the case.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self, case: Case, sequence: ConstructionSequence, discretization: Discretization
-    ) -> None:
-        self._case = case
-        self._sequence = sequence
-        self._discretization = discretization
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._case, self._sequence = on_mesh.case, on_mesh.sequence
+        self._discretization = on_mesh.discretization
         self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
 
     def change(self, state: int, point: ParameterPoint) -> Floats | None:

@@ -18,6 +18,7 @@ channel drifts in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,12 +27,49 @@ from geoident.model.case import Case
 from geoident.model.parameter import Scalar, Values
 
 
+@dataclass(frozen=True)
+class ReadingPlaces:
+    """Which channels were read, at which states, and when.
+
+    Args:
+        rows: (g,) numbers of the channels.
+        states: (g,) numbers of the states.
+        times: (g,) seconds since 1970; NaN for what is known of the stage.
+    """
+
+    rows: Ints
+    states: Ints
+    times: Floats
+
+    @classmethod
+    def of(
+        cls, case: Case, pairs: Sequence[tuple[str, str]], times: Sequence[float | None]
+    ) -> ReadingPlaces:
+        """Of (channel, stage) pairs, and the times at which they were read, or none.
+
+        Args:
+            case: the case.
+            pairs: channel and stage of every reading.
+            times: when each was read; None for what is known of its stage; empty for all None.
+        """
+        channels, stages = [channel.name for channel in case.channels], case.stage_names
+        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        return cls(
+            np.array([channels.index(c) for c, _ in pairs], dtype=np.int64),
+            np.array([stages.index(s) for _, s in pairs], dtype=np.int64),
+            np.array(given, dtype=np.float64),
+        )
+
+    def only(self, kept: Bools) -> ReadingPlaces:
+        """Some of them, (g,)."""
+        return ReadingPlaces(self.rows[kept], self.states[kept], self.times[kept])
+
+
 class InstrumentErrors:
     """Offsets and drifts of the channels of a case.
 
     Args:
         case: channels, dates and readings.
-        zero: (n_channels,) state at which each channel reads zero.
         built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Attributes:
@@ -39,10 +77,11 @@ class InstrumentErrors:
             where nothing was read; NaN where there is no date.
     """
 
-    def __init__(self, case: Case, zero: Ints, built_on: Bools) -> None:
+    def __init__(self, case: Case, built_on: Bools) -> None:
         # [i, j]: stages in the history of j that are not in that of i
         self._stages_since = (~built_on).T.astype(np.int64) @ built_on.astype(np.int64)
         self._channels = case.channels
+        zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
         self._zero = zero
         ends = np.array([case.dates.get(name, np.nan) for name in case.stage_names])
         self._start = ends[zero]
@@ -64,34 +103,22 @@ class InstrumentErrors:
             names: the n of them by which to differentiate.
         """
         states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        return table + self.added(values, names, rows, states).reshape(table.shape)
+        places = ReadingPlaces(rows, states, np.full(len(rows), np.nan))
+        return table + self.added(values, names, places).reshape(table.shape)
 
-    def added(
-        self,
-        values: Values,
-        names: Sequence[str],
-        rows: Ints,
-        states: Ints,
-        times: Floats | None = None,
-    ) -> Floats:
-        """What is added to some readings, m, and its derivatives.
+    def added(self, values: Values, names: Sequence[str], read: ReadingPlaces) -> Floats:
+        """What is added to some readings (g), m, and its derivatives, (g, 1 + n).
 
         Args:
             values: parameters by name, SI.
             names: the n of them by which to differentiate.
-            rows: (g,) channels.
-            states: (g,) states.
-            times: (g,) when they were read; NaN (or no array) for what is known of their stage.
-
-        Returns:
-            (g, 1 + n).
+            read: where and when.
         """
+        rows, states = read.rows, read.states
         table = np.zeros((len(rows), 1 + len(names)))
         if self.none:
             return table
-        known = self.times[states, rows]
-        if times is not None:
-            known = np.where(np.isnan(times), known, times)
+        known = np.where(np.isnan(read.times), self.times[states, rows], read.times)
         since = self._stages_since[self._zero[rows], states]
         elapsed = known - self._start[rows]
         for k, row in enumerate(rows):

@@ -24,8 +24,9 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
-from geoident.forward.gauges.observable import GaugeSurroundings, MarchState, Placed
+from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, Stresses, readers_of
+from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     StructureMembers,
     facing_balance,
@@ -173,38 +174,38 @@ def _scaled(values: Floats, factor: Dual) -> Floats:
     return np.asarray(result)
 
 
-def member_readings(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def member_readings(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read forces and strains of structures, while these stand."""
-    faults = [fault for channel in channels for fault in _faults(channel, ground)]
-    readable = [_standing(channel, ground) for channel in channels]
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
+    readable = [_standing(channel, on_mesh) for channel in channels]
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     return Placed(MemberReadings(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
 
 
 _NOT_STANDING = "its structure does not stand then"
 
 
-def pressures_on_beams(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def pressures_on_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read what the ground presses on a beam, normal to it, while it stands."""
-    faults = [fault for channel in channels for fault in _faults(channel, ground)]
-    standing = np.array([_standing(channel, ground) for channel in channels])
-    when = standing.reshape(-1, len(ground.sequence.states))
+    faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
+    standing = np.array([_standing(channel, on_mesh) for channel in channels])
+    when = standing.reshape(-1, len(on_mesh.sequence.states))
     if faults:
-        nothing = Stresses([], Spots.of([], ground).water(ground))
+        nothing = Stresses([], Spots.of([], on_mesh).water(on_mesh))
         return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_STANDING)
-    turned, sites = zip(*(_facing(channel, ground) for channel in channels), strict=True)
-    spots = Spots.of(turned, ground, sites)
-    observable = Stresses(readers_of(spots, ground), spots.water(ground))
+    turned, sites = zip(*(_facing(channel, on_mesh) for channel in channels), strict=True)
+    spots = Spots.of(turned, on_mesh, sites)
+    observable = Stresses(readers_of(spots, on_mesh), spots.water(on_mesh))
     return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
 
 
-def _facing(channel: Channel, ground: GaugeSurroundings) -> tuple[Channel, tuple[Site, ...]]:
+def _facing(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Channel, tuple[Site, ...]]:
     """The channel at its place on the beam with the normal there, and the ground that presses."""
-    mesh, name = ground.mesh, channel.structure
-    present = present_throughout(ground.sequence, name)
-    _, place, inside = _place(channel, ground)
+    mesh, name = on_mesh.mesh, channel.structure
+    present = present_throughout(on_mesh.sequence, name)
+    _, place, inside = _place(channel, on_mesh)
     foot = tuple(map(float, place.point))
-    sites = ground.locator.sites(foot)
+    sites = on_mesh.locator.sites(foot)
     nodes = {site.element: mesh.points[site.nodes].mean(axis=0) for site in sites}
     behind = tuple(
         site
@@ -216,16 +217,16 @@ def _facing(channel: Channel, ground: GaugeSurroundings) -> tuple[Channel, tuple
     return replace(channel, second=foot, direction=tuple(map(float, inside)), towards=None), behind
 
 
-def _place(channel: Channel, ground: GaugeSurroundings) -> tuple[Ints, _Place, Floats]:
+def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _Place, Floats]:
     """Pieces (n, 2) of a beam, the place of a channel on it, and the unit vector to its inside."""
-    mesh, structure = ground.mesh, ground.case.structures[channel.structure]
+    mesh, structure = on_mesh.mesh, on_mesh.case.structures[channel.structure]
     assert isinstance(structure, Beam)
     edges = straight_pieces(mesh, structure.group)
     place = nearest(mesh.points[edges], np.array(channel.second))
     if channel.towards is not None:
         place = place.seen_from(channel.towards)
     else:
-        present = present_throughout(ground.sequence, channel.structure)
+        present = present_throughout(on_mesh.sequence, channel.structure)
         if present is not None:
             balance = facing_balance(mesh, edges[place.pieces], present)
             place = replace(place, turned=np.where(balance < 0, -1.0, 1.0))
@@ -233,23 +234,23 @@ def _place(channel: Channel, ground: GaugeSurroundings) -> tuple[Ints, _Place, F
     return edges, place, inside / np.linalg.norm(inside)
 
 
-def _standing(channel: Channel, ground: GaugeSurroundings) -> Bools:
+def _standing(channel: Channel, on_mesh: CaseOnMesh) -> Bools:
     """(n_states,) when a channel on a structure can be read: while it stands, since its zero."""
-    stands = [channel.structure in state.structures for state in ground.sequence.states]
-    since = ground.from_zero(channel)
+    stands = [channel.structure in state.structures for state in on_mesh.sequence.states]
+    since = from_zero(on_mesh, channel)
     return np.array(stands, dtype=np.bool_) & since
 
 
-def _faults(channel: Channel, ground: GaugeSurroundings) -> Iterator[Fault]:
+def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
     """What is wrong with a channel on a structure that the case has."""
-    structure = ground.case.structures[channel.structure]
+    structure = on_mesh.case.structures[channel.structure]
     named = f"gauge '{channel.name}'"
     of = f"the structure '{channel.structure}'"
-    states = ground.sequence.states
+    states = on_mesh.sequence.states
 
     def fault(code: str, message: str, hint: str, *key: str) -> Fault:
         place = (*channel.key, *key)
-        return ground.case.source.fault(place, code=code, message=message, hint=hint)
+        return on_mesh.case.source.fault(place, code=code, message=message, hint=hint)
 
     standing = [state.name for state in states if channel.structure in state.structures]
     if not standing:
@@ -266,7 +267,7 @@ def _faults(channel: Channel, ground: GaugeSurroundings) -> Iterator[Fault]:
     if isinstance(structure, Bars):
         yield from _bar_faults(channel, structure, fault, named, of)
     else:
-        yield from _beam_faults(channel, structure, ground, fault, named, of)
+        yield from _beam_faults(channel, structure, on_mesh, fault, named, of)
     wanted = _dimension(channel, structure)
     if channel.dimension != wanted:
         what = "of one bar" if isinstance(structure, Bars) else "of a beam, per metre"
@@ -319,13 +320,13 @@ def _bar_faults(
 def _beam_faults(
     channel: Channel,
     beam: Beam,
-    ground: GaugeSurroundings,
+    on_mesh: CaseOnMesh,
     fault: _MakesFault,
     named: str,
     of: str,
 ) -> Iterator[Fault]:
     asked = format_point(channel.second)
-    edges, place, _ = _place(channel, ground)
+    edges, place, _ = _place(channel, on_mesh)
     if place.distance > REACH * place.lengths.max():
         message = (
             f"{named} sits at {asked}, which is not on {of}; its nearest place is "
@@ -334,9 +335,9 @@ def _beam_faults(
         yield fault("not-on-structure", message, "correct the point or the structure", "point")
         return
     bends = channel.kind == "pressure-cell" or channel.quantity in BENDING
-    present = present_throughout(ground.sequence, channel.structure)
+    present = present_throughout(on_mesh.sequence, channel.structure)
     if bends and channel.towards is None and present is not None:
-        balance = facing_balance(ground.mesh, edges[place.pieces], present)
+        balance = facing_balance(on_mesh.mesh, edges[place.pieces], present)
         if not balance.all():
             message = (
                 f"{named} reads {of} at {asked}, where there is ground on both sides of it or on "

@@ -21,13 +21,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site, format_point
-from geoident.forward.march.state import StageEnd
-from geoident.forward.stages import ConstructionSequence
+from geoident.fem.location import Site, format_point
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
@@ -64,32 +62,6 @@ class Observable(Protocol):
 
 
 @dataclass(frozen=True)
-class GaugeSurroundings:
-    """Where gauges are to be placed.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: finds elements by points.
-        sequence: the states of construction.
-    """
-
-    case: Case
-    mesh: Mesh
-    locator: Locator
-    sequence: ConstructionSequence
-
-    def zero(self, channel: Channel) -> int:
-        """The state at which a channel reads zero."""
-        return self.case.stage_names.index(channel.zero)
-
-    def from_zero(self, channel: Channel) -> Bools:
-        """(n_states,) states from the zero of a channel on; all of them where it has none."""
-        later = np.arange(len(self.sequence.states)) >= self.zero(channel)
-        return later if channel.is_zeroed else np.ones_like(later)
-
-
-@dataclass(frozen=True)
 class Placed:
     """Some channels (g) on the mesh.
 
@@ -123,24 +95,23 @@ class RelativeDisplacements:
         return np.asarray(self.rows @ state.end.u)
 
 
-def relative_displacements(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the motion of a point, or of two against each other.
 
     They can be read while their points stand in ground that has been there since the zero, on the
     way of construction from one to the other.
     """
-    kinematics = kinematics_of(ground.case.analysis)
-    mesh, rows, readable = ground.mesh, [], []
+    kinematics, mesh, rows, readable = on_mesh.kinematics, on_mesh.mesh, [], []
     snapped: list[str] = []
     faults: list[Fault] = []
     for channel in channels:
-        ends, stays = [], [ground.from_zero(channel)]
+        ends, stays = [], [from_zero(on_mesh, channel)]
         for point, vector in channel.motions:
             place, turned = kinematics.in_section(point)
-            sites = ground.locator.sites(place)
-            site, there = best_site(sites, ground.sequence, ground.zero(channel))
+            sites = on_mesh.locator.sites(place)
+            site, there = best_site(sites, on_mesh.sequence, on_mesh.case.zero_of(channel))
             if site is None:
-                faults.append(point_fault(ground, channel, point, sites))
+                faults.append(point_fault(on_mesh, channel, point, sites))
                 continue
             moved = np.outer(site.shapes, turned * np.array(vector))
             if channel.turns:
@@ -152,10 +123,16 @@ def relative_displacements(channels: Sequence[Channel], ground: GaugeSurrounding
         rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
-    when = np.array(readable, bool).reshape(-1, len(ground.sequence.states))
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     return Placed(
         RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
     )
+
+
+def from_zero(on_mesh: CaseOnMesh, channel: Channel) -> Bools:
+    """(n_states,) states from the zero of a channel on; all of them where it has none."""
+    later = np.arange(len(on_mesh.sequence.states)) >= on_mesh.case.zero_of(channel)
+    return later if channel.is_zeroed else np.ones_like(later)
 
 
 def best_site(
@@ -210,27 +187,27 @@ def is_beside(site: Site) -> bool:
 
 
 def point_fault(
-    ground: GaugeSurroundings, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+    on_mesh: CaseOnMesh, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
     """Why a point of a gauge stands in no ground.
 
     Args:
-        ground: where gauges are placed.
+        on_mesh: the case on its mesh.
         channel: of the gauge.
         point: (dim,) m.
         sites: elements that hold the point.
     """
-    place, sequence = format_point(point), ground.sequence
+    place, sequence = format_point(point), on_mesh.sequence
     if not sites:
-        low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
-        return ground.case.source.fault(
+        low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+        return on_mesh.case.source.fault(
             channel.key,
             code="gauge-outside",
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
-    return ground.case.source.fault(
+    return on_mesh.case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "

@@ -9,27 +9,24 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.fem.location import Locator
 from geoident.forward.gauges.members import member_readings, pressures_on_beams
 from geoident.forward.gauges.observable import (
-    GaugeSurroundings,
     MarchState,
     Observable,
     Placed,
     relative_displacements,
 )
 from geoident.forward.gauges.strain import strains
-from geoident.forward.gauges.stress import pore_pressures, stresses
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.gauges.stress import Stresses, pore_pressures, stresses
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, Reads
-from geoident.model.mesh import Mesh
 
 _WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
 """Weights of the state of a stage and of that of the zero in a reading."""
 
-Placing = Callable[[Sequence[Channel], GaugeSurroundings], Placed]
+Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
 
 OBSERVABLES: Mapping[str, Placing] = {
     "extensometer": relative_displacements,
@@ -99,6 +96,22 @@ class Observation:
             table[rows] = observable.values(state)
         return table
 
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """Channels that read, at a state, one of several equal principal stresses."""
+        found = []
+        for rows, observable in self.parts:
+            if isinstance(observable, Stresses):
+                named = observable.coinciding(state)
+                read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
+                found += [name for name in named if name in read]
+        return tuple(found)
+
+    def _counts(self, row: int, state: int) -> bool:
+        """Whether the readings of a channel are made of a state."""
+        at_stage, at_zero = self.weights[:, row]
+        read = self.readable[state, row] and at_stage != 0
+        return bool(read or (at_zero != 0 and self.zero[row] == state))
+
     def readings(self, observed: Floats, rows: Ints, states: Ints) -> Floats:
         """What channels read, (..., k), of what they see.
 
@@ -158,26 +171,16 @@ class Observation:
         return None
 
 
-def observe(
-    case: Case, mesh: Mesh, locator: Locator, sequence: ConstructionSequence
-) -> tuple[Observation, list[Fault]]:
-    """The gauges of a case on its mesh, and what is wrong with them.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        locator: of the mesh.
-        sequence: the states of construction.
-    """
-    ground = GaugeSurroundings(case, mesh, locator, sequence)
-    channels, states = case.channels, len(sequence.states)
+def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
+    """The gauges of a case on its mesh, and what is wrong with them."""
+    channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
     readable = np.zeros((len(channels), states), dtype=bool)
     reasons = [""] * len(channels)
     parts, snapped, faults = [], set[str](), list[Fault]()
     placing = [placing_of(channel) for channel in channels]
     for place in dict.fromkeys(placing):
         mine = np.flatnonzero([other is place for other in placing])
-        placed = place([channels[row] for row in mine], ground)
+        placed = place([channels[row] for row in mine], on_mesh)
         faults += placed.faults
         snapped |= set(placed.snapped)
         if not placed.faults:
@@ -186,7 +189,7 @@ def observe(
         for row in mine:
             reasons[row] = placed.unreadable
     names = tuple(channel.name for channel in channels)
-    zero = np.array([ground.zero(channel) for channel in channels], np.int64)
+    zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
     beside = tuple(name for name in names if name in snapped)
     weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
     found = Observation(names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons))

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.faces import FaceTable, FacetPatch, distance_to_faces, patches
-from geoident.fem.kinematics import kinematics_of
-from geoident.forward.gauges.observable import GaugeSurroundings, best_site
-from geoident.forward.stages import element_number
-from geoident.model.case import Case
-from geoident.model.mesh import Mesh
+from geoident.fem.faces import FacetPatch, distance_to_faces, patches
+from geoident.forward.gauges.observable import best_site
+from geoident.forward.stages import CaseOnMesh, element_number
 
 
 @dataclass(frozen=True)
@@ -33,23 +30,18 @@ class Placement:
     distance: float | None
 
 
-def placements(ground: GaugeSurroundings, table: FaceTable) -> tuple[Placement, ...]:
-    """Where the points of all gauges stand, each once, in the order of the case.
-
-    Args:
-        ground: case, mesh and stages.
-        table: the faces of the mesh.
-    """
-    case, mesh, sequence = ground.case, ground.mesh, ground.sequence
-    outline, kinematics = _excavation_outline(case, mesh, table), kinematics_of(case.analysis)
-    ends: dict[tuple[tuple[float, ...], str], list[str]] = {}
+def placements(on_mesh: CaseOnMesh) -> tuple[Placement, ...]:
+    """Where the points of all gauges stand, each once, in the order of the case."""
+    case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+    outline = _excavation_outline(on_mesh)
+    ends: dict[tuple[tuple[float, ...], int], list[str]] = {}
     for channel in case.channels:
         for point, _ in channel.motions:
-            ends.setdefault((point, channel.zero), []).append(channel.name)
+            ends.setdefault((point, case.zero_of(channel)), []).append(channel.name)
     places = []
     for (point, zero), channels in ends.items():
-        place, _ = kinematics.in_section(point)
-        site, _ = best_site(ground.locator.sites(place), sequence, case.stage_names.index(zero))
+        place, _ = on_mesh.kinematics.in_section(point)
+        site, _ = best_site(on_mesh.locator.sites(place), sequence, zero)
         if site is not None:
             group = sequence.groups[sequence.group_of[site.element]]
             away = distance_to_faces(mesh, outline, np.asarray(place)) if outline else None
@@ -58,10 +50,11 @@ def placements(ground: GaugeSurroundings, table: FaceTable) -> tuple[Placement, 
     return tuple(places)
 
 
-def _excavation_outline(case: Case, mesh: Mesh, table: FaceTable) -> tuple[FacetPatch, ...]:
+def _excavation_outline(on_mesh: CaseOnMesh) -> tuple[FacetPatch, ...]:
     """Faces between what is ever excavated and the ground that stays."""
+    mesh, table = on_mesh.mesh, on_mesh.table
     dug = np.zeros(mesh.n_elements, dtype=bool)
-    for stage in case.stages:
+    for stage in on_mesh.case.stages:
         for name in stage.excavate:
             dug[mesh.groups[name]] = True
     outer, edge = table.free(dug), table.free(np.ones_like(dug))

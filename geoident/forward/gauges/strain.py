@@ -12,31 +12,30 @@ from collections.abc import Sequence
 
 import scipy.sparse as sp
 
-from geoident.fem.kinematics import kinematics_of
 from geoident.fem.recovery import recovery
 from geoident.forward.gauges.observable import (
-    GaugeSurroundings,
     Placed,
     RelativeDisplacements,
 )
 from geoident.forward.gauges.stress import NORMAL_COMPONENTS, Spots, component_weights
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.gauges import Channel
 
 
-def strains(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read a strain at a point, while its ground stays from their zero on.
 
     The coefficients of a stress n . S n hold for a strain n . eps n too, with shear strains
     gamma = 2 eps halved.
     """
-    kinematics, spots = kinematics_of(ground.case.analysis), Spots.of(channels, ground)
-    rows = [sp.csr_array((0, ground.mesh.points.size))]
+    kinematics, spots = on_mesh.kinematics, Spots.of(channels, on_mesh)
+    rows = [sp.csr_array((0, on_mesh.mesh.points.size))]
     for spot in spots.found:
         if spot.site is None:
             continue
-        element, sequence = spot.site.element, ground.sequence
+        element, sequence = spot.site.element, on_mesh.sequence
         group = sequence.group_of == sequence.group_of[element]
-        found = recovery(ground.mesh, kinematics, element, group, spot.place)
+        found = recovery(on_mesh.mesh, kinematics, element, group, spot.place)
         weights = component_weights(spot.channel, spot.signs, kinematics.n_strain)
         if not spot.channel.quantity:
             weights[NORMAL_COMPONENTS:] /= 2.0

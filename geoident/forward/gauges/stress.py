@@ -19,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import Kinematics, kinematics_of
+from geoident.fem.kinematics import Kinematics
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
 from geoident.forward.gauges.observable import (
-    GaugeSurroundings,
     MarchState,
     Placed,
     best_site,
@@ -31,7 +30,7 @@ from geoident.forward.gauges.observable import (
     point_fault,
 )
 from geoident.forward.in_situ.water import PorePressure
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
@@ -220,33 +219,33 @@ def normal_coefficients(direction: Floats, n_strain: int) -> Floats:
     return np.array(products[:n_strain])
 
 
-def stresses(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def stresses(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the stress at a point, while its ground is there."""
-    spots = Spots.of(channels, ground)
-    observable = Stresses(readers_of(spots, ground), spots.water(ground))
+    spots = Spots.of(channels, on_mesh)
+    observable = Stresses(readers_of(spots, on_mesh), spots.water(on_mesh))
     return Placed(observable, spots.readable, spots.snapped, spots.faults, GONE)
 
 
-def readers_of(spots: Spots, ground: GaugeSurroundings) -> list[Reader]:
+def readers_of(spots: Spots, on_mesh: CaseOnMesh) -> list[Reader]:
     """What channels at some places make of the stress there; none of those without ground."""
-    kinematics = kinematics_of(ground.case.analysis)
+    kinematics = on_mesh.kinematics
     return [
-        _reader(spot, spot.site, ground, kinematics)
+        _reader(spot, spot.site, on_mesh, kinematics)
         for spot in spots.found
         if spot.site is not None
     ]
 
 
-def pore_pressures(channels: Sequence[Channel], ground: GaugeSurroundings) -> Placed:
+def pore_pressures(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the pressure of the water at a point, while its ground has water."""
-    spots = Spots.of(channels, ground)
-    water = spots.water(ground)
+    spots = Spots.of(channels, on_mesh)
+    water = spots.water(on_mesh)
     readable, faults = spots.readable.copy(), list(spots.faults)
     if not faults:
         wet = np.array([water.wet(state) for state in range(readable.shape[1])]).T
         for row, channel in enumerate(channels):
             if not wet[row].any():
-                faults.append(_dry_fault(ground, channel))
+                faults.append(_dry_fault(on_mesh, channel))
         readable &= wet
     why = "there is no water in the pores of its ground then"
     return Placed(PorePressures(water), readable, spots.snapped, tuple(faults), why)
@@ -286,53 +285,53 @@ class Spots:
     def of(
         cls,
         channels: Sequence[Channel],
-        ground: GaugeSurroundings,
+        on_mesh: CaseOnMesh,
         given: Sequence[tuple[Site, ...]] | None = None,
     ) -> Spots:
         """The places of channels.
 
         Args:
             channels: some channels (g,), each read at its second point.
-            ground: in which they stand.
+            on_mesh: the case on its mesh.
             given: g times the elements that count as holding the point; None: all that do.
         """
-        kinematics = kinematics_of(ground.case.analysis)
+        kinematics = on_mesh.kinematics
         found, faults = [], []
         for row, channel in enumerate(channels):
             place, signs = kinematics.in_section(channel.second)
-            sites = ground.locator.sites(place) if given is None else given[row]
-            site, there = _site(channel, sites, ground)
+            sites = on_mesh.locator.sites(place) if given is None else given[row]
+            site, there = _site(channel, sites, on_mesh)
             found.append(_Spot(channel, np.array(place), signs, site, there))
             if site is None:
-                faults.append(point_fault(ground, channel, channel.second, sites))
+                faults.append(point_fault(on_mesh, channel, channel.second, sites))
         snapped = (s.channel.name for s in found if s.site is not None and is_beside(s.site))
         readable = np.array([spot.there for spot in found], dtype=np.bool_)
-        shape = (len(found), len(ground.sequence.states))
+        shape = (len(found), len(on_mesh.sequence.states))
         return cls(tuple(found), readable.reshape(shape), tuple(snapped), tuple(faults))
 
-    def water(self, ground: GaugeSurroundings) -> PoreWater:
+    def water(self, on_mesh: CaseOnMesh) -> PoreWater:
         """The water in the pores at these places."""
-        sequence = ground.sequence
+        sequence = on_mesh.sequence
         standing = [spot for spot in self.found if spot.site is not None]
-        positions = np.array([spot.place for spot in standing]).reshape(-1, ground.mesh.dim)
+        positions = np.array([spot.place for spot in standing]).reshape(-1, on_mesh.mesh.dim)
         groups = [
             sequence.groups[sequence.group_of[spot.site.element]]
             for spot in standing
             if spot.site is not None
         ]
-        return PoreWater(sequence, ground.mesh, positions, groups)
+        return PoreWater(sequence, on_mesh.mesh, positions, groups)
 
 
 def _site(
-    channel: Channel, sites: tuple[Site, ...], ground: GaugeSurroundings
+    channel: Channel, sites: tuple[Site, ...], on_mesh: CaseOnMesh
 ) -> tuple[Site | None, Bools]:
     """The element that holds the point of a channel, and (n_states,) when it can be read there.
 
     A change needs ground that stays from its zero on; a value needs it when it is read.
     """
-    sequence = ground.sequence
+    sequence = on_mesh.sequence
     if channel.is_zeroed:
-        return best_site(sites, sequence, ground.zero(channel))
+        return best_site(sites, sequence, on_mesh.case.zero_of(channel))
     states = range(len(sequence.states))
     best, longest = None, np.zeros(len(sequence.states), dtype=np.bool_)
     for site in sites:
@@ -344,10 +343,10 @@ def _site(
     return best, longest
 
 
-def _reader(spot: _Spot, site: Site, ground: GaugeSurroundings, kinematics: Kinematics) -> Reader:
-    channel, group_of = spot.channel, ground.sequence.group_of
+def _reader(spot: _Spot, site: Site, on_mesh: CaseOnMesh, kinematics: Kinematics) -> Reader:
+    channel, group_of = spot.channel, on_mesh.sequence.group_of
     group = group_of == group_of[site.element]
-    found = recovery(ground.mesh, kinematics, site.element, group, spot.place)
+    found = recovery(on_mesh.mesh, kinematics, site.element, group, spot.place)
     sign = -1.0 if channel.compression else 1.0
     total = not channel.effective
     if channel.quantity in PRINCIPAL:
@@ -385,12 +384,12 @@ PRINCIPAL: Mapping[str, tuple[tuple[int, ...], int]] = {
 Those of the plane are of the section of a plane model, and of a horizontal plane in a solid."""
 
 
-def _dry_fault(ground: GaugeSurroundings, channel: Channel) -> Fault:
+def _dry_fault(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
     """No water is ever in the pores where a gauge reads its pressure."""
-    waters = [state.water for state in ground.sequence.states if state.water is not None]
+    waters = [state.water for state in on_mesh.sequence.states if state.water is not None]
     named = sorted({name for water in waters for name in water.groups or ()})
     where = f"only in {', '.join(map(repr, named))}" if named else "nowhere"
-    return ground.case.source.fault(
+    return on_mesh.case.source.fault(
         channel.key,
         code="no-water-there",
         message=f"gauge '{channel.name}' reads the pressure of the water in the pores at "

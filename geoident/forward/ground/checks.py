@@ -68,8 +68,7 @@ def _strains(analysis: Analysis) -> list[int]:
 
 def _entry_fault(case: Case, name: str, elastic: Anisotropic) -> Fault | None:
     rows = {i + 1 for i in _strains(case.analysis)}
-    start = {p.name: p.start for p in case.parameters}
-    negligible = _NEGLIGIBLE * np.abs(_section_moduli(elastic, start)).max()
+    negligible = _NEGLIGIBLE * np.abs(_section_moduli(elastic, case.start)).max()
     for entry in _OUT_OF_PLANE:
         scalar = elastic.entries.get(entry, Scalar(0.0))
         if int(entry[1]) in rows and (scalar.parameter or abs(scalar.factor) > negligible):

@@ -25,8 +25,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FaceTable, FacetPatch, face_table, load_patches, patches
+from geoident.fem.faces import FacetPatch, load_patches
 from geoident.forward.in_situ.water import FacePressure
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import FaceLoad, Pressure, Seismic, Traction, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -159,13 +160,11 @@ class Overburden:
     """Finds what stands above places in the initial state of a case.
 
     Args:
-        case: the case.
-        mesh: its mesh, every element turned so that its volume is positive.
-        table: its faces; None to make it when it is needed.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(self, case: Case, mesh: Mesh, table: FaceTable | None = None) -> None:
-        self._case, self._mesh, self._given = case, mesh, table
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._on_mesh, self._mesh = on_mesh, on_mesh.mesh
 
     def above(self, positions: Floats, elements: Ints | None = None) -> GroundAbove:
         """What stands above some places.
@@ -206,48 +205,28 @@ class Overburden:
         return np.broadcast_to(size * _ASIDE[: positions.shape[1] - 1], positions[:, :-1].shape)
 
     @cached_property
-    def _table(self) -> FaceTable:
-        return face_table(self._mesh) if self._given is None else self._given
-
-    @cached_property
     def _centres(self) -> Floats:
         """(n_elements, dim) m."""
         points = self._mesh.points
         return np.concatenate([points[block.nodes].mean(axis=1) for block in self._mesh.blocks])
 
     @cached_property
-    def _present(self) -> Bools:
-        """(n_elements,) which elements are there at the beginning."""
-        here = np.zeros(self._mesh.n_elements, dtype=bool)
-        for group, material in self._case.groups.items():
-            if material is not None:
-                here[self._mesh.groups[group]] = True
-        return here
-
-    @cached_property
     def _boundaries(self) -> Mapping[str, _Pieces]:
         """Material to the boundary of all ground that is made of it at the beginning."""
-        if not self._mesh.blocks:
-            return {}
-        members: dict[str, Bools] = {}
-        for group, material in self._case.groups.items():
-            if material is not None:
-                empty = np.zeros(self._mesh.n_elements, dtype=bool)
-                members.setdefault(material, empty)[self._mesh.groups[group]] = True
-        found = {}
-        for material, here in members.items():
-            rows = self._table.free(here)
-            found[material] = _pieces(self._mesh, patches(self._mesh, self._table, rows))
-        return found
+        return {m: _pieces(self._mesh, faces) for m, faces in self._on_mesh.boundaries.items()}
 
     @cached_property
     def _loaded(self) -> tuple[tuple[FaceLoad, _Pieces], ...]:
         """Loads on faces that act from the beginning, with the faces."""
+        if not self._mesh.blocks:
+            return ()
+        mesh, table = self._mesh, self._on_mesh.table
+        present = self._on_mesh.sequence.present(0)
         found = []
-        for load in self._case.loads.values():
-            if isinstance(load, FaceLoad) and self._mesh.blocks:
-                faces = load_patches(self._mesh, self._table, load.group, self._present) or ()
-                found.append((load, _pieces(self._mesh, faces)))
+        for load in self._on_mesh.case.loads.values():
+            if isinstance(load, FaceLoad):
+                faces = load_patches(mesh, table, load.group, present) or ()
+                found.append((load, _pieces(mesh, faces)))
         return tuple(found)
 
 

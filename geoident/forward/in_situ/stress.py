@@ -8,7 +8,7 @@ a kink there, and the derivative by the level is one-sided.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,9 +16,9 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.forward.in_situ.overburden import GroundAbove, Overburden
-from geoident.forward.in_situ.surfaces import Depths, is_known
+from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import PorePressure, is_wet
-from geoident.forward.stages import ConstructionSequence, listed
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, KeyPath
@@ -49,42 +49,36 @@ class StressPlaces:
     Args:
         positions: (m, dim) m.
         groups: (m,) group index of each position.
-        names: names of the groups by index.
         elements: (m,) the elements on whose border the positions lie; None: they lie inside.
     """
 
     positions: Floats
     groups: Ints
-    names: Sequence[str]
     elements: Ints | None = None
 
     def of(self, here: Bools) -> StressPlaces:
         """Some of them, by a mask (m,)."""
         elements = None if self.elements is None else self.elements[here]
-        return StressPlaces(self.positions[here], self.groups[here], self.names, elements)
+        return StressPlaces(self.positions[here], self.groups[here], elements)
 
 
 class InSituStress:
     """The in-situ stress of a case at fixed positions: levels of surfaces are sought once.
 
     Args:
-        case: the case.
-        mesh: its mesh, for surfaces with topography.
+        on_mesh: the case on its mesh.
         places: the positions.
-        overburden: what stands above places of the mesh; None to prepare it here.
     """
 
-    def __init__(
-        self, case: Case, mesh: Mesh, places: StressPlaces, overburden: Overburden | None = None
-    ) -> None:
-        positions, groups, names = places.positions, places.groups, places.names
-        ground = _Ground(case, mesh, Overburden(case, mesh) if overburden is None else overburden)
+    def __init__(self, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
+        case, mesh, names = on_mesh.case, on_mesh.mesh, on_mesh.sequence.groups
+        positions, groups = places.positions, places.groups
         self._shape = (_N_STRAIN[mesh.dim], len(positions))
         own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
         zones = [(case.in_situ, ~own)]
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
         self._zones = [
-            (_STRESSES[type(model)](model, ground, places.of(here)), np.flatnonzero(here))
+            (_STRESSES[type(model)](model, on_mesh, places.of(here)), np.flatnonzero(here))
             for model, here in zones
             if model is not None and here.any()
         ]
@@ -116,8 +110,9 @@ def in_situ_models(case: Case) -> Iterator[tuple[KeyPath, InSitu]]:
         yield ("in_situ", "groups", group), model
 
 
-def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def surface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Surfaces of the in-situ stress and tables of the water that the mesh does not have."""
+    case, mesh = on_mesh.case, on_mesh.mesh
     wanted: list[tuple[KeyPath, Surface]] = [
         ((*path, "surface"), model.surface)
         for path, model in in_situ_models(case)
@@ -127,19 +122,17 @@ def surface_faults(case: Case, mesh: Mesh) -> list[Fault]:
     waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(case.stages)]
     wanted += [((*path, "table"), water.table) for path, water in waters if water is not None]
     return [
-        case.source.fault(
-            path,
-            code="missing-group",
-            message=f"the mesh {mesh.file} has no group of faces '{surface}'",
-            hint=f"its groups of faces: {listed(mesh.facet_groups)}",
+        on_mesh.missing_group(
+            path, f"group of faces '{surface}'", "groups of faces", mesh.facet_groups
         )
         for path, surface in wanted
-        if not is_known(mesh, surface)
+        if isinstance(surface, str) and surface not in mesh.facet_groups
     ]
 
 
-def zone_faults(case: Case, sequence: ConstructionSequence) -> list[Fault]:
+def zone_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Groups with an in-situ stress of their own that are not in the ground at the beginning."""
+    case, sequence = on_mesh.case, on_mesh.sequence
     virgin = {sequence.groups[g] for g in sequence.states[0].materials}
     return [
         case.source.fault(
@@ -162,21 +155,12 @@ class _StressAtPositions(Protocol):
         """xx, yy, zz, xy, yz, xz, each (m,) or the same everywhere, Pa."""
 
 
-@dataclass(frozen=True)
-class _Ground:
-    """The case on its mesh, and what stands above places in it."""
-
-    case: Case
-    mesh: Mesh
-    overburden: Overburden
-
-
 class _Uniform:
     """Stress that is the same at all positions."""
 
     n_outside = 0
 
-    def __init__(self, model: ConstantStress, ground: _Ground, places: StressPlaces) -> None:
+    def __init__(self, model: ConstantStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         self._components = model.components
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -187,13 +171,13 @@ class _Uniform:
 class _Heim:
     """Stress by Heim's rule."""
 
-    def __init__(self, model: HeimStress, ground: _Ground, places: StressPlaces) -> None:
+    def __init__(self, model: HeimStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         positions = places.positions
         self._model = model
         self._dim = positions.shape[1]
         self._n = len(positions)
         surface = model.surface
-        self._depths = None if surface is None else Depths(ground.mesh, surface, positions)
+        self._depths = None if surface is None else Depths(on_mesh.mesh, surface, positions)
         self.n_outside = 0 if self._depths is None else self._depths.n_outside
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -260,15 +244,15 @@ class OnTheGround:
 class _Geostatic:
     """The weight of what stands above, less the pressure of the water, and parts of it."""
 
-    def __init__(self, model: GeostaticStress, ground: _Ground, places: StressPlaces) -> None:
-        case, mesh, positions = ground.case, ground.mesh, places.positions
+    def __init__(self, model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
+        case, mesh, positions = on_mesh.case, on_mesh.mesh, places.positions
         self._model, self._case = model, case
-        self._groups, self._names = places.groups, places.names
+        self._groups, self._names = places.groups, on_mesh.sequence.groups
         self._dim = positions.shape[1]
-        self._above = ground.overburden.above(positions, places.elements)
+        self._above = Overburden(on_mesh).above(positions, places.elements)
         self._on_top = OnTheGround(model, mesh, positions, self._above)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = is_wet(case.water, places.groups, places.names)
+        self._wet = is_wet(case.water, self._groups, self._names)
         self.n_outside = self._on_top.n_outside
 
     def components(self, point: ParameterPoint) -> list[Dual]:
@@ -297,9 +281,9 @@ class _Geostatic:
 class _Profile:
     """Stress that changes linearly with depth."""
 
-    def __init__(self, model: ProfileStress, ground: _Ground, places: StressPlaces) -> None:
+    def __init__(self, model: ProfileStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
         self._model = model
-        self._depths = Depths(ground.mesh, model.surface, places.positions)
+        self._depths = Depths(on_mesh.mesh, model.surface, places.positions)
         self.n_outside = self._depths.n_outside
 
     def components(self, point: ParameterPoint) -> list[Dual]:

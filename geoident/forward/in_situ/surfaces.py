@@ -89,8 +89,3 @@ def _meet(piece: Floats, plan: Floats) -> tuple[Bools, Floats]:
     local = np.linalg.solve(matrix, (plan - base[:-1]).T).T
     met = (local.min(axis=1) >= -_INSIDE) & (local.sum(axis=1) <= 1 + _INSIDE)
     return met, base[-1] + local[met] @ edges[:, -1]
-
-
-def is_known(mesh: Mesh, surface: Surface) -> bool:
-    """Whether a surface is a level, or a group of faces that the mesh has."""
-    return not isinstance(surface, str) or surface in mesh.facet_groups

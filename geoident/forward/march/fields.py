@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.discretization import Discretization
-from geoident.forward.march.state import StageEnd
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
-from geoident.model.mesh import Mesh
 from geoident.model.result import FieldSeries
 
 
@@ -16,17 +14,12 @@ class FieldRecorder:
     """Copies displacements and mean element stresses, state by state.
 
     Args:
-        mesh: the mesh.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self, mesh: Mesh, sequence: ConstructionSequence, discretization: Discretization
-    ) -> None:
-        self._mesh = mesh
-        self._sequence = sequence
-        self._points = discretization.points
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._mesh, self._sequence = on_mesh.mesh, on_mesh.sequence
+        self._points = on_mesh.discretization.points
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
         self._yielded: list[Bools] = []

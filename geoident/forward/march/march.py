@@ -43,19 +43,22 @@ from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
-from geoident.forward.ground_at import GroundAt
-from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
-from geoident.forward.march.elastic_step import LastFactor, elastic_step
 from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
-from geoident.forward.march.state import BaseStates, Carried, StageEnd, StageTask, UnitForces
-from geoident.forward.march.systems import StageSystem, StageSystems
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.march.stage import (
+    BaseStates,
+    Carried,
+    LastFactor,
+    StageEnd,
+    StageTask,
+    UnitForces,
+    elastic_step,
+)
+from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
+from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
-from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
 from geoident.model.yielding import Activity
 
@@ -98,39 +101,22 @@ class RunFindings:
 
 
 class March:
-    """Marches one case on one mesh through its stages, for any parameter values.
+    """Marches a case on its mesh through the stages, for any parameter values.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
+        on_mesh: the case on its mesh.
         systems: the equations of the stages.
-        actions: what acts from outside.
-        overburden: what stands above places of the mesh; None to prepare it here.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        mesh: Mesh,
-        sequence: ConstructionSequence,
-        systems: StageSystems,
-        actions: Actions,
-        overburden: Overburden | None = None,
-    ) -> None:
-        self.case = case
-        self.mesh = mesh
-        self.sequence = sequence
-        self.systems = systems
-        self.actions = actions
-        discretization = systems.discretization
-        self.thermal = ThermalStrains(case, sequence, discretization)
-        points = discretization.points
-        groups = sequence.group_of[points.element]
-        self.overburden = Overburden(case, mesh) if overburden is None else overburden
-        places = StressPlaces(points.position, groups, sequence.groups)
-        self.in_situ = InSituStress(case, mesh, places, self.overburden)
-        self.release = PartialRelease(sequence, discretization, actions)
+    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems) -> None:
+        self.on_mesh, self.systems = on_mesh, systems
+        self.case, self.sequence = on_mesh.case, on_mesh.sequence
+        self.actions = Actions(on_mesh, systems.structures.weights)
+        self.thermal = ThermalStrains(on_mesh)
+        points = on_mesh.discretization.points
+        groups = self.sequence.group_of[points.element]
+        self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
+        self.release = PartialRelease(on_mesh, self.actions)
         self.warm = WarmStart()
 
     @property

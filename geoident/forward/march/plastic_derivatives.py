@@ -17,10 +17,9 @@ import numpy as np
 
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.march.elastic_step import add_moduli_slopes
 from geoident.forward.march.equilibrium import Balance
+from geoident.forward.march.stage import StageTask, add_moduli_slopes
 from geoident.forward.march.stage_equations import Ground, StageEquations, Trial, flowing
-from geoident.forward.march.state import StageTask
 from geoident.forward.march.systems import StageSystems
 from geoident.model.arrays import Floats, Ints
 

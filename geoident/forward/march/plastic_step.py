@@ -21,11 +21,10 @@ from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.solvers.splu import GeneralFactor
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
-from geoident.forward.discretization import numbers
 from geoident.forward.march.collapse import limit_of
-from geoident.forward.march.elastic_step import not_positive_definite
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
+from geoident.forward.march.stage import StageTask, not_positive_definite
 from geoident.forward.march.stage_equations import (
     Ground,
     NoEquilibrium,
@@ -33,9 +32,8 @@ from geoident.forward.march.stage_equations import (
     Trial,
     flowing,
 )
-from geoident.forward.march.state import StageTask
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.stages import ConstructionState
+from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path

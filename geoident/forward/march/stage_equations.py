@@ -15,7 +15,7 @@ import numpy as np
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
-from geoident.forward.discretization import Index, numbers
+from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Floats, Ints
 
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)

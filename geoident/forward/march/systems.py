@@ -1,4 +1,4 @@
-"""The equations of every stage, prepared: patterns, analyses, which points and nodes are there."""
+"""What stages are solved with: their equations, prepared, and the ground at given parameters."""
 
 from __future__ import annotations
 
@@ -19,10 +19,17 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, TangentPattern
-from geoident.forward.discretization import Discretization, Index, as_index
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.fem.yielding.law import YieldLaw, YieldPlanes
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.forward.actions.supports import fixed_dofs
+from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index
 from geoident.forward.structures.members import Structures
+from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
 
@@ -54,27 +61,16 @@ class StageSystems:
     Equal patterns are analysed once, and only if something is solved on them.
 
     Args:
-        mesh: the mesh.
-        sequence: the states of construction.
-        discretization: strain points of the mesh.
-        fixed: (n_dofs,) degrees of freedom held by supports.
+        on_mesh: the case on its mesh.
         solver: factorizes.
-        structures: linings and bolts.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        sequence: ConstructionSequence,
-        discretization: Discretization,
-        fixed: Bools,
-        solver: Solver,
-        structures: Structures,
-    ) -> None:
-        geometries = discretization.geometries
-        self.discretization = discretization
-        self._mesh = mesh
-        self._solver = solver
+    def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
+        mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
+        geometries, structures = discretization.geometries, Structures(on_mesh)
+        self.discretization, self.structures = discretization, structures
+        self._mesh, self._sequence, self._solver = mesh, sequence, solver
+        self._fixed = fixed_dofs(on_mesh)
         order = nested_dissection(mesh.points, *node_graph(mesh))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
@@ -83,9 +79,6 @@ class StageSystems:
             g: group_blocks(mesh, geometries, sequence.elements(g), rank)
             for g in discretization.points_of
         } | structures.blocks(rank)
-        self.structures = structures
-        self._sequence = sequence
-        self._fixed = fixed
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
@@ -179,6 +172,60 @@ class StageSystems:
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]
+
+
+class GroundAt:
+    """Moduli and yield laws of all materials of a case, with their derivatives.
+
+    A law keeps the active sets that it meets, so one serves a whole march.
+
+    Args:
+        case: the case.
+        point: the parameters; all derivatives are by its names.
+        n_strain: number s of strain components of the analysis.
+    """
+
+    def __init__(self, case: Case, point: ParameterPoint, n_strain: int) -> None:
+        self.n_strain = n_strain
+        self._case = case
+        self._point = point
+        self._elasticities: dict[str, Dual] = {}
+        self._planes: dict[str, YieldPlanes] = {}
+        self._laws: dict[str, YieldLaw | None] = {}
+
+    def elasticity(self, material: str) -> Dual:
+        """E (s, s) of a material, Pa."""
+        if material not in self._elasticities:
+            elastic, s = self._case.materials[material].elastic, self.n_strain
+            full = elasticity(elastic, self._point, section=s < 6)
+            self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
+        return self._elasticities[material]
+
+    def yield_planes(self) -> dict[str, YieldPlanes]:
+        """The planes of every material of the case that yields."""
+        if not self._planes:
+            self._planes = {
+                name: yield_planes(material, self._point, self.n_strain)
+                for name, material in self._case.materials.items()
+                if material.yields
+            }
+        return self._planes
+
+    def yield_law(self, material: str) -> YieldLaw | None:
+        """The law of a material, or None if it does not yield.
+
+        Raises:
+            EmptyDomain: no stress satisfies the planes of a smooth surface.
+        """
+        if material not in self._laws:
+            planes, elasticity = self.yield_planes().get(material), self.elasticity(material)
+            if planes is None:
+                self._laws[material] = None
+            elif is_smooth(self._case.materials[material]):
+                self._laws[material] = PrincipalLaw(elasticity, planes)
+            else:
+                self._laws[material] = PolyhedralLaw(elasticity, planes)
+        return self._laws[material]
 
 
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:

@@ -14,10 +14,11 @@ external forces f_ka of each kind k (weight, water, loads, held edges), the part
 
     |sum_k f_ka - sum_e q_ea|  /  (sum_e |q_ea| + sum_k |f_ka|)
 
-over the free directions. Both sides are forces of the patch of elements around the node, so it is
-the local stress that counts: near a free surface, where stresses vanish, the weight of the patch
-remains below the line. A weight that is wrong by the part d is out of balance by d / 2 at most, so
-what the unit weights may differ is never told as out of balance.
+over the free directions; mid-nodes count half to the corners beside them. Both sides are forces of
+the patch of elements around the node, so it is the local stress that counts: near a free surface,
+where stresses vanish, the weight of the patch remains below the line. A weight that is wrong by the
+part d is out of balance by d / 2 at most, so what the unit weights may differ is never told as out
+of balance.
 """
 
 from __future__ import annotations
@@ -29,15 +30,17 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
+from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import OnTheGround, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import is_wet
 from geoident.forward.march.march import March
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case, KeyPath
+from geoident.model.cells import CELLS
 from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import GeostaticStress, HeimStress, InSitu, ProfileStress, Surface
-from geoident.model.mesh import spans
+from geoident.model.mesh import Mesh, spans
 from geoident.model.parameter import Scalar, Values
 
 UNIT_WEIGHT = 0.02
@@ -129,7 +132,7 @@ def _disagreements(march: March, values: Values) -> Iterator[tuple[str, _Disagre
             continue
         mine = group_of_point == g
         if growth.surface not in depths:
-            levels = Depths(march.mesh, growth.surface, points.position)
+            levels = Depths(march.on_mesh.mesh, growth.surface, points.position)
             depths[growth.surface] = levels.at(ParameterPoint(values, ())).value
         stressed = depths[growth.surface][mine] > 0.0
         density = case.materials[material].density.value(values)
@@ -154,7 +157,7 @@ def _below_table(march: March, values: Values) -> Bools:
     water = march.case.water
     if water is None:
         return np.zeros(points.n_points, dtype=bool)
-    depth = Depths(march.mesh, water.table, points.position).at(ParameterPoint(values, ()))
+    depth = Depths(march.on_mesh.mesh, water.table, points.position).at(ParameterPoint(values, ()))
     wet = is_wet(water, sequence.group_of[points.element], sequence.groups)
     return np.asarray(wet & (depth.value > 0.0))
 
@@ -242,7 +245,7 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         point: the parameters; derivatives are not asked for.
     """
     point = ParameterPoint(point.values, ())
-    system, mesh = march.systems[0], march.mesh
+    system, mesh = march.systems[0], march.on_mesh.mesh
     stress = march.in_situ.columns(point)[..., 0]
     stress[:, ~system.present] = 0.0
     parts = [forces(point)[:, 0] for _, forces in march.actions.parts(0)]
@@ -256,7 +259,8 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)
     free = np.zeros(len(rest), dtype=bool)
     free[system.pattern.dofs] = True
-    left = np.linalg.norm(np.where(free, rest, 0.0).reshape(-1, mesh.dim), axis=1)
+    unheld = _at_corners(mesh, np.where(free, rest, 0.0).reshape(-1, mesh.dim))
+    left, size = np.linalg.norm(unheld, axis=1), _at_corners(mesh, size[:, None])[:, 0]
     floor = max(_NOTHING * float(size.max(initial=0.0)), np.finfo(float).tiny)
     ratio = np.where(size > floor, left / np.maximum(size, floor), 0.0)
     worst = int(np.argmax(ratio))
@@ -270,6 +274,25 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
     )
 
 
+def _at_corners(mesh: Mesh, forces: Floats) -> Floats:
+    """Forces (n_nodes, k) with those of mid-nodes shared by the corners beside them.
+
+    The part of a stress that an element of second order cannot follow moves forces to and fro
+    between its corners and mid-nodes, which is no imbalance of the patch.
+    """
+    beside = np.zeros((mesh.n_nodes, 2), dtype=np.int64)
+    middle = np.zeros(mesh.n_nodes, dtype=bool)
+    for block in mesh.blocks:
+        cell = CELLS[block.kind]
+        for n, edge in enumerate(cell.edges):
+            nodes = block.nodes[:, cell.n_corners + n]
+            beside[nodes], middle[nodes] = block.nodes[:, edge], True
+    shared = np.where(middle[:, None], 0.0, forces)
+    for corner in beside[middle].T:
+        np.add.at(shared, corner, 0.5 * forces[middle])
+    return shared
+
+
 def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints]:
     """Forces of a stress (n_strain, n_points) on the nodes, element by element.
 
@@ -277,7 +300,7 @@ def _internal_forces(march: March, stress: Floats) -> tuple[Floats, Floats, Ints
         Their sum (n_nodes, dim), the sum of their sizes (n_nodes,), and an element (n_nodes,) that
         is present at each node (0 where there is none).
     """
-    discretization, mesh = march.systems.discretization, march.mesh
+    discretization, mesh = march.systems.discretization, march.on_mesh.mesh
     present = march.sequence.present(0)
     adds = discretization.kinematics.incidence
     total, size = np.zeros((mesh.n_nodes, mesh.dim)), np.zeros(mesh.n_nodes)
@@ -312,9 +335,9 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         if model.surface is None:
             continue
         here = present & np.isin(group_of_point, groups)
-        places = StressPlaces(points.position[here], group_of_point[here], sequence.groups)
-        above = march.overburden.above(places.positions)
-        on_top = OnTheGround(model, march.mesh, places.positions, above)
+        places = StressPlaces(points.position[here], group_of_point[here])
+        above = Overburden(march.on_mesh).above(places.positions)
+        on_top = OnTheGround(model, march.on_mesh.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value
         low, high = int(np.argmin(gap)), int(np.argmax(gap))
         if gap[low] < 0:

@@ -24,7 +24,7 @@ from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
@@ -32,7 +32,6 @@ from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
 from geoident.model.in_situ import GeostaticStress, InSitu
-from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
 from geoident.model.yielding import MohrCoulomb
 
@@ -79,22 +78,19 @@ class OpeningField:
     """An opening through all stages of a case.
 
     Args:
-        case: the case, for which `unsuitable` finds nothing.
-        sequence: its states.
+        on_mesh: the case, for which `unsuitable` finds nothing, on its mesh or on an empty one.
         site: where the opening is.
-        mesh: for surfaces with topography; one without elements if there is none.
     """
 
-    def __init__(
-        self, case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh
-    ) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
+        case, sequence = on_mesh.case, on_mesh.sequence
         self._case, self._sequence, self._site = case, sequence, site
         virgin = sequence.states[0]
         self._material = case.materials[virgin.materials[site.ground]]
         a, (x, y) = site.radius, site.centre
         around = np.array([[x, y], [x - a, y], [x + a, y], [x, y - a], [x, y + a]])
         groups = np.full(len(around), site.ground)
-        self._in_situ = InSituStress(case, mesh, StressPlaces(around, groups, sequence.groups))
+        self._in_situ = InSituStress(on_mesh, StressPlaces(around, groups))
         ends = max((len(c.motions) for c in case.channels), default=0)
         self._ends = [_End(site, case.channels, which) for which in range(ends)]
         own = [_obstacle(sequence, site, state) for state in sequence.states]

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
-from geoident.forward.protocols import ReadingPlaces, Survey
-from geoident.forward.stages import ConstructionSequence, states_of, used_groups
+from geoident.forward.protocols import Survey
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
@@ -24,21 +24,16 @@ class OpeningModel:
     """The closed form of a case: fulfils `CaseModel`, as the staged model does.
 
     Args:
-        case: the case.
-        sequence: its states.
+        on_mesh: the case, on its mesh or on one without elements.
         site: where the opening is.
-        mesh: for surfaces with topography, or None.
     """
 
-    def __init__(
-        self, case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh | None
-    ) -> None:
-        self.case = case
+    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
+        self.case, self.sequence = case, sequence = on_mesh.case, on_mesh.sequence
         self.names = tuple(parameter.name for parameter in case.parameters)
-        self.sequence = sequence
-        self.field = OpeningField(case, sequence, site, _NO_MESH if mesh is None else mesh)
-        self.zero = np.array([case.stage_names.index(c.zero) for c in case.channels], np.int64)
-        self.instrument_errors = InstrumentErrors(case, self.zero, sequence.built_on)
+        self.field = OpeningField(on_mesh, site)
+        self.zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
+        self.instrument_errors = InstrumentErrors(case, sequence.built_on)
         self.on_state: Callable[[int], None] | None = None
         self._evaluations = 0
 
@@ -55,7 +50,7 @@ class OpeningModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return self.field.notes({p.name: p.start for p in self.case.parameters})
+        return self.field.notes(self.case.start)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values p (n,) by name."""
@@ -156,9 +151,8 @@ class OpeningResponse:
         places = ReadingPlaces.of(model.case, pairs, times)
         self._model = model
         self.covered: Bools = model.readable[places.states, places.rows]
-        covered = places.only(self.covered)
-        self._rows, self._states, self._times = covered.rows, covered.states, covered.times
-        self._wanted = set(map(int, (*self._states, *model.zero[self._rows])))
+        self._places = covered = places.only(self.covered)
+        self._wanted = set(map(int, (*covered.states, *model.zero[covered.rows])))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -196,9 +190,8 @@ class OpeningResponse:
     def _run(self, p: Floats, names: Sequence[str]) -> Floats:
         values = self._model.values(p)
         motions = self._model.relative(values, names, wanted=self._wanted)
-        errors = self._model.instrument_errors
-        added = errors.added(values, names, self._rows, self._states, self._times)
-        return np.asarray(motions[self._states, self._rows] + added)
+        added = self._model.instrument_errors.added(values, names, self._places)
+        return np.asarray(motions[self._places.states, self._places.rows] + added)
 
 
 def opening_model(case: Case) -> OpeningModel:
@@ -207,10 +200,9 @@ def opening_model(case: Case) -> OpeningModel:
     Raises:
         InputError: it has none.
     """
-    groups = tuple(used_groups(case))
-    sequence = ConstructionSequence(groups, np.empty(0, np.int64), states_of(case, groups))
-    found = site_without_mesh(sequence, _circle(case))
-    model = found if isinstance(found, str) else _model_or_reason(case, sequence, found, None)
+    on_mesh, given = CaseOnMesh(case, _NO_MESH), case.fit.closed_form
+    found = site_without_mesh(on_mesh.sequence, Circle(given.centre, given.radius))
+    model = found if isinstance(found, str) else _model_or_reason(on_mesh, found)
     if isinstance(model, str):
         message = f"there is no closed form of this case: {model}"
         place = ("fit", "closed-form")
@@ -218,30 +210,20 @@ def opening_model(case: Case) -> OpeningModel:
     return model
 
 
-def opening_in_mesh(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
-) -> OpeningModel | str:
+def opening_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningModel | str:
     """The closed form of a case that has a mesh, or why there is none, a clause.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
+        on_mesh: the case on its mesh.
         circle: what the case says of the opening.
     """
-    if case.analysis is not Analysis.PLANE_STRAIN:
+    if on_mesh.case.analysis is not Analysis.PLANE_STRAIN:
         return NO_SECTION
-    found = site_in_mesh(case, mesh, sequence, circle)
-    return found if isinstance(found, str) else _model_or_reason(case, sequence, found, mesh)
+    found = site_in_mesh(on_mesh, circle)
+    return found if isinstance(found, str) else _model_or_reason(on_mesh, found)
 
 
-def _model_or_reason(
-    case: Case, sequence: ConstructionSequence, site: OpeningSite, mesh: Mesh | None
-) -> OpeningModel | str:
-    material = sequence.states[0].materials[site.ground]
-    why = unsuitable(case, material, has_mesh=mesh is not None)
-    return OpeningModel(case, sequence, site, mesh) if why is None else why
-
-
-def _circle(case: Case) -> Circle:
-    return Circle(case.fit.closed_form.centre, case.fit.closed_form.radius)
+def _model_or_reason(on_mesh: CaseOnMesh, site: OpeningSite) -> OpeningModel | str:
+    material = on_mesh.sequence.states[0].materials[site.ground]
+    why = unsuitable(on_mesh.case, material, has_mesh=on_mesh.mesh is not _NO_MESH)
+    return OpeningModel(on_mesh, site) if why is None else why

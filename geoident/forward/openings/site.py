@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.fem.faces import face_table, patches
+from geoident.fem.faces import patches
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.stages import ConstructionSequence
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.arrays import Floats, Ints
-from geoident.model.case import Case
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import nodes_in
 
 ROUND = 0.02
 """How far the wall may lie off its circle, in parts of the radius."""
@@ -79,23 +78,19 @@ def site_without_mesh(sequence: ConstructionSequence, circle: Circle) -> Opening
     return OpeningSite(circle.centre, circle.radius, groups, around[0])
 
 
-def site_in_mesh(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, circle: Circle
-) -> OpeningSite | str:
+def site_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningSite | str:
     """The first circular opening that the stages of a case make in its mesh, or why none is.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
+        on_mesh: the case on its mesh.
         circle: what the case says of the opening.
     """
     leaving: frozenset[int] = frozenset()
     why = "no stage excavates anything"
-    for state in sequence.states[1:]:
+    for state in on_mesh.sequence.states[1:]:
         if state.leaving - leaving:
             leaving |= state.leaving
-            found = _OpeningSearch(case, mesh, sequence, leaving).site(circle)
+            found = _OpeningSearch(on_mesh, leaving).site(circle)
             if isinstance(found, OpeningSite):
                 return found
             why = found
@@ -105,10 +100,9 @@ def site_in_mesh(
 class _OpeningSearch:
     """Looks whether some groups are a circular opening."""
 
-    def __init__(
-        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, groups: frozenset[int]
-    ) -> None:
-        self._case, self._mesh, self._sequence = case, mesh, sequence
+    def __init__(self, on_mesh: CaseOnMesh, groups: frozenset[int]) -> None:
+        mesh, sequence = on_mesh.mesh, on_mesh.sequence
+        self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._groups = groups
         self._inside = np.isin(sequence.group_of, list(groups))
         self._present = sequence.present(0)
@@ -194,7 +188,7 @@ class _OpeningSearch:
     def _symmetries(self, centre: Floats, radius: float) -> list[tuple[int, Ints]]:
         """Sides of the model through the centre whose nodes are held: axis and nodes."""
         points, found = self._mesh.points, []
-        fixed = fixed_dofs(self._case, self._mesh).reshape(-1, 2)
+        fixed = fixed_dofs(self._on_mesh).reshape(-1, 2)
         for axis in range(2):
             for side in (points[:, axis].min(), points[:, axis].max()):
                 nodes = np.flatnonzero(np.abs(points[:, axis] - side) <= 1e-6 * radius)
@@ -214,7 +208,7 @@ class _OpeningSearch:
 
     def _outer_nodes(self) -> Ints:
         """Nodes on free faces of the virgin ground."""
-        table = face_table(self._mesh)
+        table = self._on_mesh.table
         found = patches(self._mesh, table, table.free(self._present))
         return np.unique(np.concatenate([patch.nodes.ravel() for patch in found]))
 

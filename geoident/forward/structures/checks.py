@@ -7,15 +7,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, format_point
+from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.stages import ConstructionSequence, listed
+from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     clamped_nodes,
     held_points,
     hinge_nodes,
-    holding_site,
     present_throughout,
     straight_pieces,
 )
@@ -28,27 +26,19 @@ ON_PLANE = 1e-6
 """Distance from a plane, in parts of the size of the mesh, that counts as on it."""
 
 
-def structure_notes(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, fixed: Bools
-) -> list[str]:
-    """Structures that no stage builds; linings that end at supports and turn freely there.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: of the case.
-        fixed: (n_dofs,) degrees of freedom held by supports.
-    """
-    built = {name for state in sequence.states for name in state.structures}
-    held = np.logical_or.reduce(fixed.reshape(-1, mesh.dim), axis=1)
+def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
+    """Structures that no stage builds; linings that end at supports and turn freely there."""
+    mesh = on_mesh.mesh
+    built = {name for state in on_mesh.sequence.states for name in state.structures}
+    held = np.logical_or.reduce(fixed_dofs(on_mesh).reshape(-1, mesh.dim), axis=1)
     notes = []
-    for name, structure in case.structures.items():
+    for name, structure in on_mesh.case.structures.items():
         if name not in built:
             notes.append(f"no stage builds the structure '{name}'")
         elif isinstance(structure, Beam):
             nodes, count = np.unique(straight_pieces(mesh, structure.group), return_counts=True)
             free = held & ~clamped_nodes(mesh, structure)
-            free &= ~kinematics_of(case.analysis).on_axis(mesh.points)
+            free &= ~on_mesh.kinematics.on_axis(mesh.points)
             ends = nodes[(count == 1) & free[nodes]]
             if len(ends):
                 notes.append(
@@ -58,39 +48,35 @@ def structure_notes(
     return notes
 
 
-def structure_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Structures on groups that the mesh does not have."""
-    faults = []
+    mesh, faults = on_mesh.mesh, []
     known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
-    for name, beam in case.structures.items():
+    for name, beam in on_mesh.case.structures.items():
         if not isinstance(beam, Beam):
             continue
-        uses: list[tuple[KeyPath, str, Mapping[str, object]]] = [
-            (("on",), beam.group, mesh.facet_groups)
+        uses: list[tuple[KeyPath, str, str, Mapping[str, object]]] = [
+            (("on",), f"group '{beam.group}' of lines", beam.group, mesh.facet_groups)
         ]
-        uses += [(("clamped_on", n), g, known) for n, g in enumerate(beam.clamped_on)]
-        uses += [(("hinges", n), g, known) for n, g in enumerate(beam.hinges) if isinstance(g, str)]
+        clamped = enumerate(beam.clamped_on)
+        uses += [(("clamped_on", n), f"group '{g}'", g, known) for n, g in clamped]
+        hinges = [(n, hinge) for n, hinge in enumerate(beam.hinges) if isinstance(hinge, str)]
+        uses += [(("hinges", n), f"group '{g}'", g, known) for n, g in hinges]
         faults += [
-            case.source.fault(
-                ("structures", name, *path),
-                code="missing-group",
-                message=f"the mesh {mesh.file} has no group '{group}'"
-                + (" of lines" if path == ("on",) else ""),
-                hint=f"its groups: {listed(groups)}",
-            )
-            for path, group, groups in uses
+            on_mesh.missing_group(("structures", name, *path), what, "groups", groups)
+            for path, what, group, groups in uses
             if group not in groups
         ]
-        if all(group in groups for _, group, groups in uses):
-            faults += _hinge_faults(case, mesh, name, beam)
-            faults += _axis_faults(case, mesh, name, beam)
-        faults += _weight_faults(case, name, beam)
+        if all(group in groups for _, _, group, groups in uses):
+            faults += _hinge_faults(on_mesh, name, beam)
+            faults += _axis_faults(on_mesh, name, beam)
+        faults += _weight_faults(on_mesh.case, name, beam)
     return faults
 
 
-def _hinge_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
+def _hinge_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
     """Hinges that lie at no node of their beam."""
-    faults = []
+    mesh, faults = on_mesh.mesh, []
     nodes = np.unique(straight_pieces(mesh, beam.group))
     for n, hinge in enumerate(beam.hinges):
         if len(hinge_nodes(mesh, beam, hinge)):
@@ -104,7 +90,7 @@ def _hinge_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
                 f"node is {format_point(mesh.points[nearest])}"
             )
         faults.append(
-            case.source.fault(
+            on_mesh.case.source.fault(
                 ("structures", name, "hinges", n),
                 code="no-hinge-there",
                 message=message,
@@ -114,15 +100,16 @@ def _hinge_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
     return faults
 
 
-def _axis_faults(case: Case, mesh: Mesh, name: str, beam: Beam) -> list[Fault]:
+def _axis_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
     """Shells of revolution with pieces on the axis itself."""
-    on_axis = kinematics_of(case.analysis).on_axis(mesh.points)
+    mesh = on_mesh.mesh
+    on_axis = on_mesh.kinematics.on_axis(mesh.points)
     pieces = straight_pieces(mesh, beam.group)
     count = int(np.count_nonzero(on_axis[pieces].all(axis=1)))
     if not count:
         return []
     return [
-        case.source.fault(
+        on_mesh.case.source.fault(
             ("structures", name, "on"),
             code="on-the-axis",
             message=f"{count} pieces of the beam '{name}' lie on the axis x = 0, where a shell of "
@@ -147,44 +134,37 @@ def _weight_faults(case: Case, name: str, beam: Beam) -> list[Fault]:
     ]
 
 
-def structure_place_faults(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> list[Fault]:
-    """Structures whose nodes or ends lie in no ground at some stage at which they stand.
-
-    Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
-        locator: finds points in the mesh.
-    """
-    faults = _symmetry_faults(case, mesh)
+def structure_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Structures whose nodes or ends lie in no ground at some stage at which they stand."""
+    case, sequence = on_mesh.case, on_mesh.sequence
+    faults = _symmetry_faults(on_mesh)
     for name, structure in case.structures.items():
         for n, state in enumerate(sequence.states):
             if name not in state.structures:
                 continue
-            found = _missing(mesh, structure, sequence.present(n), locator)
+            found = _missing(on_mesh, structure, sequence.present(n))
             if found is not None:
                 faults.append(_no_ground(case, name, *found, state.name))
                 break
         else:
             present = present_throughout(sequence, name)
             if present is not None and isinstance(structure, Bars):
-                found = _missing(mesh, structure, present, locator)
+                found = _missing(on_mesh, structure, present)
                 if found is not None:
                     faults.append(_no_ground(case, name, *found, "all at which it stands"))
     return faults
 
 
 def _missing(
-    mesh: Mesh, structure: Structure, present: Bools, locator: Locator
+    on_mesh: CaseOnMesh, structure: Structure, present: Bools
 ) -> tuple[KeyPath, str] | None:
     """Where a structure lacks ground: the key, and what lies where."""
+    mesh = on_mesh.mesh
     if isinstance(structure, Bars):
         for n, pair in enumerate(structure.ends):
             for k, held in enumerate(held_points(structure, pair)):
                 for what, point in held:
-                    if holding_site(locator, point, present) is None:
+                    if on_mesh.locator.best(point, present) is None:
                         return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
@@ -193,9 +173,10 @@ def _missing(
     return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"
 
 
-def _symmetry_faults(case: Case, mesh: Mesh) -> list[Fault]:
+def _symmetry_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Struts that should end on a plane of symmetry and do not."""
-    fixed = fixed_dofs(case, mesh).reshape(-1, mesh.dim)
+    case, mesh = on_mesh.case, on_mesh.mesh
+    fixed = fixed_dofs(on_mesh).reshape(-1, mesh.dim)
     return [
         case.source.fault(
             ("structures", name, "ends", n, *(() if inclined else (1,))),

@@ -32,8 +32,6 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.kinematics import kinematics_of
-from geoident.fem.location import Locator, Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
@@ -46,7 +44,7 @@ from geoident.fem.structures import (
     stiffness_map,
 )
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
@@ -84,22 +82,16 @@ class Structures:
     `structure_checks` has made sure that each finds its nodes and elements.
 
     Args:
-        case: the case.
-        mesh: its mesh.
-        sequence: the states of construction.
-        locator: finds points in the mesh.
+        on_mesh: the case on its mesh.
     """
 
-    def __init__(
-        self, case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-    ) -> None:
-        self._sequence = sequence
-        self._mesh = mesh
-        self._gravity = case.gravity or (0.0,) * mesh.dim
-        self._dim = mesh.dim
-        self.parts = tuple(_parts(case, mesh, sequence, locator))
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
+        self._dim = on_mesh.mesh.dim
+        self._gravity = on_mesh.case.gravity or (0.0,) * self._dim
+        self.parts = tuple(_parts(on_mesh))
         members = [part.members for part in self.parts]
-        operators = [m.operator for m in members] or [sp.csr_array((0, mesh.points.size))]
+        operators = [m.operator for m in members] or [sp.csr_array((0, on_mesh.mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
         self._transpose = self._operator.T.tocsr()
         self._weight = np.concatenate([m.weight for m in members] or [np.empty(0)])
@@ -307,33 +299,33 @@ def inadmissible(case: Case, values: Values) -> str | None:
     return None
 
 
-def _parts(
-    case: Case, mesh: Mesh, sequence: ConstructionSequence, locator: Locator
-) -> Iterator[StructureMembers]:
+def _parts(on_mesh: CaseOnMesh) -> Iterator[StructureMembers]:
+    mesh = on_mesh.mesh
     first = 0
-    for name, structure in case.structures.items():
-        present = present_throughout(sequence, name)
+    for name, structure in on_mesh.case.structures.items():
+        present = present_throughout(on_mesh.sequence, name)
         if present is None:
             continue
         if isinstance(structure, Beam):
             edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
-            members = _beams(case, mesh, structure, edges)
+            members = _beams(on_mesh, structure, edges)
         else:
-            members = _bars(case, mesh, structure, locator, present)
+            members = _bars(on_mesh, structure, present)
         rows = slice(first, first + len(members.weight))
         first = rows.stop
         yield StructureMembers(name, structure, members, rows)
 
 
-def _beams(case: Case, mesh: Mesh, beam: Beam, edges: Ints) -> Members:
+def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
     """Beams, or shells of revolution, whose meridian does not turn on the axis."""
+    mesh = on_mesh.mesh
     clamped = clamped_nodes(mesh, beam)
     hinged = np.zeros(mesh.n_nodes, dtype=bool)
     for hinge in beam.hinges:
         hinged[hinge_nodes(mesh, beam, hinge)] = True
-    if case.analysis is not Analysis.AXISYMMETRIC:
+    if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
         return beams(mesh, edges, clamped, hinged)
-    on_axis = kinematics_of(case.analysis).on_axis(mesh.points)
+    on_axis = on_mesh.kinematics.on_axis(mesh.points)
     nu = 0.0 if beam.nu is None else beam.nu.factor
     return shells(mesh, edges, clamped | on_axis, hinged & ~on_axis, nu)
 
@@ -356,24 +348,22 @@ def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
     return mine[[nearest]] if apart[nearest] <= 0.01 * shortest else mine[:0]
 
 
-def _bars(case: Case, mesh: Mesh, structure: Bars, locator: Locator, present: Bools) -> Members:
+def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
     """Bars on the mesh; their members are numbered as the case gives them."""
+    locator = on_mesh.locator
     ends = np.array(structure.ends, dtype=np.float64)
     extent = None
-    if case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
+    if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
         extent = 2 * np.pi * ends[:, 0, 0]
     held = [tuple([p for _, p in points] for points in held_points(structure, pair))
             for pair in structure.ends]  # fmt: skip
     sites = [
-        tuple(
-            [s for p in points if (s := holding_site(locator, p, present)) is not None]
-            for points in pair
-        )
+        tuple([s for p in points if (s := locator.best(p, present)) is not None] for points in pair)
         for pair in held
     ]
     if isinstance(structure, Anchors):
         ends, _ = grouted_parts(ends, structure.grouted, GROUT_POINTS)
-    return bars(mesh, ends, [(first, second) for first, second in sites], extent)
+    return bars(on_mesh.mesh, ends, [(first, second) for first, second in sites], extent)
 
 
 def held_points(
@@ -397,17 +387,6 @@ def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | Non
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
     there = [n for n, state in enumerate(sequence.states) if name in state.structures]
     return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
-
-
-def holding_site(locator: Locator, point: tuple[float, ...], present: Bools) -> Site | None:
-    """The best present element that holds a point (dim,), m; None if there is none.
-
-    Args:
-        locator: finds points.
-        point: (dim,) m.
-        present: (n_elements,) which elements are there.
-    """
-    return next((s for s in locator.sites(point) if present[s.element]), None)
 
 
 def straight_pieces(mesh: Mesh, group: str) -> Ints:

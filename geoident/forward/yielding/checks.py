@@ -39,7 +39,7 @@ def yield_faults(case: Case) -> list[Fault]:
 
 def yield_notes(case: Case) -> list[str]:
     """By what each material yields, and cut-offs of tension without effect."""
-    start = _start(case)
+    start = case.start
     notes = []
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
@@ -81,10 +81,6 @@ def _yielding(case: Case) -> Iterator[Material]:
     return (material for material in case.materials.values() if material.yields)
 
 
-def _start(case: Case) -> dict[str, float]:
-    return {p.name: p.start for p in case.parameters}
-
-
 def _key(case: Case, material: Material, surface: YieldSurface) -> KeyPath:
     """Where a surface is written: under `yield`, or as one of its list."""
     path: KeyPath = ("materials", material.name, "yield")
@@ -123,7 +119,7 @@ def _normal(surface: WeakPlane, values: Values) -> Floats:
 
 
 def _empty(case: Case, material: Material) -> Fault | None:
-    message = no_stress_left(case, material, _start(case))
+    message = no_stress_left(case, material, case.start)
     if message is None:
         return None
     surface = next(s for s in material.yields if isinstance(s, GivenPlanes))
@@ -160,7 +156,7 @@ def _empty_in_the_box(
 
 
 def _outside_at_zero(case: Case, material: Material) -> bool:
-    planes = yield_planes(material, ParameterPoint(_start(case), ()), n_strain_of(case))
+    planes = yield_planes(material, ParameterPoint(case.start, ()), n_strain_of(case))
     return bool(planes.distances.value.min() < 0.0)
 
 
@@ -183,5 +179,5 @@ def _described(case: Case, material: Material) -> str:
     kinds = " and ".join(surface.description for surface in material.yields)
     if is_smooth(material):
         return kinds
-    count = len(yield_planes(material, ParameterPoint(_start(case), ()), n_strain_of(case)).names)
+    count = len(yield_planes(material, ParameterPoint(case.start, ()), n_strain_of(case)).names)
     return f"{kinds}: {count} plane{'s' * (count > 1)}, with associated flow"

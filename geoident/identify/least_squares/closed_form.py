@@ -16,8 +16,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
-from geoident.identify.problem.problem import Observer, Outcome, Problem
-from geoident.identify.problem.protocols import HasOpening, OpeningForm
+from geoident.identify.problem.problem import HasOpening, Observer, OpeningForm, Outcome, Problem
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 
 

@@ -71,11 +71,11 @@ from scipy.linalg import qr
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import CHECK_UNITS, Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
-from geoident.identify.problem.protocols import AffineElastic, Condensed, Response
+from geoident.identify.problem.problem import AffineElastic, History, Observer, Outcome, Problem
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter
+from geoident.model.response import Condensed, Response
 
 INDEPENDENT = 1e-9
 """Rows of S whose part that is new is below this part of the largest count as dependent."""

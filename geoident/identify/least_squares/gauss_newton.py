@@ -1,4 +1,4 @@
-"""Gauss-Newton in a trust region, with bounds (theory 4.2).
+"""Gauss-Newton in a trust region, with bounds (theory 4.2), and the descent that it consists of.
 
 With the weighted residuals r and their Jacobian J in the scaled parameters x (see `discrepancy`),
 each iteration minimises the linearised discrepancy
@@ -10,27 +10,58 @@ factor exp(radius) in one step. So bounds need no special treatment: a step ends
 leaves it, as the Kuhn-Tucker conditions of m ask. A direction that J does not see has no part in
 the step: a parameter without information stays where it started.
 
-Which trials are kept, and the next radius, is decided in `acceptance`; the loop and its ends are in
-`descent`.
+A descent is put together from its parts, so that the search for strengths can replace some:
+
+    evaluation   what is known of a point x, noted in the history             `Evaluator`
+    proposal     the step from a point, no longer than the trust radius       `gauss_newton_step`
+    acceptance   which trials are taken, and the next radius                  `Acceptance`
+    stopping     when nothing is left to do                                   `Stopping`
+
+Every trial costs one evaluation of the model, with the Jacobian from the same factorization, and
+nothing is evaluated twice. A descent ends on what the *next* step promises, before paying for it:
+
+    step    the step without trust region is not longer than ``tolerance`` (relative), or
+    gain    it promises to lower phi by less than ``tolerance`` min(phi, 1e4): phi is in squared
+            standard deviations, so with 1e-8 this step is below a hundredth of one.
+
+Where residuals vanish at the solution, convergence is quadratic and the first rule ends it. A trial
+where the model has no solution is rejected.
+
+Further starts are even over the bounds and always the same (Halton's sequence).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Generic
+
 import numpy as np
 
-from geoident.identify.least_squares.acceptance import FIRST_RADIUS, Iterate, Step
-from geoident.identify.least_squares.descent import (
-    Descent,
-    Ending,
-    Stopping,
-    halton_starts,
-    plain_evaluator,
+from geoident.errors import ModelError
+from geoident.identify.least_squares.acceptance import (
+    FIRST_RADIUS,
+    Acceptance,
+    Iterate,
+    IterateT,
+    Step,
 )
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
-from geoident.model.arrays import Bools
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem, Scaling
+from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
+
+NEGLIGIBLE = 1e-6
+"""A promised gain of a thousandth of a standard deviation, squared."""
+
+_STALLED = (
+    "No shorter step lowers the misfit, although the derivatives say so: the computed "
+    "readings are not smooth here; go on with the method simplex."
+)
+_FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
+_GIVEN_UP = "The descent was stopped: it did not come near the best point."
+_ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
 
 
 def gauss_newton(
@@ -125,3 +156,220 @@ def phi_after_step(box: TrustBox, point: Iterate, free: Bools) -> float:
 
 def _phi(ending: Ending[Iterate]) -> float:
     return ending.point.phi
+
+
+GiveUp = Callable[[int, float, float], bool]
+"""(steps made, trust radius, lowest phi) -> whether a descent is not worth going on."""
+
+
+@dataclass(frozen=True)
+class Ending(Generic[IterateT]):
+    """Where one descent ended, and why.
+
+    Args:
+        point: the best point.
+        status: ``converged`` or ``not-converged``.
+        reason: a sentence; with its remedy where it did not converge.
+    """
+
+    point: IterateT
+    status: str
+    reason: str
+
+
+class Evaluator(Generic[IterateT]):
+    """Evaluates points of one problem and notes them.
+
+    Args:
+        discrepancy: of the problem.
+        history: is told of every point that is recorded.
+        look: what a search wants to know of a point besides its residuals.
+    """
+
+    def __init__(
+        self, discrepancy: Discrepancy, history: History, look: Callable[[Iterate], IterateT]
+    ) -> None:
+        self.discrepancy = discrepancy
+        self.scaling = discrepancy.scaling
+        self.box = TrustBox(self.scaling)
+        self.history = history
+        self._look = look
+
+    def evaluate(self, x: Floats) -> IterateT:
+        """The model at x (n,).
+
+        Raises:
+            ModelError: it has no solution there.
+        """
+        p = self.scaling.to_natural(x)
+        return self._look(Iterate(x, p, self.discrepancy.linearize(p)))
+
+    def try_point(self, x: Floats) -> IterateT | None:
+        """The model at x (n,), or None where it has no solution."""
+        try:
+            return self.evaluate(x)
+        except ModelError:
+            return None
+
+    def record(self, x: Floats, point: Iterate | None, length: float, note: str) -> None:
+        """Notes a point that was evaluated.
+
+        Args:
+            x: (n,) where.
+            point: what was found, None for no solution.
+            length: of the step that led there.
+            note: such as ``accepted``.
+        """
+        phi = np.inf if point is None else point.phi
+        self.history.record(self.scaling.to_natural(x), phi, step=length, note=note)
+
+    def start(self, x: Floats, note: str) -> IterateT | None:
+        """The model at a further start x (n,), recorded with a note; None without a solution."""
+        point = self.try_point(x)
+        self.record(x, point, 0.0, note if point is not None else f"{note}: no solution")
+        return point
+
+
+def plain_evaluator(discrepancy: Discrepancy, history: History) -> Evaluator[Iterate]:
+    """An evaluator that knows the residuals of a point and no more."""
+    return Evaluator(discrepancy, history, lambda point: point)
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """When nothing is left to do at a point.
+
+    Args:
+        box: measures steps.
+        tolerance: relative size of a step, or of the gain it promises, that ends a descent.
+    """
+
+    box: TrustBox
+    tolerance: float
+
+    def reason(self, point: Iterate, full: Step) -> str | None:
+        """Why nothing is left to do, judged by the unrestricted step that would come next."""
+        if full.length <= self.tolerance:
+            return (
+                f"The next step would change no parameter by more than {self.tolerance:g}, "
+                "relative."
+            )
+        if full.gain <= max(self.tolerance * min(point.phi, 1e4), 1e-14 * point.phi):
+            return f"The next step would lower the misfit by no more than {full.gain:.1e}."
+        return None
+
+    def negligible(self, full: Step) -> bool:
+        """The unrestricted step is so short, for so little gain, that only rounding rejects it."""
+        return full.gain <= NEGLIGIBLE and full.length <= np.sqrt(self.tolerance)
+
+    def flat(self, point: Iterate) -> bool:
+        """The residuals are orthogonal to all that the parameters, bounds allowing, can change."""
+        return bool(np.all(gradient_cosines(self.box, point) <= np.sqrt(self.tolerance)))
+
+
+def gradient_cosines(box: TrustBox, point: Iterate) -> Floats:
+    """|J_h^T r| / (|J_h| |r|) of every parameter h, (n,); 0 where a bound holds it."""
+    J, r = point.model.jacobian, point.model.residual
+    low, high = box.sides(point.x, 1.0)
+    g = J.T @ r
+    g[((g > 0.0) & (low == 0.0)) | ((g < 0.0) & (high == 0.0))] = 0.0
+    size = np.linalg.norm(J, axis=0) * np.linalg.norm(r)
+    cosines: Floats = np.divide(np.abs(g), size, out=np.zeros_like(g), where=size > 0.0)
+    return cosines
+
+
+@dataclass(frozen=True)
+class Descent(Generic[IterateT]):
+    """Goes down from a start until its stopping rules end it.
+
+    Args:
+        evaluator: knows the model, and the reason to stop that an observer gave.
+        propose: (point, radius) -> the best step no longer than the radius.
+        stopping: when nothing is left to do.
+        max_steps: at most.
+    """
+
+    evaluator: Evaluator[IterateT]
+    propose: Callable[[IterateT, float], Step]
+    stopping: Stopping
+    max_steps: int
+
+    def run(self, start: IterateT, give_up: GiveUp | None = None) -> Ending[IterateT]:
+        """Goes down.
+
+        Args:
+            start: where from.
+            give_up: is asked before every step.
+        """
+        judge, box = Acceptance(start), self.evaluator.box
+        for number in range(self.max_steps):
+            ending = self._ended(judge)
+            if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
+                ending = Ending(judge.best, "not-converged", _GIVEN_UP)
+            if ending is not None:
+                return ending
+            point, step = judge.point, self.propose(judge.point, judge.radius)
+            x = box.reach(point.x, step.d)
+            trial = self.evaluator.try_point(x)
+            note = judge.judge(step, trial)
+            self.evaluator.record(x, trial, step.length, note)
+            if note == "rejected" and self.stopping.negligible(self.propose(point, np.inf)):
+                return Ending(judge.best, "converged", _ROUNDING)
+        return self._ended(judge) or Ending(judge.best, "not-converged", self._exhausted())
+
+    def _ended(self, judge: Acceptance[IterateT]) -> Ending[IterateT] | None:
+        """The end of a descent, or None while there is something to do."""
+        reason = self.stopping.reason(judge.point, self.propose(judge.point, np.inf))
+        if reason and judge.point is not judge.best:
+            judge.return_to_best()
+        elif reason:
+            return Ending(judge.best, "converged", reason)
+        closed = judge.radius <= self.stopping.tolerance
+        if closed and self.stopping.flat(judge.best):
+            return Ending(judge.best, "converged", _FLAT)
+        if closed or self.evaluator.history.stop is not None:
+            return Ending(judge.best, "not-converged", _STALLED)
+        return None
+
+    def _exhausted(self) -> str:
+        return (
+            f"The search did not converge in {self.max_steps} steps: raise max_iterations, "
+            "start nearer to the expected values or give tighter bounds."
+        )
+
+
+def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
+    """``count`` points x (n,) inside the bounds, the same in every run.
+
+    A parameter without finite bounds varies by two units of x to both sides of its start.
+    """
+    lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
+    upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    bases = _primes(len(scaling))
+    for index in range(1, count + 1):
+        share = np.array([radical_inverse(index, base) for base in bases])
+        yield lower + share * (upper - lower)
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """The digits of ``index`` in a base, mirrored at the point (van der Corput).
+
+    >>> [radical_inverse(i, 2) for i in (1, 2, 3)]
+    [0.5, 0.25, 0.75]
+    """
+    value, weight = 0.0, 1.0 / base
+    while index:
+        index, digit = divmod(index, base)
+        value += digit * weight
+        weight /= base
+    return value
+
+
+def _primes(count: int) -> list[int]:
+    found: list[int] = []
+    candidate = 2
+    while len(found) < count:
+        if all(candidate % prime for prime in found):
+            found.append(candidate)
+        candidate += 1
+    return found

@@ -14,12 +14,14 @@ from importlib.util import find_spec
 from typing import cast
 
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.problem import STOPPED, Observer, Outcome, Problem
-from geoident.identify.problem.protocols import (
+from geoident.identify.problem.problem import (
+    STOPPED,
     AffineElastic,
     ComplementaritySystem,
     HasOpening,
-    Response,
+    Observer,
+    Outcome,
+    Problem,
     YieldSystem,
 )
 from geoident.model.methods import (
@@ -32,6 +34,7 @@ from geoident.model.methods import (
     loss_name,
     method_name,
 )
+from geoident.model.response import Response
 
 Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
 

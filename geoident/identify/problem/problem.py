@@ -1,5 +1,9 @@
 """What every identifier is given, and what it gives back.
 
+The model behind a problem can be anything that answers as the protocols here ask (`Response` in
+`model.response` is the least of them). Parameter vectors p are in natural units (SI), in the order
+of ``names``; readings v(p) are ordered as the measured values that the identifier was given.
+
 Identifiers work on scaled parameters x that are all of the order of one, so that one step length,
 one trust radius and one tolerance serve a Young's modulus in Pa and a stress ratio alike:
 
@@ -24,16 +28,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from geoident.identify.problem.errors import Covariance, SharedErrors
-from geoident.identify.problem.protocols import Response
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.response import BilinearSystem, Condensed, Response
 from geoident.model.result import Grid, Iteration
-from geoident.model.yielding import Certificate
+from geoident.model.yielding import Activity, Certificate
 
 
 class Scaling:
@@ -133,6 +138,77 @@ def _prior_residual(prior: Prior, p: float) -> float:
 def _prior_slope(prior: Prior, p: float) -> float:
     """Derivative of the prior's residual in p, 1/SI."""
     return 1.0 / prior.sd if prior.kind == "normal" else prior.mean / (prior.sd * p)
+
+
+@runtime_checkable
+class AffineElastic(Response, Protocol):
+    """A model whose equations are affine in its parameters: condensation needs this."""
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, a sentence, or None if they are."""
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """Condensed equations at p (theory 4.1).
+
+        Args:
+            p: (n,) parameters.
+            measured: (g,) readings, SI.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
+        """
+
+
+class OpeningForm(Response, Protocol):
+    """The closed form of an opening: readings by formulas."""
+
+    @property
+    def covered(self) -> Bools:
+        """(g,) which readings of the model it answers; ``readings`` are these, in their order."""
+
+    def remarks(self, p: Floats) -> tuple[str, ...]:
+        """What is to be known of it at p (n,), sentences without a full stop."""
+
+
+@runtime_checkable
+class HasOpening(Response, Protocol):
+    """A model that may be a circular opening in uniform ground: closed-form needs this."""
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """Its closed form, or why it has none, a clause.
+
+        Args:
+            centre: of the opening, m; None to find it.
+            radius: of the opening, m; None to find it.
+        """
+
+
+@runtime_checkable
+class YieldSystem(Response, Protocol):
+    """A model with yield limits, stage by stage: complementarity needs this (theory 5).
+
+    ``readings`` and ``evaluate`` raise `geoident.errors.CollapseError` where the loads cannot be
+    carried. The Jacobian is that of the active pieces; at a kink, that of the planes that the
+    projection counts as active.
+    """
+
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""
+
+
+@runtime_checkable
+class ComplementaritySystem(YieldSystem, Protocol):
+    """A yield system that shows its equations: full-space and global need this (theory 5)."""
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are not those of a `BilinearSystem`, a clause, or None if they are."""
+
+    def system(self) -> BilinearSystem:
+        """The equations, with readings in the order of the response."""
 
 
 Observer = Callable[[Iteration], str | None]

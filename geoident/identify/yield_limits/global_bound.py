@@ -26,8 +26,14 @@ import numpy as np
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.problem import STOPPED, History, Observer, Outcome, Problem
-from geoident.identify.problem.protocols import ComplementaritySystem
+from geoident.identify.problem.problem import (
+    STOPPED,
+    ComplementaritySystem,
+    History,
+    Observer,
+    Outcome,
+    Problem,
+)
 from geoident.identify.yield_limits.condensed_system import (
     CondensedSystem,
     condensed,

@@ -29,18 +29,18 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
-from geoident.identify.least_squares.descent import (
+from geoident.identify.least_squares.gauss_newton import (
     Descent,
     Ending,
     Evaluator,
     Stopping,
+    gauss_newton_descent,
+    gauss_newton_step,
     halton_starts,
 )
-from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
-from geoident.identify.problem.protocols import YieldSystem
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem, YieldSystem
 from geoident.identify.yield_limits.starts import Restarts, strength_scan
 from geoident.identify.yield_limits.stationarity import (
     GLOBAL,

@@ -1,5 +1,7 @@
 """Reading a case file: from text to a case in SI units, or to all that is wrong with it.
 
+Values may be replaced on the command line: ``--set parameters.E.start=20 GPa``.
+
 Faults are shown in three rounds, each complete: the text and its sections; what refers to something
 else in the case or its readings; and later, elsewhere, what needs the mesh.
 """
@@ -9,32 +11,45 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 from pydantic import ValidationError
 
-from geoident.errors import InputError
+from geoident.errors import Fault, InputError, Location
 from geoident.io.case.accuracy import described_channels
-from geoident.io.case.case import CaseSection, build_case
-from geoident.io.case.overrides import apply_overrides
+from geoident.io.case.case import CaseSection, build_case, check_references
 from geoident.io.case.readings_by_stage import read_all
-from geoident.io.case.references import check_references
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
-from geoident.io.text.blanks import refuse_blanks
-from geoident.io.text.faults import Faults, Places
+from geoident.io.text.faults import SET_FLAG, Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
-from geoident.io.text.wording import shorten
-from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
-from geoident.model.case import Case, KeyPath
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
+from geoident.io.text.yaml_reader import MAX_BYTES, Document, Node, parse_yaml
+from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
+_STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)""")
+_MAY_BE_NEW = {"fit"}
+_MOST_KEYS = 16
+
+BLANK = "FILL_IN"
+"""Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
+
+_HINTS = {
+    "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
+    "nu": "Poisson's ratio, such as 0.25.",
+    "groups": "The name of a material, or absent.",
+    "supports": "Groups and the directions in which they are fixed, such as {bottom: [x, y]}.",
+    "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
+    "gauges": "What is measured; the comment there has an example of each kind.",
+}
 
 
 @dataclass(frozen=True)
@@ -174,6 +189,131 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
         hint = faults.did_you_mean(path.name, beside, what=what)
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return str(path)
+
+
+def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
+    """A document with overrides, and where its keys are written.
+
+    Args:
+        document: the case as written.
+        overrides: texts ``path=value``; the value is YAML. A section that is not in the case is
+            only made for ``fit``.
+
+    Raises:
+        InputError: faulty overrides, located at ``--set``.
+    """
+    data = deepcopy(document.data) if overrides else document.data
+    faults: list[Fault] = []
+    paths: list[KeyPath] = []
+    for override in overrides:
+        path: KeyPath = ()
+        try:
+            path, value = _parse(override)
+            _set(data, path, value)
+            paths.append(path)
+        except Refusal as error:
+            message = f"'{shorten(override)}': {error.message}"
+            location = Location(SET_FLAG)
+            faults.append(Fault(error.code, message, error.hint, location, format_path(path)))
+    if faults:
+        raise InputError(faults)
+    return Places(document, data, frozenset(paths))
+
+
+def _parse(override: str) -> tuple[KeyPath, Node]:
+    name, equals, value = override.partition("=")
+    if not equals:
+        raise Refusal("bad-override", "it has no '='", "Write --set path=value.")
+    return parse_path(name.strip()), _parse_value(value)
+
+
+def parse_path(text: str) -> KeyPath:
+    """The path of a key as users write it.
+
+    >>> parse_path("stages[1].excavate[0]")
+    ('stages', 1, 'excavate', 0)
+
+    Raises:
+        Refusal: it is none.
+    """
+    keys: list[str | int] = []
+    at = 0
+    while at < len(text):
+        step = _STEP.match(text, at)
+        if step is None or (at == 0) == text.startswith((".", "["), at):
+            break
+        keys.append(int(step[2]) if step[2] else step[1] or step[3])
+        at = step.end()
+    if not keys or at < len(text) or len(keys) > _MOST_KEYS:
+        hint = "Write it like parameters.E.start or stages[1].name."
+        raise Refusal("bad-override", f"'{shorten(text)}' is not the path of a key", hint)
+    return tuple(keys)
+
+
+def _parse_value(text: str) -> Node:
+    try:
+        return parse_yaml(text.encode("utf-8").decode("utf-8"), SET_FLAG).data
+    except UnicodeEncodeError as error:
+        raise Refusal("not-text", "the value is not UTF-8 text") from error
+    except InputError as error:
+        fault = error.faults[0]
+        if fault.code == "empty":
+            return None
+        raise Refusal(fault.code, f"the value: {fault.message}", fault.hint) from error
+
+
+def _set(data: Node, path: KeyPath, value: Node) -> None:
+    holder = data
+    for n, key in enumerate(path[:-1]):
+        _require(holder, path[: n + 1], new=path[0] in _MAY_BE_NEW)
+        if isinstance(holder, dict):
+            if holder.get(str(key)) is None and path[0] in _MAY_BE_NEW:
+                holder[str(key)] = {}
+            holder = holder[str(key)]
+        else:
+            holder = cast("list[Node]", holder)[int(key)]
+    _require(holder, path, new=True)
+    if isinstance(holder, dict):
+        holder[str(path[-1])] = value
+    else:
+        cast("list[Node]", holder)[int(path[-1])] = value
+
+
+def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
+    """Refuse a path whose last key its holder does not have, or cannot have."""
+    key, outer = path[-1], format_path(path[:-1]) or "the case"
+    if isinstance(holder, list) and isinstance(key, int):
+        if key >= len(holder):
+            message = f"{outer} has {len(holder)} entries, counted from 0; there is no [{key}]"
+            hint = f"The last one is [{len(holder) - 1}]." if holder else "It is empty."
+            raise Refusal("bad-override", message, hint)
+    elif isinstance(holder, dict) and not isinstance(key, int):
+        if key not in holder and not new:
+            raise Refusal("bad-override", f"{outer} has no '{key}'", did_you_mean(key, holder))
+    else:
+        kinds = {"dict": "a mapping", "list": "a list"}
+        kind = kinds.get(type(holder).__name__, "no mapping and no list")
+        raise Refusal("bad-override", f"{outer} is {kind}, '{key}' cannot be set in it")
+
+
+def refuse_blanks(places: Places) -> None:
+    """Raise `InputError` with all values that are left to fill in."""
+    faults = Faults(places)
+    for path in _blanks(places.data, ()):
+        hint = next((_HINTS[str(key)] for key in reversed(path) if str(key) in _HINTS), "")
+        faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
+    faults.raise_any()
+
+
+def _blanks(node: Node, path: KeyPath) -> Iterator[KeyPath]:
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from _blanks(value, (*path, key))
+    elif isinstance(node, list):
+        for n, value in enumerate(node):
+            yield from _blanks(value, (*path, n))
+    elif node == BLANK:
+        yield path
 
 
 def _resolved_text(section: CaseSection, chain: Sequence[str]) -> str:

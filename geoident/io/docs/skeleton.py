@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Sequence
 
-from geoident.io.text.blanks import BLANK
+from geoident.io.case.file import BLANK
 from geoident.model.summary import MeshSummary, PartSummary
 
 _PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")

@@ -22,7 +22,7 @@ from geoident.io.mesh.raw import (
     RawCells,
     RawMesh,
     Refused,
-    check_unique_nodes,
+    check_unique,
     indices_of,
     join,
     resolve_nodes,
@@ -256,28 +256,20 @@ def _split(line: str) -> list[str]:
 def _assemble(content: _Content) -> RawMesh:
     """The mesh of what was read."""
     numbers = np.concatenate([block for block, _ in content.nodes])
-    check_unique_nodes(numbers)
+    check_unique(numbers)
     cells = tuple(
         RawCells(kind, CELLS[kind].dim, resolve_nodes(numbers, nodes, cells=ids), ids)
         for kind, ids, nodes in content.elements
     )
     ids = np.concatenate([block.numbers for block in cells])
-    _check_unique_elements(ids)
+    hint = "number elements once, over all parts"
+    check_unique(ids, "element", code="mesh-duplicate", hint=hint)
     return RawMesh(
         np.concatenate([points for _, points in content.nodes]),
         cells,
         groups=_resolve_sets(content.elsets, ids),
         node_groups=_resolve_sets(content.nsets, numbers),
     )
-
-
-def _check_unique_elements(numbers: Ints) -> None:
-    """Refuse an element number that is given twice."""
-    ordered = np.sort(numbers)
-    twice = ordered[1:][ordered[1:] == ordered[:-1]]
-    if len(twice):
-        message = f"element {twice[0]} is defined more than once"
-        raise Refused("mesh-duplicate", message, "number elements once, over all parts")
 
 
 def _resolve_sets(sets: dict[str, list[Ints]], numbers: Ints) -> dict[str, Ints]:

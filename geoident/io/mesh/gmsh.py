@@ -21,7 +21,7 @@ from geoident.io.mesh.raw import (
     RawCells,
     RawMesh,
     Refused,
-    check_unique_nodes,
+    check_unique,
     first_of_equal,
     join,
     resolve_nodes,
@@ -341,7 +341,7 @@ def _assemble(parts: _Parts) -> RawMesh:
         hint = "mesh the geometry before saving: gmsh -2 or gmsh -3"
         raise Refused("mesh-empty", f"the file has no section {missing}", hint)
     numbers, points = parts.nodes
-    check_unique_nodes(numbers)
+    check_unique(numbers)
     cells = tuple(_cells(block, numbers) for block in parts.blocks)
     return RawMesh(points, cells, groups=_groups(parts.blocks, parts.names))
 

@@ -122,8 +122,16 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
     return found
 
 
-def check_unique_nodes(numbers: Ints) -> None:
-    """Refuse a node number, of all (n_nodes,), that is given twice.
+def check_unique(
+    numbers: Ints, what: str = "node", *, code: str = "mesh-node", hint: str = "number nodes once"
+) -> None:
+    """Refuse a number that is given twice.
+
+    Args:
+        numbers: (n,) of all nodes or elements.
+        what: they are of.
+        code: of the fault.
+        hint: the remedy.
 
     Raises:
         Refused: with the number.
@@ -131,9 +139,7 @@ def check_unique_nodes(numbers: Ints) -> None:
     ordered = np.sort(numbers)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     if len(twice):
-        raise Refused(
-            "mesh-node", f"node {twice[0]} is defined more than once", "number nodes once"
-        )
+        raise Refused(code, f"{what} {twice[0]} is defined more than once", hint)
 
 
 def row_keys(nodes: Ints) -> Ints:

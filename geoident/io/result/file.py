@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import certificate_tables, member_tables, reading_tables, tables, vtkhdf
+from geoident.io.result import reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
@@ -116,9 +116,9 @@ def _write(file: h5py.File, result: Result) -> None:
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
-        member_tables.write_members(file, result.members)
+        tables.write_members(file, result.members)
     if result.certificate is not None:
-        certificate_tables.write_certificate(file, result.certificate, names)
+        tables.write_certificate(file, result.certificate, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -233,12 +233,8 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         prediction=tables.read_prediction(file, gauges) if "prediction" in contents else None,
         diagnostics=diagnostics,
         grid=tables.read_grid(file) if "grid" in contents else None,
-        members=member_tables.read_members(file) if member_tables.GROUP in contents else None,
-        certificate=(
-            certificate_tables.read_certificate(file)
-            if certificate_tables.GROUP in contents
-            else None
-        ),
+        members=tables.read_members(file) if "structures" in contents else None,
+        certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None

@@ -12,16 +12,26 @@ from dataclasses import fields
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
-from geoident.model.result import Counts, GaugeTable, Grid, Iteration, ParameterTable, Prediction
+from geoident.model.result import (
+    Counts,
+    GaugeTable,
+    Grid,
+    Iteration,
+    MemberForces,
+    ParameterTable,
+    Prediction,
+)
+from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
 COUNTS = tuple(entry.name for entry in fields(Counts))
 _PARAMETER_ARRAYS = {"value": "values"} | {name: name for name in ("sd", "lower", "upper", "start")}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
+_CERTIFICATE_NUMBERS = ("gradient", "bound", "gap")
 _PRIOR_TEXT = re.compile(r"(\w+)\((\S+), (\S+)\)")
 
 
@@ -220,3 +230,110 @@ def read_grid(file: h5py.File) -> Grid:
 def _axis_name(parameter: str) -> str:
     """Name of the dataset of an axis, which must not be that of the discrepancy."""
     return f"{parameter}_" if parameter == "objective" else parameter
+
+
+def write_certificate(file: h5py.File, found: Certificate, names: tuple[str, ...]) -> None:
+    """Writes ``/certificate``, one row a yield plane.
+
+    The kind of stationary point, the gradient and the proven bound are attributes.
+
+    Args:
+        file: the result.
+        found: the certificate.
+        names: of the parameters.
+    """
+    activity = found.activity
+    axes = {
+        "plane": activity.planes,
+        "stage": activity.stages,
+        "parameter": names,
+        "bounded": tuple(found.lower_bounds),
+        "remark": found.remarks,
+    }
+    out = TableWriter(file, "certificate", axes)
+    out.add("points", np.asarray(activity.points, dtype=np.int64), "plane", "stage")
+    out.add("biactive", np.asarray(activity.biactive, dtype=np.int64), "plane", "stage")
+    out.add("distance", activity.distances, "plane", unit="Pa")
+    out.add("reached", activity.reached, "plane", unit="Pa")
+    unit = "Pa per SI unit of the parameter"
+    out.add("slope", activity.slopes, "plane", "parameter", unit=unit)
+    least = np.array([*found.lower_bounds.values()], dtype=np.float64)
+    out.add("at_least", least, "bounded", unit="SI unit of the parameter")
+    out.group.attrs["kind"] = plain_text(found.kind)
+    for name in _CERTIFICATE_NUMBERS:
+        out.group.attrs[name] = np.float64(getattr(found, name))
+
+
+def read_certificate(file: h5py.File) -> Certificate:
+    """The certificate."""
+    group = TableReader(file, "certificate")
+    planes, stages, names = (group.texts(axis) for axis in ("plane", "stage", "parameter"))
+    shape = len(planes), len(stages)
+    bounded = group.texts("bounded")
+    least = group.floats("at_least", len(bounded))
+    activity = Activity(
+        planes=planes,
+        stages=stages,
+        points=group.ints("points", *shape),
+        biactive=group.ints("biactive", *shape),
+        distances=group.floats("distance", len(planes)),
+        reached=group.floats("reached", len(planes)),
+        slopes=group.floats("slope", len(planes), len(names)),
+    )
+    return Certificate(
+        kind=group.attribute("kind", str),
+        gradient=group.attribute("gradient", float),
+        activity=activity,
+        lower_bounds=dict(zip(bounded, map(float, least), strict=True)),
+        bound=group.attribute("bound", float),
+        gap=group.attribute("gap", float),
+        remarks=group.texts("remark"),
+    )
+
+
+def write_members(file: h5py.File, table: MemberForces) -> None:
+    """Writes ``/structures``, one row a straight piece of a lining or wall, or a bar.
+
+    The axis ``member`` holds names such as ``lining:12``. Forces of linings are per metre out of
+    plane or of circumference, those of bars are of one bar. ``N_hoop`` stands there if there are
+    shells, ``prestress`` if bars were stressed: the force to which, at which stages.
+    """
+    pairs = zip(table.structures, table.numbers, strict=True)
+    axes = {
+        "member": [f"{name}:{number}" for name, number in pairs],
+        "stage": table.stages,
+        "end": ("first", "second"),
+        "axis": ("x", "y", "z")[: table.ends.shape[2]],
+    }
+    out = TableWriter(file, "structures", axes)
+    out.add("structure", table.structures, "member")
+    out.add("number", np.asarray(table.numbers, dtype=np.int64), "member")
+    out.add("per_metre", table.per_metre, "member")
+    out.add("points", table.ends, "member", "end", "axis", unit="m")
+    out.add("N", table.axial, "member", "stage", unit="N, or N/m where per_metre")
+    out.add("M", table.moment, "member", "end", "stage", unit="N m/m")
+    out.add("Q", table.shear, "member", "stage", unit="N/m")
+    if np.isfinite(table.hoop).any():
+        out.add("N_hoop", table.hoop, "member", "stage", unit="N/m")
+    if np.isfinite(table.prestress).any():
+        out.add("prestress", table.prestress, "member", "stage", unit="N")
+
+
+def read_members(file: h5py.File) -> MemberForces:
+    """The forces in linings and bolts."""
+    group = TableReader(file, "structures")
+    structures, stages = group.texts("structure"), group.texts("stage")
+    n, k = len(structures), len(stages)
+    nowhere = np.full((n, k), np.nan)
+    return MemberForces(
+        structures=structures,
+        numbers=group.ints("number", n),
+        stages=stages,
+        ends=group.floats("points", n, 2, len(group.texts("axis"))),
+        axial=group.floats("N", n, k),
+        moment=group.floats("M", n, 2, k),
+        shear=group.floats("Q", n, k),
+        per_metre=group.bools("per_metre", n),
+        hoop=group.floats("N_hoop", n, k) if "N_hoop" in group else nowhere,
+        prestress=group.floats("prestress", n, k) if "prestress" in group else nowhere,
+    )

@@ -17,20 +17,19 @@ from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.problem.protocols import Response
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result, write_result
 from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
+from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Result
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.errors import Row, error_structure
 from geoident.workflow.running.evaluation_log import Remembered
-from geoident.workflow.running.inputs import build_model
-from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     reading_table,
@@ -175,22 +174,6 @@ def used_rows(case: Case, used: Bools) -> tuple[Row, ...]:
     return tuple((channels[reading.channel], reading) for reading in taken)
 
 
-def search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """Run the identifiers, one after the other.
-
-    Args:
-        problem: readings, model and parameters.
-        methods: options of the methods, in their order.
-        control: is told of iterations, and stops the run.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = identify(problem, methods, control.observe)
-    control.stop.check()
-    return outcome
-
-
 def surveyed(
     setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
 ) -> tuple[Survey, ReadingTable, Counts]:
@@ -267,7 +250,7 @@ def searched(
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         problem = problem_of(setup, log, control)
-        outcome = search(problem, job.methods, control)
+        outcome = _search(problem, job.methods, control)
         setup, problem, outcome = _with_accuracies(setup, problem, outcome, job, control)
         written = result(setup, problem, outcome)
         return write(written, job.place, job.found, inputs=job.inputs.files)
@@ -282,7 +265,7 @@ def _with_accuracies(
     if structure is None or not structure.names:
         return setup, problem, outcome
     found = weighed(
-        problem, structure, outcome, lambda again: search(again, job.methods[-1:], control)
+        problem, structure, outcome, lambda again: _search(again, job.methods[-1:], control)
     )
     root = np.exp(0.5 * found.components.log_factor)
     sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))
@@ -293,6 +276,17 @@ def _with_accuracies(
         accuracy_table(case, structure.names, found.components),
     )
     return again, found.problem, found.outcome
+
+
+def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
+    """Run the identifiers, one after the other.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    outcome = identify(problem, methods, control.observe)
+    control.stop.check()
+    return outcome
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

@@ -18,16 +18,15 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.identify.problem.protocols import (
+from geoident.identify.problem.problem import (
     AffineElastic,
     ComplementaritySystem,
-    Condensed,
     HasOpening,
     OpeningForm,
     YieldSystem,
 )
 from geoident.model.arrays import Floats
-from geoident.model.response import BilinearSystem
+from geoident.model.response import BilinearSystem, Condensed
 from geoident.model.result import Counts
 from geoident.model.yielding import Activity
 

@@ -1,22 +1,244 @@
-"""What a command is asked for, and where its result comes from."""
+"""What a command is given and asked for: a case, its model and hashes; where the result goes."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from geoident import __version__
-from geoident.errors import Fault, InputError
+from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.fem.solvers import pick_solver
+from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.openings.model import OpeningModel, opening_model
+from geoident.forward.protocols import CaseModel
+from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
+from geoident.io.mesh.file import mesh_files, read_mesh
+from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, seen_from
-from geoident.model.case import Case
-from geoident.model.methods import MethodOptions
-from geoident.model.result import Provenance
-from geoident.workflow.running.inputs import Inputs, load_inputs
+from geoident.model.arrays import Floats
+from geoident.model.case import Case, Source
+from geoident.model.mesh import Mesh
+from geoident.model.methods import MethodOptions, method_name
+from geoident.model.result import GaugeTable, Provenance, Result
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
+from geoident.workflow.running.readings import readings_of
+
+NO_READINGS = "readings=[]"
+"""Override for a case whose readings are not asked for; their file need not be there."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A case that was read, and the hashes of all that it consists of.
+
+    Args:
+        path: the case as the user named it.
+        loaded: the case, its text, and the files that it names.
+        case_sha256: of the case after overrides.
+        mesh_sha256: of the bytes of the mesh; empty if there is none.
+        readings_sha256: of the bytes of the readings; empty if there is no file of them.
+    """
+
+    path: str
+    loaded: LoadedCase
+    case_sha256: str
+    mesh_sha256: str
+    readings_sha256: str
+
+    @property
+    def case(self) -> Case:
+        """The case."""
+        return self.loaded.case
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Paths of the case and of all files that it names: what no output may replace."""
+        mesh = self.loaded.mesh_path
+        parts = () if mesh is None else mesh_files(mesh)
+        named = (*self.loaded.files, *self.loaded.readings_paths, *parts)
+        return named if self.path == STDIN else (self.path, *named)
+
+    def identity(self, command: str, methods: Sequence[MethodOptions], *, seed: int) -> str:
+        """Hash of everything that the result of a command depends on.
+
+        Args:
+            command: its name.
+            methods: options of the methods, in their order.
+            seed: of random numbers.
+        """
+        parts = {
+            "command": command,
+            "case": self.case_sha256,
+            "mesh": self.mesh_sha256,
+            "readings": self.readings_sha256,
+            "version": __version__,
+            "format": FORMAT,
+            "seed": seed,
+            "methods": [[method_name(options), asdict(options)] for options in methods],
+        }
+        return sha256(json.dumps(parts, sort_keys=True).encode())
+
+
+def load_inputs(path: str, *, overrides: Sequence[str] = ()) -> Inputs:
+    """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
+
+    The mesh and the readings are hashed, the mesh is not parsed yet.
+
+    Raises:
+        InputError: with all faults of the case.
+    """
+    return _hashed(path, read_case(path, overrides=tuple(overrides)))
+
+
+def inputs_of_result(result: Result, path: str) -> Inputs:
+    """The case of a result, from what the result holds; only the mesh is looked for where it was.
+
+    Args:
+        result: holds the case and its readings.
+        path: where the case stood.
+
+    Raises:
+        InputError: the case cannot be read as this version reads it.
+    """
+    try:
+        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+    except InputError as error:
+        unplaced = [replace(fault, location=Location(path)) for fault in error.faults]
+        raise InputError(unplaced) from error
+    nowhere = Source(path)  # the lines of the resolved case are not those of the file
+    loaded = replace(
+        loaded,
+        case=_as_fitted(loaded.case, result.gauges, nowhere),
+        text=result.case_text,
+        resolved=result.case_resolved,
+    )
+    hashes = result.provenance
+    return replace(
+        _hashed(path, loaded),
+        case_sha256=hashes.case_sha256,
+        readings_sha256=hashes.readings_sha256,
+    )
+
+
+def files_of_result(result: Result, path: str) -> tuple[str, ...]:
+    """Paths of a result, of its case and of all files that the case names, as far as they exist.
+
+    Args:
+        result: holds the case.
+        path: of its file.
+    """
+    case = case_path(path, result.provenance.case_file)
+    texts = (result.case_text, result.case_resolved)
+    named = [name for text in texts for name in files_of_text(text, case)]
+    return tuple(dict.fromkeys((path, case, *(part for n in named for part in mesh_files(n)))))
+
+
+def case_path(output: Path | str, case_file: str) -> str:
+    """The case that a result was made from, as seen from here."""
+    if Path(case_file).is_absolute():
+        return case_file
+    return os.path.normpath(Path(output).parent / case_file)
+
+
+def _as_fitted(case: Case, gauges: GaugeTable, source: Source) -> Case:
+    """A case with the readings and accuracies of a result, whose files need not be there."""
+    pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
+    known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
+    errors = dict(zip(gauges.channels, gauges.errors, strict=False))
+    channels = tuple(
+        replace(c, accuracy=known.get(c.name, c.accuracy), errors=errors.get(c.name))
+        for c in case.channels
+    )
+    return replace(case, readings=readings_of(gauges.readings), channels=channels, source=source)
+
+
+def _hashed(path: str, loaded: LoadedCase) -> Inputs:
+    return Inputs(
+        path,
+        loaded,
+        case_sha256=sha256(loaded.resolved.encode()),
+        mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
+        readings_sha256=_hash_readings(loaded.readings_paths),
+    )
+
+
+def _hash_readings(paths: Sequence[str]) -> str:
+    """Of the one file of readings, of the hashes of several, of nothing."""
+    hashes = [_hash_file(path, "readings") for path in paths]
+    return hashes[0] if len(hashes) == 1 else sha256("".join(hashes).encode()) if hashes else ""
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 as hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _hash_file(path: str, what: str) -> str:
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        message = f"The {what} file cannot be read: {error.strerror or error}."
+        raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
+
+
+def load_mesh(inputs: Inputs, path: str) -> Mesh:
+    """Parse the mesh of a case that stands at a path.
+
+    Raises:
+        InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
+            file, is placed where the case names the mesh.
+    """
+    try:
+        return read_mesh(path, dim=inputs.case.analysis.dim)
+    except InputError as error:
+        raise InputError(_in_case(fault, inputs.case) for fault in error.faults) from error
+
+
+def _in_case(fault: Fault, case: Case) -> Fault:
+    if fault.location.line:
+        return fault
+    message = f"{fault.location.file}: {fault.message}"
+    return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
+
+
+def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | OpeningModel:
+    """The staged model of a case, the closed form where it has no mesh.
+
+    Raises:
+        InputError: what the case says does not fit the mesh, or weight and in-situ stress
+            contradict each other at the start values.
+        ModelError: the model moves freely somewhere.
+    """
+    path = inputs.loaded.mesh_path
+    if path is None:
+        return opening_model(inputs.case)
+    model = staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+    if faults := model.contradictions():
+        raise InputError(faults)
+    return model
+
+
+def start_values(case: Case, model: CaseModel) -> Floats:
+    """The start values (n,) of the parameters, SI.
+
+    Raises:
+        ModelError: they are outside the domain of the model.
+    """
+    p = np.array([parameter.start for parameter in case.parameters], dtype=np.float64)
+    reason = model.admissible(p)
+    if reason is not None:
+        raise ModelError(f"The start values are outside the domain of the model: {reason}")
+    return p
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,8 @@ def chosen_stages(gauges: GaugeTable, names: Sequence[str]) -> Bools:
 
 
 def predict_stages(
-    computed: Floats,
+    survey: Survey,
     assessment: Assessment,
-    *,
-    sensitivity: Floats,
     accuracy: Floats,
     stages: Bools,
     known: KnownErrors | None = None,
@@ -40,23 +38,24 @@ def predict_stages(
     """Bands of the computed readings at the given stages.
 
     Args:
-        computed: (n_channels, n_stages) readings, m; NaN where a channel cannot be read.
+        survey: the model at the estimate; its readings are NaN where a channel cannot be read.
         assessment: how well the parameters are known.
-        sensitivity: (n_channels, n_stages, n) derivatives of the computed readings, SI.
-        accuracy: (n_channels, n_stages) standard deviation of a reading, m; NaN for no prediction.
+        accuracy: (n_channels, n_stages) standard deviation of a reading, SI; NaN for no prediction.
         stages: (n_stages,) the stages to predict.
         known: what the used readings tell of errors that later ones share; None where all are
             independent.
     """
+    computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sd = np.full(computed.shape, np.nan)
+    sensitivity = survey.sensitivity[wanted]
     if known is not None:
-        later = known.of(np.argwhere(wanted), sensitivity[wanted])
+        later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
         sd[wanted] = predict_band(assessment, later.jacobian, later.sd)
-        return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
-    sd[wanted] = predict_band(assessment, sensitivity[wanted], accuracy[wanted])
+    else:
+        sd[wanted] = predict_band(assessment, sensitivity, accuracy[wanted])
     return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import InputError
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -129,20 +130,19 @@ def with_computed(
         survey: of the model at p.
         p: (n,) parameters, SI.
     """
-    names = [channel.name for channel in case.channels]
-    rows = np.array([names.index(channel) for channel in readings.channel], dtype=np.int64)
-    states = [case.stage_names.index(stage) for stage in readings.stage]
-    columns = np.array(states, dtype=np.int64) - 1  # the survey leaves the virgin state out
+    pairs = tuple(zip(readings.channel, readings.stage, strict=True))
+    common = ReadingPlaces.of(case, pairs, ())
+    own = replace(common, times=readings.time)
     values = model.values(p)
-    own, common = (
-        model.instrument_errors.added(values, model.names, rows, columns + 1, times)
-        for times in (readings.time, None)
+    at_own, at_common = (
+        model.instrument_errors.added(values, model.names, places) for places in (own, common)
     )
-    more = own - common
+    more = at_own - at_common
+    place = common.rows, common.states - 1  # the survey leaves the virgin state out
     return replace(
         readings,
-        computed=survey.computed[rows, columns] + more[:, 0],
-        sensitivity=survey.sensitivity[rows, columns] + more[:, 1:],
+        computed=survey.computed[place] + more[:, 0],
+        sensitivity=survey.sensitivity[place] + more[:, 1:],
     )
 
 

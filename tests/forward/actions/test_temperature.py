@@ -149,3 +149,32 @@ def test_every_number_of_the_temperature_is_differentiated_exactly():
 
 def test_the_obstacle_is_the_product():
     assert "nu of dam" in branches().response([("c", "summer")]).obstacle()
+
+
+def test_what_warm_ground_still_holds_is_a_product_of_temperature_and_release():
+    """Its thermal stress, half released: affine in the rise alone and in the part alone."""
+    mesh = regroup(
+        box("tri6", (6, 6), size=(6.0, 6.0)), core=lambda c: (abs(c - 3) < 1).all(axis=1)
+    )
+
+    def obstacle(*free):
+        start = {"rise": 12.0, "part": 0.7}
+        rise, part = (Scalar(1.0, n) if n in free else Scalar(value) for n, value in start.items())
+        stages = (
+            Stage("warm", temperature={"core": rise}),
+            Stage("open", excavate=("core",), release={"core": part}),
+        )
+        staged = model(
+            mesh,
+            parameters=tuple(Parameter(n, start[n], -np.inf, np.inf) for n in free),
+            materials={"rock": concrete("rock")},
+            groups={"rock": "rock", "core": "rock"},
+            supports=rollers(2),
+            stages=stages,
+            channels=(displacement("c", (1.0, 5.0), (0.6, 0.8)),),
+        )
+        return staged.response([("c", "open")]).obstacle()
+
+    assert obstacle("rise") is None
+    assert obstacle("part") is None
+    assert "the product of rise and part" in obstacle("rise", "part")

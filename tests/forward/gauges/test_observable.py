@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from support.cases import displacement
 from support.derivatives import assert_exact
 from support.load_cells import ENDS, GAUGES, VALUES, P, cell, nailed
 
@@ -60,3 +63,15 @@ def test_a_cell_is_zeroed_only_while_its_structure_stands():
         "gauge 'x' reads zero at stage 'open', at which the structure 'nails' does not stand; it "
         "stands at: bolt, go on"
     )
+
+
+def test_every_point_outside_the_mesh_and_every_missing_bar_is_said_at_once():
+    far = replace(displacement("far", (9.0, 6.0), (1.0, 0.0)), first=(7.0, 8.0))
+    wide = replace(displacement("wide", (1.0, 1.5), (1.0, 0.0)), first=(-3.0, 2.0))
+    cells = (cell("x", *ENDS[0], member=2), cell("y", *ENDS[1], member=3))
+    with pytest.raises(InputError) as error:
+        nailed(far, wide, *cells)
+    said = "\n".join(fault.message for fault in error.value.faults)
+    assert len(error.value.faults) == 5
+    for place in ("(7, 8) m", "(9, 6) m", "(-3, 2) m", "'x'", "'y'"):
+        assert place in said, said

@@ -11,10 +11,11 @@ from support.derivatives import richardson
 from support.meshes import KINDS, box, regroup
 
 from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.march.virgin import local_imbalance
 from geoident.model.actions import Pressure, Seismic, Traction, Water, WaterPressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.dual import ParameterPoint
-from geoident.model.in_situ import GeostaticStress
+from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar
 
 G = 9.81
@@ -107,7 +108,7 @@ def test_by_hand_with_water_and_surcharge():
     assert imbalance(staged) < 1e-12
     # 6 m down, in the clay: 10 + 4 x 18.1485 + 2 x 19.1295 - 4 x 9.81 = 81.613 kPa
     places = np.array([[3.1, 6.0]])
-    above = Overburden(staged.case, mesh).above(places)
+    above = Overburden(staged.on_mesh).above(places)
     weight = above.weight(staged.case, NOWHERE).value[0]
     assert weight + 10e3 - 4 * GAMMA_W == pytest.approx(81.613e3, rel=1e-9)
 
@@ -227,7 +228,7 @@ def test_a_lens_and_what_is_not_there():
         mesh, GeostaticStress(K0=Scalar(0.5)),
         groups={rest: "sand", "lens": "clay", "building": None, "gallery": None},
     )  # fmt: skip
-    above = Overburden(staged.case, staged.mesh).above
+    above = Overburden(staged.on_mesh).above
     case = staged.case
     sand, clay = SAND.density.factor * G, CLAY.density.factor * G
 
@@ -274,6 +275,57 @@ def test_curved_layers_converge_with_the_mesh():
     coarse, fine = error(6), error(12)
     assert fine < coarse / 3.3
     assert fine < 0.1e3
+
+
+# Local balance ------------------------------------------------------------------------------------
+
+
+def part_out_of_balance(staged):
+    return local_imbalance(staged.march, NOWHERE).part
+
+
+@pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8", "tet4"])
+@pytest.mark.parametrize("table", np.linspace(8.3, 11.9, 7))
+def test_a_table_inside_elements_is_below_the_line(kind, table):
+    """Elements of 2 m and layers right below the surface: the stress has a kink inside them."""
+    mesh = layered(kind)
+    if kind in ("tri3", "quad4", "tet4"):  # straight mid-nodes would no longer be in the middle
+        inner = np.all((mesh.points > 0.1) & (mesh.points < 11.9), axis=1)
+        inner &= ~np.isin(mesh.points[:, -1].round(9), (4.0, 8.0))
+        shift = np.random.default_rng(1).uniform(-0.4, 0.4, mesh.points.shape)
+        mesh = replace(mesh, points=mesh.points + inner[:, None] * shift)
+    wet = Water(Scalar(float(table)), Scalar(GAMMA_W))
+    assert part_out_of_balance(heavy(mesh, GeostaticStress(K0=Scalar(0.4)), water=wet)) < 0.008
+
+
+@pytest.mark.parametrize(("kind", "expected"), [("tri3", 0.023), ("quad8", 0.0147)])
+def test_a_slope_is_out_of_balance_by_the_same_part_on_every_mesh(kind, expected):
+    """In parts of the largest nodal force it would vanish with the size of the elements."""
+
+    def slope(points):
+        x, z = points.T
+        return np.column_stack([x, z * (1 - 0.1 * x / 12)])
+
+    coarse, fine = (
+        heavy(layered(kind, warp=slope, n=n), GeostaticStress(K0=Scalar(0.5))) for n in (6, 24)
+    )
+    for staged in (coarse, fine):
+        assert part_out_of_balance(staged) == pytest.approx(expected, rel=0.02)
+        (fault,) = staged.contradictions()
+        assert fault.code == "out-of-balance"
+    assert imbalance(fine) < imbalance(coarse) / 4
+
+
+@pytest.mark.parametrize("kind", ["tri3", "tri6", "quad8"])
+@pytest.mark.parametrize("part", [-0.019, 0.019])
+def test_a_wrong_weight_is_out_of_balance_by_half_its_part_at_most(kind, part):
+    mesh = layered(kind)
+    stress = HeimStress(
+        K0=Scalar(0.5), unit_weight=Scalar((1 + part) * 2600 * G), surface=Scalar(12.0)
+    )
+    staged = heavy(mesh, stress, groups=dict.fromkeys(LAYERS, "rock"))
+    assert 0.002 < part_out_of_balance(staged) < 0.0095 * 1.02
+    assert staged.contradictions() == []
 
 
 # Elasticity, derivatives -------------------------------------------------------------------------

@@ -272,9 +272,9 @@ def test_faces_on_both_sides_of_a_ridge_do_not_reach_beyond_it(kind, axis):
 @pytest.mark.parametrize(
     ("virgin", "free", "words"),
     [
-        (MODELS["azimuth"], {"azimuth"}, "azimuth"),
+        (MODELS["azimuth"], {"azimuth"}, "the horizontal stress turns with the azimuth azimuth"),
         (MODELS["azimuth"], {"sv", "K0h"}, "the in-situ stress contains the product of K0h and sv"),
-        (MODELS["depth"], {"level"}, "level"),
+        (MODELS["depth"], {"level"}, "the in-situ stress ends at the level level of the surface"),
         (
             MODELS["profile"],
             {"level", "gxz"},

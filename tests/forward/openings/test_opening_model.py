@@ -302,6 +302,14 @@ def test_unevenness_of_the_stress_is_told_in_parts_of_its_mean():
     assert not [note for note in even if "in-situ stress around" in note]
 
 
+def test_unevenness_counts_the_wall_below_the_centre():
+    """1 m under the surface, radius 2 m: three times the stress below, none at all above."""
+    shallow = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(25e3), surface=Scalar(1.0))
+    notes = without_mesh(material("rock", 5e9, 0.25), in_situ=shallow).notes
+    (said,) = [note for note in notes if "in-situ stress around" in note]
+    assert "is up to 200 % off its mean" in said
+
+
 def test_options_give_the_circle():
     response = strong()
     assert isinstance(response.opening((0.0, 0.0), 2.01), OpeningResponse)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.cases import displacement, material, model, rollers
@@ -9,6 +11,7 @@ from support.meshes import box
 from support.tunnels import ringed, walled, with_lines
 
 from geoident.errors import InputError
+from geoident.forward.structures import members
 from geoident.model.actions import Traction
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
@@ -415,3 +418,19 @@ def test_lining_that_turns_freely_at_a_support_is_noted():
 
 def _hinged():
     return Beam("wall", EA=Scalar(4e9), EI=Scalar(3e7))
+
+
+@pytest.mark.parametrize("turn", range(0, 360, 15))
+def test_pieces_run_with_the_ground_on_their_left_in_all_directions(turn):
+    """Round a square of ground anticlockwise, however it is turned and wherever it lies."""
+    mesh = box("quad4", (1, 1))
+    corners = mesh.blocks[0].nodes[0]
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    points = mesh.points @ np.array([[c, s], [-s, c]]) + np.array([3.0, -7.0])
+    around = np.stack([corners, np.roll(corners, -1)], axis=1)
+    present = np.ones(1, dtype=bool)
+    for edges in (around, around[:, ::-1], np.vstack([around[:2], around[2:, ::-1]])):
+        found = members._facing_ground(replace(mesh, points=points), edges, present)
+        np.testing.assert_array_equal(found, around)
+        kept = members._facing_ground(replace(mesh, points=points), edges, ~present)
+        np.testing.assert_array_equal(kept, edges)

@@ -25,8 +25,8 @@ from support.yielding import NOTHING, constant, given, marched, rock
 
 from geoident.errors import CollapseError
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.forward.ground_at import GroundAt
-from geoident.forward.march.state import StageEnd
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.march.systems import GroundAt
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support

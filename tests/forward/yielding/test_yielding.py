@@ -12,7 +12,7 @@ from support.derivatives import richardson
 from support.meshes import box
 from support.plastic import Planes
 
-from geoident.forward.ground_at import GroundAt
+from geoident.forward.march.systems import GroundAt
 from geoident.forward.yielding.mohr_coulomb import cut_off
 from geoident.forward.yielding.surfaces import yield_planes
 from geoident.model.case import Material

@@ -11,10 +11,10 @@ import pytest
 from geoident.errors import InputError, ModelError
 from geoident.identify.least_squares.condensation import condensation, condensation_faults
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.problem.protocols import Condensed
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.response import Condensed
 from geoident.model.result import Counts, Iteration
 
 EQUATION = CondensationOptions(weighting="equation")
@@ -73,7 +73,9 @@ def test_cycle_is_said() -> None:
     assert outcome.status == "not-converged"
     assert "cycle" in outcome.reason
     assert "gauss-newton" in outcome.reason
-    assert len(outcome.iterations) < 6
+    assert len(outcome.iterations) == 3  # 2, 2.25 and 2 again
+    length = pytest.approx(np.log(2.25 / 2.0))
+    assert [at.step for at in outcome.iterations] == [0.0, length, length]
     assert outcome.values == pytest.approx([2.0])
 
 
@@ -81,6 +83,19 @@ def test_approach_to_a_cycle_is_said() -> None:
     outcome = iterate(Map(lambda p: 3.2 * p * (1.0 - p)), start=0.45)
     assert "cycle" in outcome.reason
     assert len(outcome.iterations) < 30
+
+
+@pytest.mark.parametrize(("length", "steps"), [(3, 3), (6, 6), (7, 40)])
+def test_cycles_of_up_to_six_steps_are_seen_when_they_close(length: int, steps: int) -> None:
+    """Round and round over so many values, up and down."""
+    values = 1.0 + 0.1 * np.array([0, 4, 1, 5, 2, 6, 3])[:length]
+
+    def following(p: Floats) -> Floats:
+        return values[[(int(np.argmin(np.abs(values - p))) + 1) % length]]
+
+    outcome = iterate(Map(following), start=1.0, options=replace(OUTPUT, max_iterations=40))
+    assert len(outcome.iterations) == steps + 1
+    assert ("cycle" in outcome.reason) == (length <= 6)
 
 
 def test_divergence_is_said_and_the_best_iterate_returned() -> None:

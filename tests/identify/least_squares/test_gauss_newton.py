@@ -4,8 +4,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares import trust_region
-from geoident.identify.least_squares.descent import halton_starts
-from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.least_squares.gauss_newton import gauss_newton, halton_starts
 from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.methods import GaussNewtonOptions

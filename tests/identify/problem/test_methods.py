@@ -5,7 +5,6 @@ from support.plastic_bars import Frame, PlasticBars
 from geoident.errors import InputError
 from geoident.identify import METHODS, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
-from geoident.identify.problem.protocols import Response
 from geoident.model.methods import (
     METHOD_OPTIONS,
     ComplementarityOptions,
@@ -16,6 +15,7 @@ from geoident.model.methods import (
     SimplexOptions,
 )
 from geoident.model.parameter import Parameter
+from geoident.model.response import Response
 
 TRUE = np.array([4.0, 0.5])
 QUESTION = (Parameter("E", 30.0, 1.0, 100.0, "log"), Parameter("K0", 1.0, 0.0, 2.0))
@@ -131,6 +131,7 @@ def test_a_scan_along_one_parameter_keeps_the_others_at_their_start(problem):
     outcome = scan(problem, ScanOptions({"K0": ScanAxis(0.1, 0.9, 5)}), go_on)
     assert outcome.grid.names == ("K0",)
     assert {it.values[0] for it in outcome.iterations} == {30.0}
+    assert {(it.step, it.note) for it in outcome.iterations} == {(0.0, "grid")}
 
 
 def test_a_scan_without_a_grid_spans_the_bounds():

@@ -45,6 +45,14 @@ def test_prior_residuals_count_standard_deviations():
     np.testing.assert_allclose(r, [1.0, 2.0], rtol=1e-12)
 
 
+@pytest.mark.parametrize("value", [1e-6, 0.3, 0.5, 1.0, 30.0])
+def test_a_lognormal_prior_counts_in_logarithms_whatever_the_unit(value):
+    """Angles in rad are below 1: 0.3 at 0.6 with 0.06 rad is ten times ln 2 off."""
+    q = Parameter("phi", 0.5, 0.0, 40.0, prior=Prior(0.6, 0.06, "lognormal"))
+    expected = 10.0 * np.log(value / 0.6)
+    assert Scaling([q]).prior_residuals(np.array([value])) == pytest.approx([expected])
+
+
 def test_a_lognormal_prior_excludes_negative_values():
     q = Parameter("T", 1.0, -1.0, 2.0, prior=Prior(1.0, 0.1, "lognormal"))
     assert Scaling([q]).prior_residuals(np.array([-0.5]))[0] == -np.inf

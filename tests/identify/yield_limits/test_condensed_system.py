@@ -26,9 +26,9 @@ from geoident.identify.yield_limits.condensed_system import (
     determined_unknowns,
     sizes_of_kinds,
 )
+from geoident.identify.yield_limits.full_space import nonlinear_program
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import solve_box
-from geoident.identify.yield_limits.nonlinear_program import nonlinear_program
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
 from geoident.model.methods import (
     ComplementarityOptions,

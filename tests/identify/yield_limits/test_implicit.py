@@ -1,12 +1,14 @@
 """The rules of the implicit search one by one, on bars whose answers are known by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate
-from geoident.identify.least_squares.descent import Ending
+from geoident.identify.least_squares.gauss_newton import Ending
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits.implicit import ImplicitSearch, certificate_at, is_better
@@ -128,6 +130,115 @@ def test_a_restart_that_stays_far_off_is_given_up():
     best = type(start)(start.x, start.p, scaled, start.unreached, start.activity)
     search.restart(Around(), best)
     assert seen == [False, True, False, False, True]
+
+
+class Ways:
+    """Stands for descents; each says which one it was and ends where it is told."""
+
+    def __init__(self, name, seen, end=None):
+        self.name, self.seen, self.end = name, seen, end
+
+    def run(self, start, give_up):
+        self.seen.append(self.name)
+        return self.end or Ending(start, "converged", "")
+
+
+def test_restarts_go_down_the_two_ways_in_turn(monkeypatch):
+    """First and third with planes rising, the others waiting; at last as the last restart did."""
+    search, seen = searching(restarts=3, max_evaluations=100), []
+    search.descents = [Ways("rising", seen), Ways("waiting", seen)]
+    monkeypatch.setattr(search, "restart", lambda around, best: search.descent.run(best, None))
+    start = search.evaluator.evaluate(search.scaling.to_scaled(np.full(3, 0.9)))
+    search.improve(start)
+    assert seen == ["rising", "rising", "waiting", "rising", "rising"]
+    assert search.tried == 3
+    seen.clear()
+    search.improve(start)
+    assert seen == ["rising", "waiting", "rising", "waiting", "waiting"]
+
+
+def test_fruitless_restarts_are_counted_in_a_row(monkeypatch):
+    """Two in a row may be fruitless here; 0.05 % less is kept, but bears no fruit."""
+    search = searching(restarts=50, max_evaluations=100)
+    start = search.evaluator.evaluate(search.scaling.to_scaled(np.full(3, 0.9)))
+    size = np.sqrt(np.array([0.9, None, 0.9 * 0.9995, 0.4, 0.5, 0.4, 0.5, 0.4, 0.1]).astype(float))
+    factors = iter(size)
+
+    def restart(around, best):
+        factor = next(factors)
+        if np.isnan(factor):
+            return None
+        scaled = Linearization(factor * start.model.residual, factor * start.model.jacobian)
+        return Ending(
+            type(start)(start.x, start.p, scaled, start.unreached, start.activity), "", ""
+        )
+
+    search.descents = [Ways("rising", []), Ways("waiting", [])]
+    monkeypatch.setattr(search, "restart", restart)
+    monkeypatch.setattr(search, "patience", lambda best: 2)
+    first = search.improve(start)
+    assert first.point.phi == pytest.approx(0.9 * 0.9995 * start.phi)
+    assert search.tried == 3
+    second = search.improve(start)
+    assert second.point.phi == pytest.approx(0.4 * start.phi)
+    assert search.tried == 6
+    third = search.improve(second.point)
+    assert third.point.phi == second.point.phi
+    assert search.tried == 8
+
+
+def elsewhere(search, point, better=None):
+    """What is begun by plain descents from elsewhere, and how it ends."""
+    seen, improved = [], []
+    there = better or of_phi(point.phi)
+    search.plain = SimpleNamespace(
+        evaluator=SimpleNamespace(start=lambda x, note: seen.append((note, x)) or there),
+        run=lambda start, give_up: Ending(start, "", ""),
+    )
+    search.improve = lambda start: improved.append(start) or Ending(start, "improved", "")
+    return search.from_elsewhere(Ending(point, "first", "")), seen, improved
+
+
+def unreached_and_not(search, phi=4.0):
+    """A point with an unreached plane and one without, of a given discrepancy."""
+    point = search.evaluator.evaluate(search.scaling.start)
+    size = np.sqrt(phi / point.phi)
+    scaled = Linearization(size * point.model.residual, size * point.model.jacobian)
+    return [
+        type(point)(point.x, point.p, scaled, unreached, point.activity)
+        for unreached in (np.array([False, True, False]), np.zeros(3, dtype=bool))
+    ]
+
+
+def test_elsewhere_is_looked_only_where_a_strength_ended_unreached():
+    """From the start and from the weakened point, while there are readings and evaluations left."""
+    for options, phi, which, looked in (
+        ({}, 4.0, 0, 2),
+        ({}, 4.0, 1, 0),
+        ({}, 0.9e-8 * 6, 0, 0),
+        ({"max_evaluations": 1}, 4.0, 0, 0),
+    ):
+        search = searching(**options)
+        point = unreached_and_not(search, phi)[which]
+        found, seen, improved = elsewhere(search, point)
+        assert (found.status, improved) == ("first", [])
+        assert len(seen) == looked, (options, phi, which)
+    search = searching()
+    point = unreached_and_not(search)[0]
+    _, seen, _ = elsewhere(search, point)
+    assert [note for note, _ in seen] == ["plain descent"] * 2
+    assert seen[0][1] == pytest.approx(search.scaling.start)
+    assert seen[1][1] == pytest.approx(search.weakened(point))
+
+
+def test_what_is_better_elsewhere_is_improved_from_there():
+    search = searching()
+    point = unreached_and_not(search)[0]
+    x = search.scaling.to_scaled(np.full(3, 0.9))
+    lower = Iterate(x, np.full(3, 0.9), of_phi(3.9).model)
+    found, _, improved = elsewhere(search, point, lower)
+    assert found.status == "improved"
+    assert [one.p for one in improved] == [pytest.approx(np.full(3, 0.9))] * 2
 
 
 def test_where_no_start_has_a_solution_the_first_says_why():

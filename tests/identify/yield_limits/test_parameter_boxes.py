@@ -6,13 +6,14 @@ reading of 2.4 with 0.1 the best k is 2.8, and phi = 16 where nothing yields.
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
-from geoident.identify.yield_limits.mixed_program import solve_box
+from geoident.identify.yield_limits.mixed_program import _energy, solve_box
 from geoident.identify.yield_limits.parameter_boxes import (
     EnergyInequality,
     ParameterBox,
@@ -222,3 +223,30 @@ def test_products_of_parameters_and_multipliers_count():
     system = bar(products={0: np.array([[0.2]])})
     found = solve_box(system, box(1.0, 5.0), None, best=16.5, gap=1e-6)
     assert found.p == pytest.approx([2.8 / 1.2], abs=2e-3)
+
+
+def test_energy_that_is_not_convex_says_nothing_in_branch_and_bound():
+    """s = k - 4 - 1.2 lam: the reading of 2.4 (lam = 1) is met at k = 5.2.
+
+    The convex part of lam S lam is zero, and lam W q <= 0 alone would leave only lam = 0.
+    """
+    system = replace(bar(), slack_by_lam=np.array([[-1.2]]))
+    assert not form(system).convex
+    found = solve_box(system, box(4.5, 5.5), form(system), best=17.0, gap=1e-6)
+    assert found.p == pytest.approx([5.2], abs=1e-3)
+    assert 0.0 <= found.bound <= 1e-5
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e7])
+def test_energy_bounds_multipliers_in_branch_and_bound(scale):
+    """With k >= 3 alone 2.4 lam^2 - 2 lam <= 0: lam is 1 / 1.2 at most, whatever the unit of W."""
+    system = replace(bar(), work=np.array([2.0 * scale]))
+    energy = EnergyInequality(system, None, np.array([3.0]), np.array([5.0]))
+    scip = importlib.import_module("pyscipopt")
+    model = scip.Model()
+    model.hideOutput()
+    lam = model.addVar(lb=0.0, ub=100.0)
+    _energy(scip, model, energy, [lam])
+    model.setObjective(lam, "maximize")
+    model.optimize()
+    assert model.getObjVal() == pytest.approx(1.0 / 1.2, rel=1e-5)

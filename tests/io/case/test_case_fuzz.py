@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import InputError
-from geoident.io.case.overrides import apply_overrides
+from geoident.io.case.file import apply_overrides
 from geoident.io.readings.file import parse_readings
 from geoident.io.text.text_file import decode
 from geoident.io.text.yaml_reader import parse_yaml
