@@ -24,7 +24,7 @@ from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.march.virgin import contradictions, surface_gaps
+from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
@@ -123,7 +123,11 @@ class StagedModel:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = self.case.start
         _, imbalance = self.march.virgin(ParameterPoint(start, ()))
-        return (*imbalance_notes(imbalance), *self._contradiction_notes(start))
+        return (
+            *overburden_notes(self.march, start),
+            *imbalance_notes(imbalance),
+            *self._contradiction_notes(start),
+        )
 
     def contradictions(self) -> list[Fault]:
         """Where weight and in-situ stress disagree at the start values, unless that is accepted.

@@ -1,6 +1,7 @@
-"""Gauges of a case: their sections, and the channels that they are made into.
+"""All kinds of gauges of a case, and the channels that they are made into.
 
-Every gauge, whatever its kind, is one or more relative displacements.
+Sections of those that read one relative displacement stand here, of the others in `motion` and
+`force`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.gauge import (
+from geoident.io.case.gauges.force import (
+    LoadCellSection,
+    PiezometerSection,
+    PressureCellSection,
+    StrainSection,
+    StressGaugeSection,
+    on_structures,
+)
+from geoident.io.case.gauges.gauge import (
     GaugeBase,
     Motion,
     Reference,
@@ -21,15 +30,7 @@ from geoident.io.case.gauge import (
     refuse_one_point,
     unit_vector,
 )
-from geoident.io.case.gauges_of_force import (
-    LoadCellSection,
-    PiezometerSection,
-    PressureCellSection,
-    StrainSection,
-    StressSection,
-    on_structures,
-)
-from geoident.io.case.gauges_of_motion import (
+from geoident.io.case.gauges.motion import (
     InclinometerSection,
     LevellingSection,
     LineOfSightSection,
@@ -143,7 +144,7 @@ GaugeSection = Annotated[
     | ConvergenceSection
     | DisplacementSection
     | SettlementSection
-    | StressSection
+    | StressGaugeSection
     | PressureCellSection
     | PiezometerSection
     | LoadCellSection
