@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from geoident.io.case.gauges.accuracy import (
     ESTIMATE,
+    FORCES,
     ForceAccuracy,
     PressureAccuracy,
     StrainAccuracy,
@@ -55,7 +56,6 @@ ForceOffset = Annotated[Given, Of(None, tied=True)]
 Stations = Annotated[list[Length], SharesUnit()]
 
 _MOST_STATIONS = 10_000
-_FORCES = ("force", "line load", "moment per length")
 _ZERO = (
     "Stage at whose end the gauge reads zero: it then reads the change since. Without it the "
     f"value itself is read. '{VIRGIN}' is the state before the first stage."
@@ -298,7 +298,7 @@ class LoadCellSection(_ForceGauge):
                 continue
             if given.text == ESTIMATE:
                 continue
-            if given.dimension not in _FORCES:
+            if given.dimension not in FORCES:
                 message = f"'{given.text}' is no force, line load or moment per length"
                 hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
                 faults.add((key,), "unit", message, hint)
