@@ -150,7 +150,7 @@ def test_the_result_file_has_the_unit_of_each_channel_and_reading(result, tmp_pa
 
 
 def test_figures_have_the_unit_on_their_axes(result):
-    figure = readings_figure(result, instruments(result.gauges))
+    figure = readings_figure(result, instruments(result))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[:2] == ["change of length (mm)", "force (kN)"]
     heights = [y for line in figure.axes[1].lines for y in np.atleast_1d(line.get_ydata())]
