@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.march.virgin import contradictions, surface_gaps
+from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
@@ -123,7 +123,11 @@ class StagedModel:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = self.case.start
         _, imbalance = self.march.virgin(ParameterPoint(start, ()))
-        return (*imbalance_notes(imbalance), *self._contradiction_notes(start))
+        return (
+            *overburden_notes(self.march, start),
+            *imbalance_notes(imbalance),
+            *self._contradiction_notes(start),
+        )
 
     def contradictions(self) -> list[Fault]:
         """Where weight and in-situ stress disagree at the start values, unless that is accepted.
@@ -200,9 +204,11 @@ class StagedModel:
         run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
+        equal: dict[str, int] = {}
         for end in run.states():
             state = MarchState(end, run.point, self.structures)
             observed.append(self.observation.values(state))
+            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts:
@@ -221,6 +227,7 @@ class StagedModel:
             tuple(error.message for error in found.collapses),
             found.activity,
             (
+                *_equal_notes(equal, self.case.stage_names),
                 *_unbalanced_notes(found),
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
@@ -405,6 +412,16 @@ class StagedResponse:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
         return self._model.observation.steps(built_on, self._row, self._state)
+
+
+def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:
+    """Which channels read principal stresses that are not told apart, each with one such state."""
+    for channel, state in equal.items():
+        yield (
+            f"gauge '{channel}' reads one of several equal principal stresses at "
+            f"'{stages[state]}': which of them is not determined, and its sensitivities are those "
+            "for growing parameters"
+        )
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:

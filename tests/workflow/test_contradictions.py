@@ -199,3 +199,40 @@ def test_a_free_density_carries_the_geostatic_stress_along(case):
     assert told.exit_code in (0, 4)
     assert "out of balance" not in told.stdout
     assert "grows by" not in told.stdout
+
+
+ONE_UNKNOWN = (
+    ("  K0: {start: 1.0, bounds: [0.2, 4]}\n", ""),
+    ("stages: [first]", "stages: [first, second]"),
+)
+
+
+def test_the_modulus_is_found_only_where_weight_and_stress_agree(case, tmp_path):
+    """Readings of a pit at E = 2 GPa; accepted contradictions miss it."""
+    right = GRAVITY + "in_situ: {model: geostatic, K0: 0.6}"
+    readings = run_command("simulate", case(right, *ONE_UNKNOWN), "-q").stdout
+
+    def fitted(in_situ: str, *changes: tuple[str, str]) -> float:
+        path = case(in_situ, *ONE_UNKNOWN, ("start: 2 GPa", "start: 9 GPa"), *changes)
+        (tmp_path / "readings.csv").write_text(readings)
+        told = run_command("fit", path, "--json", "-q", "--fresh", "--force")
+        assert told.exit_code == 0, told.stderr
+        return float(json.loads(told.stdout)["parameters"]["E"]["value"]) / 1e9
+
+    assert fitted(right) == pytest.approx(2.0, rel=1e-4)
+    loose = heim("18.639 kN/m3", ACCEPT).replace("$K0", "0.6")
+    without = fitted(loose)
+    lighter = fitted(GRAVITY + loose, ("1900 kg/m3", "1500 kg/m3"))
+    assert abs(without - 2.0) > 0.3
+    assert abs(lighter - 2.0) > 0.05
+
+
+def test_check_says_what_the_weight_above_comes_to(case):
+    """Gauss points at 0.2113 m: 18.639 kPa/m times 3.789 m less 9.81 times 1.789 is 53.1 kPa."""
+    water = "water: {table: 2 m}\n"
+    assert (
+        "vertical effective in-situ stress by the weight above, at the start values, in "
+        "compression: 'rock' 3.94 .. 53.1 kPa, 'upper' 3.94 .. 14.7 kPa, 'lower' 22.6 .. 33.3 kPa"
+    ) in notes(case(water + GRAVITY + GEOSTATIC))
+    assert "vertical in-situ stress by" in notes(case(GRAVITY + GEOSTATIC))
+    assert "weight above" not in notes(case(GRAVITY + heim("18.639 kN/m3")))

@@ -25,7 +25,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.forward.gauges.observable import MarchState, Placed, from_zero
-from geoident.forward.gauges.stress import Spots, Stresses, readers_of
+from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     StructureMembers,
@@ -61,7 +61,7 @@ class MemberReadings:
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = channels
-        self._places: dict[str, _Place] = {}
+        self._places: dict[str, _PlaceOnBeam] = {}
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""
@@ -85,7 +85,7 @@ class MemberReadings:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _PlaceOnBeam:
     """A place on a beam.
 
     Args:
@@ -106,7 +106,7 @@ class _Place:
     normals: Floats
     lengths: Floats
 
-    def seen_from(self, towards: tuple[float, ...] | None) -> _Place:
+    def seen_from(self, towards: tuple[float, ...] | None) -> _PlaceOnBeam:
         """The same with the inside on the side of a point (dim,), m, or as the pieces have it."""
         if towards is None:
             return self
@@ -114,7 +114,7 @@ class _Place:
         return replace(self, turned=np.where(side < 0, -1.0, 1.0))
 
 
-def nearest(ends: Floats, point: Floats) -> _Place:
+def nearest(ends: Floats, point: Floats) -> _PlaceOnBeam:
     """Where the pieces of a beam come nearest to a point.
 
     Args:
@@ -131,11 +131,17 @@ def nearest(ends: Floats, point: Floats) -> _Place:
     here = np.flatnonzero(at)
     normals = np.stack([span[here, 1], -span[here, 0]], axis=1) / length[here, None]
     ones = np.ones(len(here))
-    return _Place(here, along[here], ones, foot[best], float(distance[best]), normals, length[here])
+    return _PlaceOnBeam(
+        here, along[here], ones, foot[best], float(distance[best]), normals, length[here]
+    )
 
 
 def _of_beam(
-    part: StructureMembers, place: _Place, channel: Channel, members: Floats, point: ParameterPoint
+    part: StructureMembers,
+    place: _PlaceOnBeam,
+    channel: Channel,
+    members: Floats,
+    point: ParameterPoint,
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
@@ -191,11 +197,11 @@ def pressures_on_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Plac
     standing = np.array([_standing(channel, on_mesh) for channel in channels])
     when = standing.reshape(-1, len(on_mesh.sequence.states))
     if faults:
-        nothing = Stresses([], Spots.of([], on_mesh).water(on_mesh))
+        nothing = StressReadings([], Spots.of([], on_mesh).water(on_mesh))
         return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_STANDING)
     turned, sites = zip(*(_facing(channel, on_mesh) for channel in channels), strict=True)
     spots = Spots.of(turned, on_mesh, sites)
-    observable = Stresses(readers_of(spots, on_mesh), spots.water(on_mesh))
+    observable = StressReadings(readers_of(spots, on_mesh), spots.water(on_mesh))
     return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
 
 
@@ -217,7 +223,7 @@ def _facing(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Channel, tuple[Site,
     return replace(channel, second=foot, direction=tuple(map(float, inside)), towards=None), behind
 
 
-def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _Place, Floats]:
+def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _PlaceOnBeam, Floats]:
     """Pieces (n, 2) of a beam, the place of a channel on it, and the unit vector to its inside."""
     mesh, structure = on_mesh.mesh, on_mesh.case.structures[channel.structure]
     assert isinstance(structure, Beam)

@@ -17,7 +17,7 @@ from geoident.forward.gauges.observable import (
     relative_displacements,
 )
 from geoident.forward.gauges.strain import strains
-from geoident.forward.gauges.stress import pore_pressures, stresses
+from geoident.forward.gauges.stress import StressReadings, pore_pressures, stresses
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -95,6 +95,22 @@ class Observation:
         for rows, observable in self.parts:
             table[rows] = observable.values(state)
         return table
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """Channels that read, at a state, one of several equal principal stresses."""
+        found = []
+        for rows, observable in self.parts:
+            if isinstance(observable, StressReadings):
+                named = observable.coinciding(state)
+                read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
+                found += [name for name in named if name in read]
+        return tuple(found)
+
+    def _counts(self, row: int, state: int) -> bool:
+        """Whether the readings of a channel are made of a state."""
+        at_stage, at_zero = self.weights[:, row]
+        read = self.readable[state, row] and at_stage != 0
+        return bool(read or (at_zero != 0 and self.zero[row] == state))
 
     def readings(self, observed: Floats, rows: Ints, states: Ints) -> Floats:
         """What channels read, (..., k), of what they see.

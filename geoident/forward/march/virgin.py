@@ -54,6 +54,8 @@ _NOTHING = 1e-9
 
 _GRAVITY = 9.81
 
+_SHOWN = 8  # groups in a note
+
 ACCEPT = "or take it knowingly: in_situ: {equilibrium: accept}"
 
 
@@ -352,6 +354,32 @@ def surface_gaps(march: March, values: Values) -> list[Fault]:
         key = (*path, "surface")
         faults.append(case.source.fault(key, code="surface", message=message, hint=hint))
     return faults
+
+
+def overburden_notes(march: March, values: Values) -> list[str]:
+    """What the weight above comes to in the groups with a geostatic stress, a sentence.
+
+    Args:
+        march: of the case.
+        values: parameters by name, SI.
+    """
+    points, sequence = march.systems.discretization.points, march.sequence
+    wanted = [g for _, _, groups in _geostatic_zones(march) for g in groups]
+    wanted = [g for g in sequence.states[0].materials if g in wanted]
+    if not wanted:
+        return []
+    stress = march.in_situ.columns(ParameterPoint(values, ()))[march.case.analysis.dim - 1, :, 0]
+    group_of_point = sequence.group_of[points.element]
+    said = []
+    for g in wanted[:_SHOWN]:
+        mine = -stress[group_of_point == g] / 1e3
+        said.append(f"'{sequence.groups[g]}' {mine.min():.3g} .. {mine.max():.3g} kPa")
+    more = f" and {len(wanted) - _SHOWN} more groups" if len(wanted) > _SHOWN else ""
+    effective = "" if march.case.water is None else "effective "
+    return [
+        f"vertical {effective}in-situ stress by the weight above, at the start values, in "
+        f"compression: {', '.join(said)}{more}"
+    ]
 
 
 def _gap_text(position: Floats, gap: float, side: str) -> str:

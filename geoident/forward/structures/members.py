@@ -413,7 +413,7 @@ def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
 
     Args:
         mesh: a plane mesh.
-        edges: nodes of the two ends of each.
+        edges: (n, 2) nodes of the two ends of each.
         present: (n_elements,) which elements are there.
     """
     balance = np.zeros(len(edges))

@@ -383,7 +383,7 @@ def _check_tie(
     parameter = section.parameters.get(name)
     if parameter is None:
         faults.add_unknown(path, "parameter", name, section.parameters)
-    elif parameter.start.dimension != given.dimension:
+    elif given.dimension and parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
         message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
         hint = "Change the unit of its start, or use another parameter."

@@ -119,6 +119,7 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
         readings=read.readings,
         dates=read.dates,
         notes=read.notes,
+        when_read=read.by_stage,
     )
     faults.raise_any()
     chain = [method_name(options) for options in case.fit.methods]

@@ -25,6 +25,7 @@ from geoident.io.schema.values import (
     Drift,
     Given,
     Name,
+    Of,
     Offset,
     scalar_of,
     shape_of,
@@ -32,6 +33,7 @@ from geoident.io.schema.values import (
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
+GivenLength = Annotated[Given, Of("length", above=0.0)]
 Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
 """Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""

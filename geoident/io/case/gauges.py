@@ -26,7 +26,7 @@ from geoident.io.case.gauges_of_force import (
     PiezometerSection,
     PressureCellSection,
     StrainSection,
-    StressSection,
+    StressGaugeSection,
     on_structures,
 )
 from geoident.io.case.gauges_of_motion import (
@@ -143,7 +143,7 @@ GaugeSection = Annotated[
     | ConvergenceSection
     | DisplacementSection
     | SettlementSection
-    | StressSection
+    | StressGaugeSection
     | PressureCellSection
     | PiezometerSection
     | LoadCellSection

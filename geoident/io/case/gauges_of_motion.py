@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 from geoident.io.case.accuracy import AngleAccuracy
 from geoident.io.case.gauge import (
     GaugeBase,
+    GivenLength,
     Motion,
     Reference,
     Vector,
@@ -39,9 +40,8 @@ from geoident.io.schema.values import (
 )
 from geoident.model.gauges import Channel, MovingPoint
 
-Depths = Annotated[list[Length], SharesUnit()]
+DepthList = Annotated[list[Length], SharesUnit()]
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
-GivenLength = Annotated[Given, Of("length", above=0.0)]
 GivenAngle = Annotated[Given, Of("angle")]
 
 _ON_LINE = 1e-9
@@ -62,7 +62,7 @@ class InclinometerSection(GaugeBase):
         description="Points of the casing from its top to its bottom; straight between them.",
         examples=[["[12, 0 m]", "[12, -20 m]"]],
     )
-    depths: Depths | None = Field(
+    depths: DepthList | None = Field(
         None, description="Where it is read, measured along the casing from its top."
     )
     interval: GivenLength | None = Field(
@@ -84,7 +84,7 @@ class InclinometerSection(GaugeBase):
     relative_to: Literal["bottom", "top"] = Field(
         "bottom", description="Reference end of the casing."
     )
-    rings: Depths = Field(
+    rings: DepthList = Field(
         [], description="Depths of magnetic rings, whose settlement along the casing is read."
     )
 

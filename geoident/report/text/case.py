@@ -10,6 +10,7 @@ import yaml
 
 from geoident.model.result import GaugeTable, Result
 from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
+from geoident.report.text.gauges import moment_text
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -84,6 +85,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Gauges", _gauges(summary)),
         section("Positions of the gauges", _places(summary)),
         _readings(summary),
+        section("Dates of the readings", _when_read(summary)),
         section("Computation", _cost(summary.cost)),
         section("Notes", bullets(summary.notes)),
     )
@@ -172,6 +174,31 @@ def _readings(summary: CaseSummary) -> str:
         for reason, channels in reading.unused:
             lines.append(sentence(f"not used: {_together(channels)}: {reason}", indent="    "))
     return "\n".join(lines)
+
+
+def _when_read(summary: CaseSummary) -> str:
+    """A line for every stage: what went where, by the dates."""
+    if not summary.when_read:
+        return ""
+    rows = [
+        [
+            stage.stage,
+            _date(stage.complete),
+            str(stage.number),
+            str(stage.channels),
+            _date(stage.first),
+            _date(stage.last),
+            str(stage.between or "-"),
+        ]
+        for stage in summary.when_read
+    ]
+    header = ("stage", "complete on", "readings", "channels", "first", "last", "nearer to the next")
+    return TextTable(header, rows, right="llrrllr").text
+
+
+def _date(seconds: float | None) -> str:
+    found = None if seconds is None else moment_text(seconds)
+    return "-" if found is None else found.replace("T", " ")[:16].removesuffix(" 00:00")
 
 
 def _together(channels: Sequence[str]) -> str:

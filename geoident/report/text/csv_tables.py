@@ -135,7 +135,7 @@ def _gauges(result: Result) -> CsvTable:
 
 def _readings(result: Result) -> CsvTable:
     """Every reading, in the order of the files."""
-    header = ("gauge", "stage", "time", "value", "computed", "sd", "unit", "used", "reason")
+    header = ("gauge", "stage", "time", "value", "computed", "sd", "unit", "used", "reason", "note")
     rows: list[CsvRow] = [
         (
             reading["gauge"],
@@ -148,6 +148,7 @@ def _readings(result: Result) -> CsvTable:
             shown_unit(*reading["shown"]),
             reading["used"],
             reading["reason"],
+            reading["note"],
         )
         for reading in each_reading(result.gauges)
     ]

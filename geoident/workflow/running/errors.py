@@ -20,7 +20,7 @@ from geoident.model.gauges import Channel, Reading
 DAY = 86400.0
 """Seconds."""
 
-Source = tuple[str | float, ...]
+ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
 Row = tuple[Channel, Reading]
@@ -65,7 +65,7 @@ class _Table:
     """Collects the entries of B."""
 
     steps: Mapping[str, tuple[float, ...]]
-    sources: dict[Source, int] = field(default_factory=dict)
+    sources: dict[ErrorSource, int] = field(default_factory=dict)
     components: dict[str, int] = field(default_factory=dict)
     of_source: list[int] = field(default_factory=list)
     entries: list[tuple[int, int, float]] = field(default_factory=list)
@@ -108,7 +108,7 @@ class _Table:
 
 def _shared(
     channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
-) -> Iterator[tuple[str, Source, float]]:
+) -> Iterator[tuple[str, ErrorSource, float]]:
     """The shared errors of a reading: part, what it is that of, and standard deviation."""
     parts = channel.errors
     assert parts is not None

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import NOWHERE, displacement, imbalance, material, model, virgin
+from support.cases import NOWHERE, displacement, imbalance, make_case, material, model, virgin
 from support.derivatives import richardson
 from support.meshes import KINDS, box, regroup
 
+from geoident.fem.kinematics import kinematics_of
+from geoident.fem.location import Locator
+from geoident.fem.orientation import oriented
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.march.virgin import local_imbalance
 from geoident.model.actions import Pressure, Seismic, Traction, Water, WaterPressure
@@ -249,6 +252,32 @@ def test_a_lens_and_what_is_not_there():
     gallery = np.abs(xs - 3) < 1
     np.testing.assert_allclose(found.lengths.sum(axis=1)[gallery], 9.9 - 2, atol=1e-6)
     assert weight(xs[2003], 0.1) == pytest.approx(sand * 9.9 + (clay - sand) * lens[2003], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_layers_of_any_shape_fill_the_line_to_the_top(kind):
+    """Distorted elements of three materials at random: warped faces too are met just once."""
+    dim = 2 if kind.startswith(("tri", "quad")) else 3
+    mesh = box(kind, (4,) * dim, size=(8.0,) * dim, distortion=0.25)
+    of = np.random.default_rng(5).integers(0, 3, mesh.n_elements)
+    mesh = replace(mesh, groups={n: np.flatnonzero(of == k) for k, n in enumerate(LAYERS)})
+    case = make_case(mesh, materials=MATERIALS, groups=LAYERS, gravity=(*(0.0,) * (dim - 1), -G))
+    mesh = oriented(mesh, kinematics_of(case.analysis))
+    places = np.random.default_rng(6).uniform(0.05, 7.95, (200, dim))
+    found = Overburden(case, mesh).above(places)
+    np.testing.assert_allclose(found.lengths.sum(axis=1), 8 - places[:, -1], rtol=1e-9)
+    assert (found.lengths.toarray() > 0).all(axis=1).sum() > 10
+    if kind not in ("tri3", "tet4", "quad4"):
+        return  # faces that are not flat are cut otherwise than the elements' own mapping
+    locator, steps = Locator(mesh), 300
+    for n in range(5):
+        x, top = places[n], 8 - places[n, -1]
+        heights = x[-1] + (np.arange(steps) + 0.5) / steps * top
+        above = [locator.sites((*x[:-1], z))[0].element for z in heights]
+        sampled = np.bincount(of[above], minlength=3) * top / steps
+        mine = found.lengths[[n]].toarray()[0]
+        expected = [sampled[list(LAYERS).index(name)] for name in found.materials]
+        np.testing.assert_allclose(mine, expected, atol=6 * top / steps)
 
 
 def test_curved_layers_converge_with_the_mesh():

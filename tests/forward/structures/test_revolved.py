@@ -14,6 +14,7 @@ from support.revolved import constant, revolve
 from support.tunnels import with_lines
 
 from geoident.errors import InputError
+from geoident.forward.actions.supports import fixed_dofs
 from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
@@ -153,7 +154,7 @@ def _reactions(staged):
         held = points.forces(end.stress[..., 0], points.volume)
         held += staged.structures.nodal_forces(end.members[:, :1])[:, 0]
         held -= staged.actions.forces(end.state, NOWHERE)[:, 0]
-        yield held.reshape(-1, 2)[staged.on_mesh.fixed.reshape(-1, 2)[:, 1], 1].sum()
+        yield held.reshape(-1, 2)[fixed_dofs(staged.on_mesh).reshape(-1, 2)[:, 1], 1].sum()
 
 
 PARAMETERS = (
@@ -207,9 +208,9 @@ def test_derivatives_by_every_number_about_an_axis():
         channels=(
             displacement("r", (3.0, 3.5), (1.0, 0.0)),
             displacement("y", (3.6, 3.8), (0.0, 1.0)),
-            cell("N", *bolt),
-            cell("S", *strut),
-            cell("A", *anchor),
+            cell("N", *bolt, structure="bolts"),
+            cell("S", *strut, structure="struts"),
+            cell("A", *anchor, structure="anchors"),
         ),
     )
     read = [(c, s.name) for c in ("r", "y", "N") for s in stages]

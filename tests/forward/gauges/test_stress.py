@@ -1,0 +1,297 @@
+"""Gauges of stress, pressure and pore pressure: closed forms, exact derivatives, when they read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.cases import displacement, material, model, rollers
+from support.derivatives import assert_exact
+from support.force_gauges import gauge
+from support.meshes import box, opening, regroup
+from support.revolved import revolve, section
+
+from geoident.errors import InputError
+from geoident.forward.gauges.stress import principal_values
+from geoident.model.actions import Pressure, Traction, Water
+from geoident.model.case import Stage, Support
+from geoident.model.gauges import Reads
+from geoident.model.in_situ import ConstantStress, HeimStress
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.yielding import MohrCoulomb
+
+ZERO = Scalar(0.0)
+NOTHING = np.empty(0)
+RADIUS, P0, K = 2.0, 10e6, 0.5
+
+
+def _constant(*components):
+    return ConstantStress(tuple(Scalar(float(c)) for c in components))
+
+
+def _kirsch(r, t):
+    """Stresses xx, yy, xy around a round hole, tension positive (Kirsch 1898; Brady & Brown, 7.2).
+
+    The vertical pressure far away is P0, the horizontal one K P0.
+    """
+    s, c2, s2 = (RADIUS / r) ** 2, np.cos(2 * t), np.sin(2 * t)
+    rr = P0 / 2 * ((1 + K) * (1 - s) - (1 - K) * (1 - 4 * s + 3 * s**2) * c2)
+    tt = P0 / 2 * ((1 + K) * (1 + s) + (1 - K) * (1 + 3 * s**2) * c2)
+    rt = P0 / 2 * (1 - K) * (1 + 2 * s - 3 * s**2) * s2
+    turn = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
+    found = -turn @ np.array([[rr, rt], [rt, tt]]) @ turn.T
+    return found[0, 0], found[1, 1], found[0, 1]
+
+
+def _around_a_hole(kind, n, places):
+    reach, nu = 40, 0.25
+    layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
+    mesh = opening(kind, 2, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
+    channels = [
+        gauge("stress", f"{k}.{c}", (r * np.cos(t), r * np.sin(t)), c)
+        for k, (r, t) in enumerate(places)
+        for c in ("xx", "yy", "xy")
+    ]
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e10, nu)},
+        groups={"core": "rock", "rock": "rock"},
+        supports=rollers(2),
+        in_situ=_constant(-K * P0, -P0, -nu * (1 + K) * P0, 0, 0, 0),
+        stages=(Stage("open", excavate=("core",)),),
+        channels=tuple(channels),
+    )
+    found = staged.survey(NOTHING, fields=False).computed[:, 0].reshape(-1, 3)
+    exact = np.array([_kirsch(r, t) for r, t in places])
+    return np.abs(found - exact).max(axis=1) / P0
+
+
+def test_overcoring_beside_a_hole_reads_kirschs_stresses():
+    places = [(2.6, 0.3), (3.1, 0.8), (4.0, 1.3), (6.0, 0.1)]
+    coarse, fine = (_around_a_hole("quad8", n, places) for n in (4, 8))
+    assert coarse.max() < 0.06
+    assert fine.max() < 0.012
+    assert _around_a_hole("tri3", 10, places).max() < 0.05
+
+
+def test_a_flat_jack_in_the_wall_reads_the_hoop_stress():
+    """3 K P0 - P0 and 3 P0 - K P0 of compression at crown and spring line."""
+    reach, n = 40, 12
+    layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
+    mesh = opening("quad8", 2, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
+    jacks = [
+        gauge("stress", "crown", (0.0, RADIUS), direction=(1.0, 0.0), compression=True),
+        gauge("stress", "side", (RADIUS, 0.0), direction=(0.0, 1.0), compression=True),
+    ]
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e10, 0.25)},
+        groups={"core": "rock", "rock": "rock"},
+        supports=rollers(2),
+        in_situ=_constant(-K * P0, -P0, -0.25 * (1 + K) * P0, 0, 0, 0),
+        stages=(Stage("open", excavate=("core",)),),
+        channels=tuple(jacks),
+    )
+    crown, side = staged.survey(NOTHING, fields=False).computed[:, 0]
+    assert crown == pytest.approx((3 * K - 1) * P0, rel=0.03)
+    assert side == pytest.approx((3 - K) * P0, rel=0.02)
+
+
+WEIGHT, GAMMA_W = 20e3, 10e3
+
+
+def _in_water(*channels, level=4.0, **changes):
+    """Soil of 20 kN/m3 up to y = 4 m, full of water to a level; its top is dug off."""
+    water = Water(Scalar(1.0, "level"), Scalar(GAMMA_W))
+    skeleton = HeimStress(Scalar(0.5), unit_weight=Scalar(WEIGHT - GAMMA_W), surface=Scalar(4.0))
+    mesh = regroup(box("quad8", (4, 4), size=(4.0, 4.0)), top=lambda x: x[:, 1] > 3.0)
+    settings = {
+        "parameters": (Parameter("level", level, -10.0, 10.0),),
+        "materials": {"soil": material("soil", 1e8, 0.3, WEIGHT / 10.0)},
+        "gravity": (0.0, -10.0),
+        "groups": {"rock": "soil", "top": "soil"},
+        "supports": (Support("x0", (0,)), Support("x1", (0,)), Support("y0", (0, 1))),
+        "in_situ": skeleton,
+        "water": water,
+        "stages": (Stage("dig", excavate=("top",)), Stage("rest")),
+        "channels": channels,
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+PLACE = (1.3, 1.7)
+LEVEL = np.array([4.0])
+
+
+def test_stress_is_of_skeleton_and_water_together_unless_the_skeleton_is_asked_for():
+    staged = _in_water(
+        gauge("stress", "total", PLACE, "yy", reads=Reads.VIRGIN),
+        gauge("stress", "skeleton", PLACE, "yy", reads=Reads.VIRGIN, effective=True),
+        gauge("pressure-cell", "cell", PLACE, direction=(0.6, 0.8), compression=True),
+        gauge("piezometer", "water", PLACE),
+        gauge("stress", "shear", PLACE, "xy", reads=Reads.VIRGIN),
+    )
+    found = staged.survey(LEVEL, fields=False)
+    total, skeleton, cell, water, shear = found.computed[:, 0]
+    depth = 4.0 - PLACE[1]
+    assert total == pytest.approx(-WEIGHT * depth, rel=1e-9)
+    assert skeleton == pytest.approx(-(WEIGHT - GAMMA_W) * depth, rel=1e-9)
+    assert water == pytest.approx(GAMMA_W * depth, rel=1e-12)
+    assert abs(shear) < 1e-6 * WEIGHT
+    # n . S n of horizontal and vertical pressures after one metre was dug off
+    dug = _in_water(
+        gauge("stress", "x", PLACE, "xx"), gauge("stress", "y", PLACE, "yy"),
+        gauge("stress", "xy", PLACE, "xy"),
+    )  # fmt: skip
+    x, y, xy = dug.survey(LEVEL, fields=False).computed[:, 0]
+    assert y == pytest.approx(-WEIGHT * depth + WEIGHT, rel=1e-6)
+    assert cell == pytest.approx(-(0.36 * x + 0.64 * y + 0.96 * xy), rel=1e-12)
+
+
+def test_a_value_of_the_virgin_state_is_read_whenever_it_is():
+    staged = _in_water(
+        gauge("stress", "v", PLACE, "yy", reads=Reads.VIRGIN),
+        gauge("stress", "gone", (1.3, 3.6), "xx", reads=Reads.VIRGIN),
+        gauge("stress", "now", PLACE, "yy"),
+        gauge("stress", "since", PLACE, "yy", zero="virgin"),
+        gauge("stress", "top", (1.3, 3.6), "xx"),
+    )
+    found = staged.survey(LEVEL, fields=False).computed
+    assert found[0, 0] == found[0, 1]
+    assert np.isfinite(found[1]).all()
+    np.testing.assert_allclose(found[3], found[2] - found[0], rtol=1e-12)
+    assert np.isnan(found[4]).all()
+    assert staged.unreadable("top", "dig") == "the ground at its point is not there then"
+    assert staged.unreadable("top", "virgin") is None
+
+
+def test_a_level_of_water_that_is_a_parameter_is_differentiated():
+    staged = _in_water(
+        gauge("piezometer", "p", PLACE),
+        gauge("stress", "t", PLACE, "yy"),
+        gauge("pressure-cell", "c", (2.6, 0.4), direction=(1.0, 0.0), compression=True),
+        level=3.3,
+    )
+    pairs = [(name, stage) for name in ("p", "t", "c") for stage in ("dig", "rest")]
+    response = staged.response(pairs)
+    assert_exact(response, np.array([3.3]), ("level",))
+    assert response.evaluate(np.array([3.3]))[1][0, 0] == pytest.approx(GAMMA_W)
+
+
+def test_a_piezometer_where_no_water_is_is_a_fault():
+    wet = Water(Scalar(4.0), Scalar(GAMMA_W), groups=("top",))
+    with pytest.raises(InputError) as error:
+        _in_water(gauge("piezometer", "p", PLACE), water=wet, parameters=())
+    (fault,) = error.value.faults
+    assert fault.code == "no-water-there"
+    assert fault.message == (
+        "gauge 'p' reads the pressure of the water in the pores at (1.3, 1.7) m, but the case has "
+        "such water only in 'top'"
+    )
+
+
+def test_a_gauge_of_stress_outside_the_mesh_is_a_fault():
+    with pytest.raises(InputError) as error:
+        _in_water(gauge("stress", "s", (9.0, 1.0), "xx"))
+    (fault,) = error.value.faults
+    assert fault.code == "gauge-outside"
+
+
+def _tensor(*components):
+    xx, yy, zz, xy, yz, xz = components
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def test_principal_values_and_their_derivatives():
+    rng = np.random.default_rng(2)
+    base, slopes = _tensor(*rng.normal(size=6)), [_tensor(*rng.normal(size=6)) for _ in range(3)]
+    found, equal = principal_values(np.stack([base, *slopes], axis=2))
+    assert not equal.any()
+    np.testing.assert_allclose(found[:, 0], np.linalg.eigvalsh(base))
+    for n, slope in enumerate(slopes, start=1):
+        h = 1e-5
+        there, back = (np.linalg.eigvalsh(base + s * h * slope) for s in (1, -1))
+        np.testing.assert_allclose(found[:, n], (there - back) / (2 * h), atol=1e-8)
+
+
+def test_where_principal_values_coincide_they_part_as_the_parameter_grows():
+    turn = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+    base, slope = turn @ np.diag([-3.0, -3.0, 1.0]) @ turn.T, _tensor(1, 2, -1, 0.5, 0.2, -0.7)
+    found, equal = principal_values(np.stack([base, slope], axis=2))
+    np.testing.assert_array_equal(equal, [True, True, False])
+    later = np.linalg.eigvalsh(base + 1e-7 * slope)
+    np.testing.assert_allclose(found[:, 1], (later - found[:, 0]) / 1e-7, atol=1e-5)
+
+
+VALUES = {"E": 5e9, "nu": 0.28, "v": 8e6, "K0": 0.6, "c": 2.6e6}
+QUANTITIES = ("xx", "zz", "xy", "major", "intermediate", "minor", "plane-major", "plane-minor")
+
+
+@pytest.mark.parametrize(
+    ("analysis", "yields"),
+    [("plane", False), ("plane", True), ("axisymmetric", False), ("axisymmetric", True),
+     ("solid", False)],
+)  # fmt: skip
+def test_stresses_are_differentiated_exactly(analysis, yields):
+    values = VALUES | ({"c": 1.5e6} if analysis == "axisymmetric" else {})
+    # Where ground yields, equilibrium to 1e-11 leaves too little of the weak effect of E and nu.
+    names = ("v", "K0", "c") if yields else ("E", "nu", "v", "K0")
+    number = {n: Scalar(1.0, n) if n in names else Scalar(v) for n, v in values.items()}
+    if analysis == "axisymmetric":
+        mesh = section("quad8", (4, 3), (3.0, 2.0), inner=0.5)
+        build = revolve
+    else:
+        dim = 3 if analysis == "solid" else 2
+        mesh = box("hex8" if dim == 3 else "quad8", (3,) * dim, size=(3.0,) * dim)
+        build = model
+    mesh = regroup(
+        mesh, core=lambda x: (x[:, 0] < 1.5) & (x[:, -1] > 1.0), base=lambda x: x[:, -1] < 0.9
+    )
+    place = (2.1, 0.7, 0.8)[: mesh.dim]
+    rock = material("rock", number["E"], number["nu"])
+    if yields:
+        surface = MohrCoulomb(cohesion=number["c"], friction=Scalar(0.5), planes=8)
+        rock = replace(rock, yields=(surface,))
+    channels = [gauge("stress", q, place, q) for q in QUANTITIES]
+    normal = (0.6, 0.8, 0.0)[: mesh.dim]
+    channels.append(gauge("pressure-cell", "cell", place, direction=normal, compression=True))
+    staged = build(
+        mesh,
+        parameters=tuple(Parameter(n, values[n], *sorted((values[n] / 2, values[n] * 2)))
+                         for n in names),
+        materials={"rock": rock, "hard": material("hard", 2e10, 0.2)},
+        groups={"rock": "rock", "core": "rock", "base": "hard"},
+        supports=(Support("x0", (0,)), Support("y0", tuple(range(mesh.dim)))),
+        in_situ=HeimStress(number["K0"], vertical=number["v"]),
+        stages=(Stage("dig", excavate=("core",)),
+                Stage("load", loads={"q": Pressure("x1", Scalar(3e5))})),
+        channels=tuple(channels),
+    )  # fmt: skip
+    p = np.array([values[n] for n in names])
+    response = staged.response([(c.name, s) for c in channels for s in ("dig", "load")])
+    if yields:
+        assert any(end.yielded.any() for end in staged.at(p).states())
+    assert_exact(response, p, names, step=2e-4 if yields else 2e-3)
+    assert "something else" in response.obstacle()
+
+
+def test_equal_principal_values_are_said():
+    staged = model(
+        box("quad4", (3, 3)),
+        parameters=(Parameter("K0", 1.0, 0.2, 4.0),),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        in_situ=HeimStress(Scalar(1.0, "K0"), vertical=Scalar(1e6), K0_across=Scalar(0.7)),
+        stages=(Stage("load", loads={"t": Traction("x1", (ZERO, Scalar(1e4)))}),),
+        channels=(
+            gauge("stress", "one", (0.4, 0.4), "major", reads=Reads.VIRGIN),
+            gauge("stress", "xx", (0.4, 0.4), "xx", reads=Reads.VIRGIN),
+            displacement("u", (0.5, 0.5), (1.0, 0.0)),
+        ),
+    )
+    said = staged.survey(np.array([1.0]), fields=False).notes
+    assert any("'one' reads one of several equal principal stresses" in note for note in said)
+    apart = staged.survey(np.array([1.3]), fields=False).notes
+    assert not any("principal" in note for note in apart)
