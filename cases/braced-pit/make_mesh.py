@@ -1,10 +1,10 @@
-"""Makes the mesh of the braced pit: half of its section, three layers of soil, four depths of digging.
+"""Makes the mesh of the braced pit: half of its section, three layers, four depths of digging.
 
 Shipped mesh:        python make_mesh.py
-Mesh of the truth:   python make_mesh.py --size 0.6 --triangles --slices --output fine.msh
+Mesh of the truth:   python make_mesh.py --size 0.7 --triangles --slices --output fine.msh
 
-The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x from the plane of
-symmetry, y upwards from the surface.
+The same call makes the same mesh. Needs gmsh (`pip install gmsh`). Lengths in m: x from the plane
+of symmetry, y upwards from the surface.
 """
 
 import itertools

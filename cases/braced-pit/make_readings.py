@@ -23,8 +23,8 @@ from truth_readings import simulate_truth  # noqa: E402
 from geoident.model.gauges import Reading  # noqa: E402
 from geoident.workflow.simulate import with_noise  # noqa: E402
 
-# moduli of the slices of make_mesh.py, in parts of the mean, and strengths of the clay, all downwards
-GROWTH = {"clay": (0.77, 0.93, 1.08, 1.29), "sand": (0.7, 0.85, 1.18)}
+# moduli of the slices of make_mesh.py, in parts of the mean, and strengths of the clay, downwards
+GROWTH = {"clay": (0.85, 0.95, 1.05, 1.2), "sand": (0.8, 0.9, 1.12)}
 STRENGTHS = ("40 kPa", "44 kPa", "50 kPa", "60 kPa")
 SEED = 1
 
@@ -109,12 +109,14 @@ def main() -> None:
     book.properties.creator = "Monitoring"
     days = {day: datetime.fromisoformat(day) for day in DATES}
 
+    def motion(day: str, depth: str) -> float:
+        return round(1e3 * values.get((day, depth), 0.0), 2)
+
     casing = list(dict.fromkeys(name for _, name in values if name.startswith("I1.")))
     sheet = book.active or book.create_sheet()
     sheet.title = "Inclinometer"
     rows = [
-        [days[day], *(round(1e3 * values.get((day, name), 0.0), 2) for name in casing)]
-        + [REMARKS.get(day, "")]
+        [days[day], *(motion(day, name) for name in casing), REMARKS.get(day, "")]
         for day in DATES
         if day not in NO_CASING
     ]

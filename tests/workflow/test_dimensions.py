@@ -15,13 +15,13 @@ import xarray
 
 from geoident.errors import InputError
 from geoident.io.case.file import read_case
+from geoident.io.case.gauge import GaugeBase
 from geoident.io.case.gauges import ConvergenceSection
 from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings
 from geoident.io.readings.table import Layout, Origin
 from geoident.io.result.file import read_result, write_result
-from geoident.io.schema.section import Section
 from geoident.io.schema.values import AxialStiffness, Of
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
@@ -184,7 +184,7 @@ def test_check_has_the_accuracy_in_the_unit_of_each_gauge():
     assert ["B1", "axial", "force", "virgin", "2", "kN", "1", "0"] in lines
 
 
-class ForceSection(Section):
+class ForceSection(GaugeBase):
     accuracy: AxialStiffness
 
 
@@ -194,6 +194,10 @@ def test_what_gauges_read_is_what_their_accuracies_say():
     assert read == ("length", "force")
     assert quantity_read(("length",)) == Of("length")
     assert quantity_read(read, above=0.0) == Of(None, above=0.0)
+
+
+def test_forces_are_read_though_their_accuracies_have_several_dimensions():
+    assert {"force", "line load", "moment per length"} <= set(READ)
 
 
 def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, monkeypatch):

@@ -98,6 +98,11 @@ class GaugeBase(Section):
         """Whether the case itself says how accurate the zero is."""
         return not isinstance(self.accuracy, Given) and self.accuracy.zero is not None
 
+    @classmethod
+    def dimensions(cls) -> tuple[str, ...]:
+        """Dimensions of what gauges of this kind may read."""
+        return (dimension_read(cls) or "length",)
+
     def channel_names(self, name: str) -> list[str]:
         """Names of the channels of a gauge of this name."""
         return [name]

@@ -267,6 +267,11 @@ class LoadCellSection(_ForceGauge):
     )
     towards: Coordinates | None = Field(None, description=_TOWARDS)
 
+    @classmethod
+    def dimensions(cls) -> tuple[str, ...]:
+        """A force of a bar, a force or a moment per metre of a beam."""
+        return _FORCES
+
     @property
     def dimension(self) -> str:
         """Dimension of what it reads: of one bar a force, of a beam a force or moment per metre."""

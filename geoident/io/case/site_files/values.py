@@ -7,11 +7,10 @@ from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from geoident.io.case.accuracy import dimension_read
+from geoident.io.case.gauge import GaugeBase
 from geoident.io.case.gauges import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
-from geoident.io.schema.section import Section
 from geoident.io.schema.values import Of, require_text
 from geoident.io.text.dates import format_problem
 from geoident.io.text.text_file import encoding_problem
@@ -28,10 +27,9 @@ def _date_format(value: object) -> str:
     return text
 
 
-def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
-    """Dimensions of what gauges of some kinds read: those of their accuracies."""
-    found = [dimension_read(kind) for kind in kinds]
-    return tuple(dict.fromkeys(name for name in found if name is not None))
+def dimensions_of(kinds: Iterable[type[GaugeBase]]) -> tuple[str, ...]:
+    """Dimensions of what gauges of some kinds read."""
+    return tuple(dict.fromkeys(name for kind in kinds for name in kind.dimensions()))
 
 
 def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
