@@ -3,11 +3,13 @@
 A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
 arc with the inside of the beam to the right,
 
-    N                       axial force, from the piece that holds the place
+    N                       axial force, from the piece that holds the place (of a shell along
+                            its meridian)
     M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
     Q = dM/ds               shear force
 
-and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI.
+and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI
+(of a shell that of the meridian, e_s + y k_s).
 The inside is the side without ground, or that of the point ``towards``. Where pieces meet in a
 place, they count equally.
 
@@ -24,6 +26,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
+from geoident.fem.structures import section_forces
 from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.stages import CaseOnMesh
@@ -145,21 +148,26 @@ def _of_beam(
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    n = len(part.members)
-    normal, middle, shear = (members[part.rows][i * n : (i + 1) * n] for i in range(3))
-    N, Q = normal[place.pieces].mean(axis=0), shear[place.pieces].mean(axis=0)
-    lever = (place.along - 0.5) * place.lengths
-    there = middle[place.pieces] + lever[:, None] * shear[place.pieces]
-    M = (place.turned[:, None] * there).mean(axis=0)
+    found = section_forces(part.members, members[part.rows])
+    if channel.kind == "load-cell" and channel.quantity != "M":
+        forces = found.axial if channel.quantity == "N" else found.shear
+        return np.asarray(forces[place.pieces].mean(axis=0))
     if channel.kind == "load-cell":
-        return np.asarray({"N": N, "M": M, "Q": Q}[channel.quantity])
+        return _between(place, found.first, found.second)
     axial, bending = rigidities(part.structure, point)
-    strain = _scaled(N, 1.0 / axial)
+    strain = _scaled(found.stretch[place.pieces].mean(axis=0), 1.0 / axial)
     if channel.quantity == "axis":
         return strain
     distance = _fibre_distance(part.structure, channel, point)
-    bent = _scaled(M, distance / bending)
+    bent = _scaled(_between(place, found.bent_first, found.bent_second), distance / bending)
     return strain + bent if channel.quantity == "inside" else strain - bent
+
+
+def _between(place: _PlaceOnBeam, first: Floats, second: Floats) -> Floats:
+    """A moment (k,) at a place, linear along its pieces, with the sign of the inside."""
+    along = place.along[:, None]
+    there = (1.0 - along) * first[place.pieces] + along * second[place.pieces]
+    return np.asarray((place.turned[:, None] * there).mean(axis=0))
 
 
 def _fibre_distance(beam: Beam, channel: Channel, point: ParameterPoint) -> Dual:

@@ -7,10 +7,11 @@ from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from geoident.io.case.gauge import GaugeBase
-from geoident.io.case.gauges import GaugeSection
+from geoident.io.case.gauges.accuracy import FORCES, dimension_read
+from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
+from geoident.io.schema.section import Section
 from geoident.io.schema.values import Of, require_text
 from geoident.io.text.dates import format_problem
 from geoident.io.text.text_file import encoding_problem
@@ -27,9 +28,13 @@ def _date_format(value: object) -> str:
     return text
 
 
-def dimensions_of(kinds: Iterable[type[GaugeBase]]) -> tuple[str, ...]:
-    """Dimensions of what gauges of some kinds read."""
-    return tuple(dict.fromkeys(name for kind in kinds for name in kind.dimensions()))
+def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
+    """Dimensions of what gauges of some kinds read: those of their accuracies."""
+    found: list[str] = []
+    for kind in kinds:
+        one = dimension_read(kind)
+        found += FORCES if one is None else (one,)
+    return tuple(dict.fromkeys(found))
 
 
 def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
@@ -96,7 +101,7 @@ DateFormat = Annotated[
     BeforeValidator(_date_format),
     WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
 ]
-Encoding = Annotated[
+TextEncoding = Annotated[
     str,
     BeforeValidator(_encoding),
     WithJsonSchema({"type": "string", "description": "a name such as windows-1252"}),

@@ -15,13 +15,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import AngleAccuracy
-from geoident.io.case.gauge import (
+from geoident.io.case.gauges.accuracy import AngleAccuracy
+from geoident.io.case.gauges.gauge import (
     GaugeBase,
     GivenLength,
     Motion,
     Reference,
-    Vector,
     axis_vector,
     point_of,
     refuse_one_point,
@@ -32,17 +31,18 @@ from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
     Given,
+    GivenAngle,
     Length,
     Line,
     Name,
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint
 
 DepthList = Annotated[list[Length], SharesUnit()]
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
-GivenAngle = Annotated[Given, Of("angle")]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""
