@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.case.accuracy import error_parts
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges import GaugeSection, sections_of_channels
+from geoident.io.case.gauges.accuracy import error_parts
+from geoident.io.case.gauges.kinds import GaugeSection, sections_of_channels
 from geoident.io.case.readings import ReadingSection, entries
 from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection

@@ -215,16 +215,22 @@ def standardized(result: Result) -> Floats:
     """(n_channels, n_stages) measured minus computed in standard deviations.
 
     That of the gauge, and for a prediction that of the prediction, which holds both the gauge's and
-    the parameters'. NaN where nothing was measured or the prediction is not determined.
+    the parameters'. Where readings share errors, without what the others tell of these (theory 7).
+    NaN where nothing was measured or the prediction is not determined.
     """
     table = result.gauges
-    sd = table.sd.copy()
+    sd, computed = table.sd.copy(), table.computed.copy()
     if result.prediction is not None:
         predicted = _has_prediction(result) & ~table.used
         sd[predicted] = result.prediction.sd[predicted]
+        computed[predicted] = result.prediction.mean[predicted]
     known = np.isfinite(sd) & (sd > 0)
-    residual = table.measured - table.computed
-    return np.asarray(np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known))
+    residual = table.measured - computed
+    found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+    if any(table.errors) and result.diagnostics is not None:
+        wide = result.diagnostics.wide(table).standardized
+        found = np.where(np.isfinite(wide), wide, found)
+    return np.asarray(found)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
+from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.gauges import (
     by_stage,
     diagnostics_object,
@@ -72,6 +73,11 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
+        **(
+            {"accuracies": accuracies_list(result.accuracies)}
+            if result.accuracies is not None
+            else {}
+        ),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from geoident.errors import InputError
 from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.file import parse_readings
-from geoident.io.readings.survey import Survey, axes_of_azimuth
+from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
 from geoident.io.readings.table import Layout, Origin
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
@@ -309,7 +309,7 @@ def test_axes_of_an_azimuth_are_right_handed():
 
 def test_a_scale_and_an_origin_place_the_coordinates():
     """By hand: 4 m east and 3 m north of the origin, x to the north: x = 3, y = -4, in 1/0.5."""
-    survey = Survey(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
+    survey = SurveyGrid(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
     np.testing.assert_allclose(survey.position((104.0, 203.0, 51.0)), (6.0, -8.0, 2.0), atol=1e-12)
 
 
@@ -458,7 +458,7 @@ cells = st.text(max_size=6) | st.sampled_from(
 )
 SENSOR = Calibration("Hz", (0.0, 1.0), zero=2.0, thermal=1.0, temperature="T")
 LAYOUTS = [
-    Layout(survey=Survey(axes_of_azimuth(0.3, plane=True), targets={}), unit="m",
+    Layout(survey=SurveyGrid(axes_of_azimuth(0.3, plane=True), targets={}), unit="m",
            columns={"east": "E", "north": "N", "height": "H"}),
     Layout(wide=True, header_rows=2, unit_row=True, blank=("x",), ignore=("P1",), data_row=4),
     Layout(channels={"CV1": Origin(calibration=SENSOR)}, header_row=2, encoding="cp1252"),
@@ -482,6 +482,6 @@ def test_any_cells_end_with_readings_or_faults(rows, layout):
     scale=st.floats(0.5, 2),
 )
 def test_a_turned_motion_keeps_its_length(azimuth, moved, plane, scale):
-    turned = Survey(axes_of_azimuth(azimuth, plane=plane), scale).turned(moved)
+    turned = SurveyGrid(axes_of_azimuth(azimuth, plane=plane), scale).turned(moved)
     assert math.hypot(*turned) == pytest.approx(scale * math.hypot(*moved), rel=1e-12)
     assert turned[1 if plane else 2] == scale * moved[2]
