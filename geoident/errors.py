@@ -28,14 +28,40 @@ class ExitCode(IntEnum):
 
 @dataclass(frozen=True, order=True)
 class Location:
-    """A place in a file, counted from 1. Line 0 means the file as a whole."""
+    """A place in a file, counted from 1. Line 0 means the file as a whole.
+
+    Args:
+        file: its path.
+        line: of a text, or row of a sheet.
+        column: of a text in characters, or of a sheet in columns.
+        sheet: name of the sheet of a workbook; empty for a text.
+
+    >>> str(Location("site.csv", 7, 2)), str(Location("site.xlsx", 7, 2, "Points"))
+    ('site.csv:7:2', 'site.xlsx:Points!B7')
+    """
 
     file: str
     line: int = 0
     column: int = 0
+    sheet: str = ""
 
     def __str__(self) -> str:
+        if self.sheet:
+            return f"{self.file}:{self.sheet}{f'!{self.cell}' if self.line else ''}"
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+    @property
+    def cell(self) -> str:
+        """The place as a sheet names it: ``B7``.
+
+        >>> Location("", 7, 28, "Points").cell
+        'AB7'
+        """
+        letters, rest = "", self.column
+        while rest > 0:
+            rest, letter = divmod(rest - 1, 26)
+            letters = chr(ord("A") + letter) + letters
+        return f"{letters}{self.line}"
 
 
 @dataclass(frozen=True)

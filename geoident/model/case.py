@@ -8,7 +8,7 @@ from enum import Enum
 
 from geoident.errors import Fault, Location
 from geoident.model.actions import Load, Temperature, Water
-from geoident.model.gauges import Channel, Reading
+from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
@@ -186,6 +186,7 @@ class Case:
         water: water in the pores in the initial state, or None for none.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         notes: what is to be known of how the readings were understood.
+        when_read: when the dated readings were taken, stage by stage; empty without dates.
         structures: linings, bolts, struts and anchors by name; stages build them.
     """
 
@@ -208,6 +209,7 @@ class Case:
     water: Water | None = None
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    when_read: tuple[StageReadings, ...] = ()
     structures: Mapping[str, Structure] = field(default_factory=dict)
     imbalance_accepted: bool = False
 

@@ -178,6 +178,7 @@ class Reading:
         key: path of keys in the case; empty for a row of a file.
         count: how many readings it is the mean of.
         epochs: how many days these are from, if it is a mean of dated ones.
+        note: remark of the field sheet; empty for none.
     """
 
     channel: str
@@ -191,6 +192,31 @@ class Reading:
     key: tuple[str | int, ...] = field(default=(), compare=False)
     count: int = field(default=1, compare=False)
     epochs: int = field(default=1, compare=False)
+    note: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class StageReadings:
+    """When the dated readings of a stage were taken, before several of a channel became one.
+
+    Args:
+        stage: its name.
+        complete: when it was complete, seconds since 1970; None where it has no date.
+        number: of readings that were given to it.
+        channels: number of channels that were read.
+        first: when the first of them was taken; None where there are none.
+        last: when the last of them was taken.
+        between: how many of those that count were taken nearer to the end of the next stage than to
+            that of this one.
+    """
+
+    stage: str
+    complete: float | None
+    number: int
+    channels: int
+    first: float | None = None
+    last: float | None = None
+    between: int = 0
 
 
 @dataclass(frozen=True)
@@ -213,6 +239,7 @@ class ReadingTable:
         sensitivity: (k, n) derivatives of ``computed``, SI, or None.
         own_sd: (k,) the part of ``sd`` that no other reading shares; None where that is all.
         epochs: (k,) over how many days each is a mean; None where each is of one.
+        note: k remarks of the field sheets, empty for none; or nothing if there are none at all.
     """
 
     channel: tuple[str, ...]
@@ -228,6 +255,7 @@ class ReadingTable:
     sensitivity: Floats | None = None
     own_sd: Floats | None = None
     epochs: Ints | None = None
+    note: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.channel)
@@ -236,6 +264,11 @@ class ReadingTable:
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Channel and stage of each reading."""
         return tuple(zip(self.channel, self.stage, strict=True))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remark of each reading; empty for none."""
+        return self.note or ("",) * len(self)
 
     @property
     def unused(self) -> Ints:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geoident.model.arrays import Floats
+from geoident.model.gauges import StageReadings
 from geoident.model.result import ParameterTable
 
 
@@ -162,6 +163,7 @@ class CaseSummary:
         unused: reason to number of readings that do not, for it.
         cost: estimate of what the computation needs, or None.
         notes: what else the user should know.
+        when_read: when the dated readings were taken, stage by stage; empty without dates.
     """
 
     case: str
@@ -181,6 +183,7 @@ class CaseSummary:
     unused: tuple[tuple[str, int], ...]
     cost: CostEstimate | None
     notes: tuple[str, ...]
+    when_read: tuple[StageReadings, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
         cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
+        when_read=case.when_read,
     )
 
 

@@ -58,7 +58,8 @@ class AffineToy:
         K, F = self.at(p)
         u, X = np.linalg.solve(K, F), np.linalg.solve(K, self.G.T)
         v, S = self.G @ u, self.G @ X
-        forces = np.linalg.lstsq(S / sd[:, None], (measured - v) / sd, rcond=1e-10)[0]
+        white = sd if sd.ndim == 2 else np.diag(1.0 / sd)
+        forces = np.linalg.lstsq(white @ S, white @ (measured - v), rcond=1e-10)[0]
         errors = self.K @ (u + X @ forces) - self.F
         carried = self.G @ np.linalg.solve(K, errors.T)
         return Condensed(v, S, carried[:, 1:], -carried[:, 0])

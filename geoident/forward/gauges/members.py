@@ -3,11 +3,13 @@
 A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
 arc with the inside of the beam to the right,
 
-    N                       axial force, from the piece that holds the place
+    N                       axial force, from the piece that holds the place (of a shell along
+                            its meridian)
     M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
     Q = dM/ds               shear force
 
-and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI.
+and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI
+(of a shell that of the meridian, e_s + y k_s).
 The inside is the side without ground, or that of the point ``towards``. Where pieces meet in a
 place, they count equally.
 
@@ -24,8 +26,9 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
+from geoident.fem.structures import section_forces
 from geoident.forward.gauges.observable import MarchState, Placed, from_zero
-from geoident.forward.gauges.stress import Spots, Stresses, readers_of
+from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     StructureMembers,
@@ -61,7 +64,7 @@ class MemberReadings:
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = channels
-        self._places: dict[str, _Place] = {}
+        self._places: dict[str, _PlaceOnBeam] = {}
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""
@@ -85,7 +88,7 @@ class MemberReadings:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _PlaceOnBeam:
     """A place on a beam.
 
     Args:
@@ -106,7 +109,7 @@ class _Place:
     normals: Floats
     lengths: Floats
 
-    def seen_from(self, towards: tuple[float, ...] | None) -> _Place:
+    def seen_from(self, towards: tuple[float, ...] | None) -> _PlaceOnBeam:
         """The same with the inside on the side of a point (dim,), m, or as the pieces have it."""
         if towards is None:
             return self
@@ -114,7 +117,7 @@ class _Place:
         return replace(self, turned=np.where(side < 0, -1.0, 1.0))
 
 
-def nearest(ends: Floats, point: Floats) -> _Place:
+def nearest(ends: Floats, point: Floats) -> _PlaceOnBeam:
     """Where the pieces of a beam come nearest to a point.
 
     Args:
@@ -131,29 +134,40 @@ def nearest(ends: Floats, point: Floats) -> _Place:
     here = np.flatnonzero(at)
     normals = np.stack([span[here, 1], -span[here, 0]], axis=1) / length[here, None]
     ones = np.ones(len(here))
-    return _Place(here, along[here], ones, foot[best], float(distance[best]), normals, length[here])
+    return _PlaceOnBeam(
+        here, along[here], ones, foot[best], float(distance[best]), normals, length[here]
+    )
 
 
 def _of_beam(
-    part: StructureMembers, place: _Place, channel: Channel, members: Floats, point: ParameterPoint
+    part: StructureMembers,
+    place: _PlaceOnBeam,
+    channel: Channel,
+    members: Floats,
+    point: ParameterPoint,
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    n = len(part.members)
-    normal, middle, shear = (members[part.rows][i * n : (i + 1) * n] for i in range(3))
-    N, Q = normal[place.pieces].mean(axis=0), shear[place.pieces].mean(axis=0)
-    lever = (place.along - 0.5) * place.lengths
-    there = middle[place.pieces] + lever[:, None] * shear[place.pieces]
-    M = (place.turned[:, None] * there).mean(axis=0)
+    found = section_forces(part.members, members[part.rows])
+    if channel.kind == "load-cell" and channel.quantity != "M":
+        forces = found.axial if channel.quantity == "N" else found.shear
+        return np.asarray(forces[place.pieces].mean(axis=0))
     if channel.kind == "load-cell":
-        return np.asarray({"N": N, "M": M, "Q": Q}[channel.quantity])
+        return _between(place, found.first, found.second)
     axial, bending = rigidities(part.structure, point)
-    strain = _scaled(N, 1.0 / axial)
+    strain = _scaled(found.stretch[place.pieces].mean(axis=0), 1.0 / axial)
     if channel.quantity == "axis":
         return strain
     distance = _fibre_distance(part.structure, channel, point)
-    bent = _scaled(M, distance / bending)
+    bent = _scaled(_between(place, found.bent_first, found.bent_second), distance / bending)
     return strain + bent if channel.quantity == "inside" else strain - bent
+
+
+def _between(place: _PlaceOnBeam, first: Floats, second: Floats) -> Floats:
+    """A moment (k,) at a place, linear along its pieces, with the sign of the inside."""
+    along = place.along[:, None]
+    there = (1.0 - along) * first[place.pieces] + along * second[place.pieces]
+    return np.asarray((place.turned[:, None] * there).mean(axis=0))
 
 
 def _fibre_distance(beam: Beam, channel: Channel, point: ParameterPoint) -> Dual:
@@ -191,11 +205,11 @@ def pressures_on_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Plac
     standing = np.array([_standing(channel, on_mesh) for channel in channels])
     when = standing.reshape(-1, len(on_mesh.sequence.states))
     if faults:
-        nothing = Stresses([], Spots.of([], on_mesh).water(on_mesh))
+        nothing = StressReadings([], Spots.of([], on_mesh).water(on_mesh))
         return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_STANDING)
     turned, sites = zip(*(_facing(channel, on_mesh) for channel in channels), strict=True)
     spots = Spots.of(turned, on_mesh, sites)
-    observable = Stresses(readers_of(spots, on_mesh), spots.water(on_mesh))
+    observable = StressReadings(readers_of(spots, on_mesh), spots.water(on_mesh))
     return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
 
 
@@ -217,7 +231,7 @@ def _facing(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Channel, tuple[Site,
     return replace(channel, second=foot, direction=tuple(map(float, inside)), towards=None), behind
 
 
-def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _Place, Floats]:
+def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _PlaceOnBeam, Floats]:
     """Pieces (n, 2) of a beam, the place of a channel on it, and the unit vector to its inside."""
     mesh, structure = on_mesh.mesh, on_mesh.case.structures[channel.structure]
     assert isinstance(structure, Beam)

@@ -17,7 +17,7 @@ from geoident.forward.gauges.observable import (
     relative_displacements,
 )
 from geoident.forward.gauges.strain import strains
-from geoident.forward.gauges.stress import Stresses, pore_pressures, stresses
+from geoident.forward.gauges.stress import StressReadings, pore_pressures, stresses
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -100,7 +100,7 @@ class Observation:
         """Channels that read, at a state, one of several equal principal stresses."""
         found = []
         for rows, observable in self.parts:
-            if isinstance(observable, Stresses):
+            if isinstance(observable, StressReadings):
                 named = observable.coinciding(state)
                 read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
                 found += [name for name in named if name in read]

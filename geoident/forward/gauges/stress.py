@@ -8,7 +8,7 @@ the negative.
 Principal values lambda_i of a stress S are differentiated by perturbation, with its unit
 eigenvectors v_i: dlambda_i = v_i^T dS v_i. Where some coincide their eigenvectors V are not
 determined; as each parameter grows they part like the eigenvalues of V^T dS V, in their order.
-These one-sided derivatives are taken then, and `Stresses.coinciding` says where.
+These one-sided derivatives are taken then, and `StressReadings.coinciding` says where.
 """
 
 from __future__ import annotations
@@ -120,13 +120,13 @@ class Reader:
         return np.asarray(self.sign * values[self.rank])
 
     def coincides(self, stress: Floats) -> bool:
-        """Whether its principal value is one of several equal ones."""
+        """Whether its principal value, of a stress (n_strain, k), is one of several equal ones."""
         if self.coefficients is not None:
             return False
         return bool(principal_values(_tensor(stress[:, :1], self.axes))[1][self.rank])
 
 
-class Stresses:
+class StressReadings:
     """Stresses at points, Pa.
 
     Args:
@@ -222,7 +222,7 @@ def normal_coefficients(direction: Floats, n_strain: int) -> Floats:
 def stresses(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the stress at a point, while its ground is there."""
     spots = Spots.of(channels, on_mesh)
-    observable = Stresses(readers_of(spots, on_mesh), spots.water(on_mesh))
+    observable = StressReadings(readers_of(spots, on_mesh), spots.water(on_mesh))
     return Placed(observable, spots.readable, spots.snapped, spots.faults, GONE)
 
 

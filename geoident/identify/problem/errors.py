@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
@@ -27,10 +27,14 @@ class SharedErrors:
 
     Args:
         columns: one column for each shared error, in the standard deviations that it gives.
+        blocks: what hangs together, if that is known already.
     """
 
-    def __init__(self, columns: sp.csr_array) -> None:
+    def __init__(
+        self, columns: sp.csr_array, blocks: tuple[tuple[Ints, Ints], ...] | None = None
+    ) -> None:
         self.columns = sp.csr_array(columns)
+        self._blocks = blocks
 
     def __len__(self) -> int:
         return int(self.columns.shape[1])
@@ -42,6 +46,8 @@ class SharedErrors:
     @cached_property
     def blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         """Readings (m,) and shared errors (k,) that hang together; readings without any: none."""
+        if self._blocks is not None:
+            return self._blocks
         g = self.columns.shape[0]
         entries = self.columns.tocoo()
         size = g + self.columns.shape[1]
@@ -56,7 +62,19 @@ class SharedErrors:
 
     def dense(self, rows: Ints, shared: Ints) -> Floats:
         """A block (m, k) of B."""
+        if self._whole is not None:
+            return np.asarray(self._whole[np.ix_(rows, shared)])
         return np.asarray(self.columns[rows][:, shared].toarray())
+
+    @cached_property
+    def _whole(self) -> Floats | None:
+        """B as a dense matrix where that is small: much faster to take blocks from."""
+        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
+        return np.asarray(self.columns.toarray()) if small else None
+
+
+_SMALL = 4_000_000
+"""Entries of a matrix that is kept dense (32 MB)."""
 
 
 class Covariance:
@@ -70,37 +88,41 @@ class Covariance:
     def __init__(self, sd: Floats, shared: SharedErrors) -> None:
         self.sd = sd
         self.shared = shared
-        self.factors: list[tuple[Ints, Floats]] = []
+        self.factors: list[tuple[Ints, Floats]] = []  # readings of a block, and its L^-1
+        self._log_determinant = 2.0 * float(np.log(sd).sum())
         for rows, columns in shared.blocks:
             B = shared.dense(rows, columns)
             sigma = np.diag(sd[rows] ** 2) + B @ B.T
-            self.factors.append((rows, np.asarray(np.linalg.cholesky(sigma))))
+            L = np.linalg.cholesky(sigma)
+            inverse, _ = dtrtri(L, lower=1)
+            self.factors.append((rows, np.asarray(inverse)))
+            self._log_determinant += 2.0 * float(np.log(np.diag(L) / sd[rows]).sum())
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
         white = values / _column(self.sd, values)
-        for rows, L in self.factors:
-            white[rows] = solve_triangular(L, values[rows], lower=True)
+        for rows, inverse in self.factors:
+            white[rows] = inverse @ values[rows]
         return np.asarray(white)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
         found = values / _column(self.sd**2, values)
-        for rows, L in self.factors:
-            white = solve_triangular(L, values[rows], lower=True)
-            found[rows] = solve_triangular(L, white, lower=True, trans="T")
+        for rows, inverse in self.factors:
+            found[rows] = inverse.T @ (inverse @ values[rows])
         return np.asarray(found)
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
-        own = 2.0 * np.log(self.sd)
-        own[[row for rows, _ in self.factors for row in rows]] = 0.0
-        return float(own.sum() + sum(2.0 * np.log(np.diag(L)).sum() for _, L in self.factors))
+        return self._log_determinant
 
     @cached_property
     def inverse(self) -> Floats:
         """Sigma^-1, (g, g)."""
-        return self.solve(np.eye(len(self.sd)))
+        found = np.diag(self.sd**-2.0)
+        for rows, inverse in self.factors:
+            found[np.ix_(rows, rows)] = inverse.T @ inverse
+        return np.asarray(found)
 
 
 def _column(scale: Floats, values: Floats) -> Floats:
@@ -138,7 +160,12 @@ class ErrorStructure:
         if self.columns.shape[1] == 0:
             return sd, None
         size = np.where(self.column_component < 0, 1.0, root[self.column_component])
-        return sd, SharedErrors(sp.csr_array(self.columns @ sp.diags_array(size)))
+        columns = sp.csr_array(self.columns @ sp.diags_array(size))
+        return sd, SharedErrors(columns, self._blocks)
+
+    @cached_property
+    def _blocks(self) -> tuple[tuple[Ints, Ints], ...]:
+        return SharedErrors(self.columns).blocks
 
     def rows(self, kept: Ints) -> ErrorStructure:
         """Of some of the readings (m,)."""

@@ -15,15 +15,21 @@ from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges import GaugeSection, sections_of_channels
-from geoident.io.case.readings import ReadingSection, ReadingsFileSection, entries
+from geoident.io.case.gauges.accuracy import error_parts
+from geoident.io.case.gauges.kinds import GaugeSection, sections_of_channels
+from geoident.io.case.readings import ReadingSection, entries
+from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
+from geoident.io.case.site_files.file import ReadingsFileSection
+from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
+from geoident.io.readings.table import Layout
+from geoident.io.schema.values import Given
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import listing, shorten
+from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading
-from geoident.units import UNITS, size_in, unit_list, with_article
+from geoident.model.gauges import Reading, StageReadings
+from geoident.units import UnitError, read_quantity, require_dimension, with_article
 
 DAY = 86400.0
 """Seconds; readings of one day are of one epoch."""
@@ -42,6 +48,7 @@ class ReadReadings:
         dates: stage to the date of its end, seconds since 1970.
         notes: what is to be known of how they were understood.
         zeros: channel to the measured zero that was subtracted from its readings.
+        by_stage: when the dated readings were taken, stage by stage.
     """
 
     readings: tuple[Reading, ...] = ()
@@ -49,6 +56,7 @@ class ReadReadings:
     dates: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     zeros: Mapping[str, Reading] = field(default_factory=dict)
+    by_stage: tuple[StageReadings, ...] = ()
 
 
 def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
@@ -73,7 +81,12 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         found += batch
     check.bad()
     readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
-    return ReadReadings(readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros)
+    by_stage = when_read(check.dated, calendar)
+    if not faults.found:
+        notes += gaps(check.dated, by_stage, calendar, readings, stages=section.fit.stages)
+    return ReadReadings(
+        readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage
+    )
 
 
 def _calendar(section: CaseSection, faults: Faults) -> Calendar:
@@ -102,13 +115,12 @@ def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Fa
         if given is None:
             continue
         known[name] = given.factor
-        size = size_in(given.unit, wanted) if wanted is not None else None
-        if size is not None:
-            known[name] *= size / UNITS[given.unit][1]
-        elif wanted is not None:
-            found = f"'{shorten(given.text)}' is {with_article(given.dimension)}"
-            message = f"{found}; {with_article(wanted)} is expected"
-            faults.add((*path, name), "unit", message, f"Its units: {unit_list(wanted)}.")
+        if wanted is not None:
+            try:
+                quantity = require_dimension(read_quantity(given.text), wanted, given.text)
+                known[name] = quantity.value
+            except UnitError as error:
+                faults.add((*path, name), "unit", error.message, error.hint)
     return Reading(
         channel=entry.gauge,
         stage=entry.stage,
@@ -132,28 +144,54 @@ def _of_file(
     described = ReadingsFileSection(file=entry) if isinstance(entry, str) else entry
     before = len(check.faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
-    paths.append(find(described.file, key))
+    found = [find(name, key) for name in described.paths]
+    paths += found
     if len(check.faults.found) > before:
         return [], True
-    try:
-        layout = described.described(calendar.dimensions)
-        rows = format_of(described.file).read(paths[-1], layout)
-    except InputError as error:
-        check.faults.extend(error.faults)
-        return [], True
+    survey = surveyed(described, check.section, check.faults, path)
     check.mapped(described, path)
+    rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
+    if len(check.faults.found) > before:
+        return [], True
     dated = any(row.time is not None for row in rows)
     if dated and not calendar.dates:
-        message = f"the readings of '{described.file}' have dates, but the stages have none"
+        message = f"the readings of '{described.paths[0]}' have dates, but the stages have none"
         hint = "Write dates: {STAGE: 2024-03-01, ...}, the day at which each was complete."
         check.faults.add(key, "missing-dates", message, hint)
         return [], True
     several = described.several or ("last" if dated else "")
-    assigned = assign(rows, calendar, several=several, rezero=described.rezero)
+    check.dated += [
+        DatedReading(row.stage or calendar.stage_at(row.time), row.time, row)
+        for row in rows
+        if row.time is not None and row.value is not None and not row.bad
+    ]
+    zero = "first" if survey is not None else several if described.rezero else ""
+    assigned = assign(rows, calendar, several=several, zero=zero)
     notes += assigned.notes
     check.zeroed(assigned.unzeroed)
     check.measured_zeros |= assigned.zeros
     return assigned.readings, not several
+
+
+def _rows(
+    paths: Sequence[str], layout: Layout, faults: Faults, notes: list[str]
+) -> tuple[Reading, ...]:
+    """The readings of files of one layout; what several of them repeat counts once."""
+    rows: list[Reading] = []
+    for path in paths:
+        try:
+            rows += format_of(path).read(path, layout)
+        except InputError as error:
+            faults.extend(error.faults)
+    if len(paths) == 1:
+        return tuple(rows)
+    once = {(r.channel, r.stage, r.time, r.value): r for r in reversed(rows)}
+    kept = {id(row) for row in once.values()}
+    repeated = len(rows) - len(kept)
+    if repeated:
+        readings = "reading stands" if repeated == 1 else "readings stand"
+        notes.append(f"{repeated} {readings} in several files alike, and count once.")
+    return tuple(row for row in rows if id(row) in kept)
 
 
 def _bad_reason(section: CaseSection, row: Reading) -> str:
@@ -188,6 +226,16 @@ class Calendar:
         """Channel to the dimension of its readings."""
         return {name: gauge.dimension for name, gauge in self.channels.items()}
 
+    def accuracy(self, reading: Reading) -> float | None:
+        """Standard deviation of a reading, SI; None where its channel is unknown."""
+        gauge = self.channels.get(reading.channel)
+        if reading.accuracy is not None or gauge is None:
+            return reading.accuracy
+        parts = error_parts(gauge.accuracy, gauge.kind_name, "")
+        if parts is None:
+            return gauge.accuracy.factor if isinstance(gauge.accuracy, Given) else None
+        return parts.total()
+
     def stage_at(self, time: float) -> str:
         """The last stage that was complete at a time; the virgin state before all."""
         done = [s for s in self.stages if s in self.dates and self.dates[s] <= time]
@@ -218,7 +266,7 @@ class Assigned:
 
 
 def assign(
-    readings: Sequence[Reading], calendar: Calendar, *, several: str, rezero: bool
+    readings: Sequence[Reading], calendar: Calendar, *, several: str, zero: str = ""
 ) -> Assigned:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
@@ -226,7 +274,8 @@ def assign(
         readings: of one file.
         calendar: stages and dates.
         several: ``last``, ``mean`` or ``all``.
-        rezero: subtract from each channel what was read at its zero.
+        zero: subtract from each channel what was read at its zero: the ``first`` or ``last`` of
+            the stage, or the mean for anything else; nothing if empty.
     """
     staged = [
         reading
@@ -235,11 +284,11 @@ def assign(
         for reading in readings
     ]
     found = Assigned(staged)
-    if rezero:
-        zeros = _take_zeros(found, calendar, several)
+    if zero:
+        zeros = _take_zeros(found, calendar, zero)
     _leave_out_early(found, calendar)
     found.readings = [r for group in _groups(found.readings) for r in _reduced(group, several)]
-    if rezero:
+    if zero:
         _subtract_zeros(found, zeros)
     return found
 
@@ -258,7 +307,9 @@ def _reduced(group: list[Reading], several: str) -> list[Reading]:
     good = [reading for reading in group if not reading.bad and reading.value is not None]
     if not good:
         return bad or group[:1]
-    if several == "last":
+    if several == "first":
+        good = [min(good, key=lambda reading: reading.time or 0.0)]
+    elif several == "last":
         good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
         if good[0].time is None:
             good = [[r for r in group if not r.bad and r.value is not None][-1]]
@@ -290,7 +341,7 @@ def _take_zeros(found: Assigned, calendar: Calendar, several: str) -> dict[str, 
     """Channel to what was read at its zero; these readings say nothing more."""
     at_zero = [r for r in found.readings if calendar.zeros.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
-    which = "last" if several == "last" else "mean"
+    which = several if several in {"first", "last"} else "mean"
     zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
     found.readings = [r for r in found.readings if calendar.zeros.get(r.channel) != r.stage]
     lacking = {
@@ -354,11 +405,13 @@ class _Check:
         self.section = section
         self.faults = faults
         self.zeros = calendar.zeros
+        self.dimensions = calendar.dimensions
         self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
         self.measured_zeros: dict[str, Reading] = {}
+        self.dated: list[DatedReading] = []
 
     def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
         """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""
@@ -370,8 +423,17 @@ class _Check:
                 self._twice(reading, alone=alone)
 
     def mapped(self, described: ReadingsFileSection, path: KeyPath) -> None:
-        """The channels that a file is said to hold exist."""
-        for name in described.channels:
+        """The channels that a file is said to hold exist, and read what calibrations give."""
+        if described.layout == "coordinates":
+            return  # it has points, see `surveyed`
+        for name, origin in described.channels.items():
+            calibration = None if isinstance(origin, str) else origin.calibration
+            wanted = self.dimensions.get(name)
+            if calibration is not None and wanted not in {None, calibration.dimension}:
+                message = f"the calibration gives {with_article(calibration.dimension)}, "
+                message += f"'{name}' reads {with_article(str(wanted))}"
+                place = (*path, "channels", name, "calibration")
+                self.faults.add(place, "unit", message, "Correct its units, or the channel.")
             if name not in self.zeros:
                 hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
                 place = (*path, "channels", name)

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import Cell, Layout, Origin, Table
+from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Table, UnitScale
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
@@ -26,6 +26,9 @@ from geoident.model.gauges import Reading
 from geoident.units import UnitError, read_quantity
 
 HEADINGS = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE", "MOND_REF", "MOND_INST")
+_TELLING = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE")
+"""Headings of which all rows of one channel have one value: with the date, the keys of the group
+(AGS4, group MOND) that are no mere labels."""
 MAX_BYTES = 200_000_000
 _NEEDED = ("MOND_DTIM", "MOND_RDNG")
 _INSTALL = 'Install the library that reads it: pip install "geoident[ags]".'
@@ -37,8 +40,10 @@ def read_ags(path: str, layout: Layout) -> tuple[Reading, ...]:
     Raises:
         InputError: with all that is wrong in the file, or no library to read it.
     """
-    text = decode(read_bytes(path, limit=MAX_BYTES, what="AGS file"), path)
-    group = _monitoring(_groups(text, path), path)
+    data = read_bytes(path, limit=MAX_BYTES, what="AGS file")
+    text = decode(data, path, encoding=layout.encoding, hint=ENCODING_HINT)
+    groups = _groups(text, path)
+    group = _monitoring(groups, path)
     table = Table(path, layout)
     if not layout.channels:
         hint = "Write channels: {CHANNEL: {MONG_ID: ...}}, with as many headings as it takes."
@@ -48,7 +53,7 @@ def read_ags(path: str, layout: Layout) -> tuple[Reading, ...]:
         table.refuse((0, 0), "bad-header", f"group MOND has no heading {listing(missing)}")
     readings: list[Reading] = []
     if not table.faults:
-        reader = _Reader(table, group)
+        reader = _Reader(table, group, groups.get("MONG", {}))
         reader.require_date_format()
     if not table.faults:
         for channel, origin in layout.channels.items():
@@ -101,11 +106,15 @@ class _Reader:
     Args:
         table: the file.
         group: heading to cells.
+        installed: the same of the group MONG, which lists the instruments; empty if there is none.
     """
 
-    def __init__(self, table: Table, group: Mapping[str, list[Any]]) -> None:
+    def __init__(
+        self, table: Table, group: Mapping[str, list[Any]], installed: Mapping[str, list[Any]]
+    ) -> None:
         self.table = table
         self.group = group
+        self.installed = installed
         self.rows = [n for n, kind in enumerate(group["HEADING"]) if kind == "DATA"]
         units = [n for n, kind in enumerate(group["HEADING"]) if kind == "UNIT"]
         self.date_format = _date_format(group["MOND_DTIM"][units[0]]) if units else ISO
@@ -129,8 +138,22 @@ class _Reader:
         rows = [n for n in self.rows if self._matches(n, origin)]
         if not rows:
             self._refuse_nothing(channel, origin)
+        elif self._refuse_several(channel, rows):
+            return []
         found = (self._reading(n, channel, origin) for n in rows)
         return [reading for reading in found if reading is not None]
+
+    def _refuse_several(self, channel: str, rows: list[int]) -> bool:
+        """Note a channel whose rows are of several instruments, depths or types of readings."""
+        for name in (name for name in _TELLING if name in self.group):
+            values = list(dict.fromkeys(str(self.group[name][n]).strip() for n in rows))
+            if len(values) > 1:
+                message = f"the rows of '{channel}' have several {name}: {listing(values)}"
+                hint = f"Say which: channels: {{{channel}: {{{name}: '{values[0]}', ...}}}}."
+                line = int(self.group["line_number"][rows[0]])
+                self.table.refuse((line, 1), "ambiguous", message, hint)
+                return True
+        return False
 
     def _matches(self, n: int, origin: Origin) -> bool:
         return all(_same(self.group[name][n], value) for name, value in origin.fields.items())
@@ -142,13 +165,16 @@ class _Reader:
             known = sorted({str(self.group[name][n]) for n in self.rows})
             if not any(_same(each, value) for each in known):
                 hint = did_you_mean(value, known, what=f"{name} in the file")
+                if value in map(str, self.installed.get(name, ())):
+                    hint = f"The group MONG has {name} {value}, but without readings here."
                 break
         message = f"no row of group MOND has {asked} for '{channel}'"
         self.table.refuse((0, 0), "no-readings", message, hint)
 
     def _reading(self, n: int, channel: str, origin: Origin) -> Reading | None:
         line = int(self.group["line_number"][n])
-        cell = Cell(self.group["MOND_RDNG"][n].strip(), 1)
+        text = str(self.group["MOND_RDNG"][n]).strip()
+        cell = Cell("" if text in self.table.layout.blank else text, 1)
         try:
             time = read_date(self.group["MOND_DTIM"][n], self.date_format)
         except DateError as error:
@@ -157,18 +183,19 @@ class _Reader:
             return None
         value = self.table.number(line, cell)
         dimension = self.table.layout.dimension(channel)
-        factor = self._factor(n, line, origin, dimension) if value is not None else 1.0
-        if (value is None and cell.text) or factor is None:
+        scale = self._scale(n, line, origin, dimension) if value is not None else UnitScale()
+        if (value is None and cell.text) or scale is None:
             return None
         here = Location(self.table.file, line, 1)
-        known = None if value is None else origin.sign * value * factor
-        return Reading(channel, "", known, location=here, time=time, when=here)
+        known = None if value is None else scale.reading(value)
+        note = str(self.group["MOND_REM"][n]).strip() if "MOND_REM" in self.group else ""
+        return Reading(channel, "", known, location=here, time=time, when=here, note=note)
 
-    def _factor(self, n: int, line: int, origin: Origin, dimension: str) -> float | None:
-        """Size of the unit in that of SI: that of the row, or else the declared one."""
+    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> UnitScale | None:
+        """How a value becomes SI: by the unit of its row, or else by the declared one."""
         given = str(self.group.get("MOND_UNIT", {n: ""})[n]).strip()
-        unit = given or origin.unit or self.table.layout.unit
-        return self.table.unit(line, Cell(unit, 1), dimension)
+        unit = given or origin.unit or ("" if origin.calibration else self.table.layout.unit)
+        return self.table.scale(line, Cell(unit, 1), dimension, origin)
 
 
 def _same(found: object, wanted: str) -> bool:

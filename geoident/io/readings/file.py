@@ -1,21 +1,39 @@
-"""Readings from CSV: ``gauge,stage,value,unit[,accuracy][,bad]``, one reading a row.
+"""Readings from tables: ``gauge,stage,value,unit[,accuracy][,bad][,remarks]``, one reading a row.
+
+The rows are those of a CSV file or of a sheet of an Excel workbook.
 
 ``date`` may stand in place of ``stage``, and columns may have other names if the case declares
 them. Lines that begin with ``#`` and blank lines are passed over. A blank value is a reading that
 was not taken: it is kept, and counted later. The wide layout, one column a gauge, is in
-`geoident.io.readings.wide`.
+`geoident.io.readings.wide`, that of surveyed coordinates in `geoident.io.readings.coordinates`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
+from typing import Protocol
 
-from geoident.errors import InputError, Location
+from geoident.errors import Fault, InputError, Location
 from geoident.io.readings.ags import read_ags
-from geoident.io.readings.table import COLUMNS, Cell, Layout, Origin, Table, flag, lines
+from geoident.io.readings.coordinates import CoordinateReader
+from geoident.io.readings.table import (
+    COLUMNS,
+    ENCODING_HINT,
+    Cell,
+    Layout,
+    Origin,
+    Row,
+    Table,
+    UnitScale,
+    flag,
+    joined_header,
+    lines,
+)
 from geoident.io.readings.wide import WideReader
+from geoident.io.readings.workbook import open_sheet
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing, shorten
@@ -36,10 +54,12 @@ class Format:
         read: the readings of a file that is laid out as declared.
         many: what a file of it is called in a message, if it has readings of many instruments, so
             that it must be declared which are whose.
+        sheets: a file of it is a workbook.
     """
 
     read: Callable[[str, Layout], tuple[Reading, ...]]
     many: str = ""
+    sheets: bool = False
 
 
 def format_of(path: str) -> Format:
@@ -71,23 +91,96 @@ def parse_readings(content: bytes, file: str, layout: Layout | None = None) -> t
     if content.count(b"\n") > MAX_ROWS:
         table.refuse((0, 0), "too-large", f"the file has more than {MAX_ROWS:,} rows")
         raise InputError(table.faults)
-    rest = lines(decode(content, file), table.layout.delimiter)
-    header = next(rest, None)
+    text = decode(content, file, encoding=table.layout.encoding, hint=ENCODING_HINT)
+    found = lines(text, table.layout.delimiter)
+    given = (line for line in found if line[0] >= table.layout.header_row)
+    first = next(given, None)
+    if first is not None and _separated_otherwise(table, *first):
+        raise InputError(table.faults)
+    rest = () if first is None else chain((first,), given)
+    return read_rows(table, ((number, table.split(number, line)) for number, line in rest))
+
+
+def read_workbook(path: str, layout: Layout) -> tuple[Reading, ...]:
+    """Read a sheet of an Excel workbook; see `geoident.io.readings.workbook`.
+
+    Raises:
+        InputError: with all that is wrong in it.
+    """
+    table = Table(path, layout)
+    sheet = open_sheet(path, layout)
+    table.sheet = sheet.name
+    return read_rows(table, sheet.rows(layout.header_row))
+
+
+def refuse_old(path: str, layout: Layout) -> tuple[Reading, ...]:
+    """Refuse a workbook of another format than .xlsx.
+
+    Raises:
+        InputError: always.
+    """
+    suffix = Path(path).suffix.lower()
+    message = f"a {suffix} workbook cannot be read; .xlsx or CSV is expected"
+    hint = "Save it as 'Excel Workbook (.xlsx)' from Excel or LibreOffice."
+    raise InputError([Fault("unknown-format", message, hint, Location(path))])
+
+
+def read_rows(table: Table, rows: Iterable[Row]) -> tuple[Reading, ...]:
+    """Readings from the rows of a file, the header among them.
+
+    Args:
+        table: the file; rows before its header row are left out already.
+        rows: that hold something.
+
+    Raises:
+        InputError: with all faults; it stops at a thousand of them.
+    """
+    layout, rest = table.layout, iter(rows)
+    header = joined_header(list(islice(rest, layout.header_rows)))
     if header is None:
-        hint = f"The first line names the columns: {','.join(REQUIRED)}."
+        hint = f"The first line names the columns: {','.join(_expected(layout))}."
         table.refuse((0, 0), "empty", "the file is empty", hint)
         raise InputError(table.faults)
-    reader = WideReader(table) if table.layout.wide else _LongReader(table)
-    if not _separated_otherwise(table, *header):
+    reader = _reader(table)
+    if not table.faults:
         reader.header(*header)
-    rows: list[Reading] = []
-    for line in rest if not table.faults else ():
-        rows += reader.row(*line)
+    readings: list[Reading] = []
+    for number, cells in rest if not table.faults else ():
+        if number < layout.data_row and not reader.units_follow:
+            continue
+        blank = layout.blank and any(cell.text in layout.blank for cell in cells)
+        readings += reader.row(number, _without(cells, layout.blank) if blank else cells)
         if len(table.faults) > _MOST_FAULTS:
             break
     if table.faults:
         raise InputError(shortened(table.faults))
-    return tuple(rows)
+    return tuple(readings)
+
+
+class _Rows(Protocol):
+    """A layout: makes readings of rows."""
+
+    units_follow: bool
+
+    def header(self, number: int, cells: list[Cell]) -> None: ...
+
+    def row(self, number: int, cells: list[Cell]) -> list[Reading]: ...
+
+
+def _reader(table: Table) -> _Rows:
+    if table.layout.survey is not None:
+        return CoordinateReader(table, table.layout.survey)
+    return WideReader(table) if table.layout.wide else _LongReader(table)
+
+
+def _expected(layout: Layout) -> tuple[str, ...]:
+    if layout.survey is not None:
+        return ("point", "date", "east", "north", "height")
+    return ("date", "CHANNEL", "CHANNEL", "...") if layout.wide else REQUIRED
+
+
+def _without(cells: list[Cell], blank: tuple[str, ...]) -> list[Cell]:
+    return [Cell("", cell.column) if cell.text in blank else cell for cell in cells]
 
 
 def _separated_otherwise(table: Table, number: int, line: str) -> bool:
@@ -108,7 +201,14 @@ def _separated_otherwise(table: Table, number: int, line: str) -> bool:
 
 
 CSV = Format(read_readings)
-FORMATS = {".ags": Format(read_ags, many="an AGS file")}
+FORMATS = {
+    ".ags": Format(read_ags, many="an AGS file"),
+    ".xlsx": Format(read_workbook, sheets=True),
+    ".xlsm": Format(read_workbook, sheets=True),
+    ".xls": Format(refuse_old, sheets=True),
+    ".xlsb": Format(refuse_old, sheets=True),
+    ".ods": Format(refuse_old, sheets=True),
+}
 """Suffix to format. What reads a new one stands in its own module, and here in a line."""
 
 
@@ -124,29 +224,37 @@ class _LongReader:
         }
         self.required: tuple[str, ...] = REQUIRED
         self.keys: tuple[str, ...] = ()
+        self.units_follow = False
+        self.temperatures: dict[str, int] = {}
 
-    def header(self, number: int, line: str) -> None:
+    def header(self, number: int, cells: list[Cell]) -> None:
         """Note the columns, and what is wrong with them."""
-        cells = self.table.split(number, line)
         found = tuple(cell.text.lower() for cell in cells)
+        self.table.require_ignored(number, cells)
+        self.temperatures = self.table.temperature_columns(number, cells)
         for n, cell in enumerate(cells):
             self._check_column(number, cell, found[:n])
         self.keys = tuple(self.names.get(name, "") for name in found)
         dated = "date" in self.keys and "stage" not in self.keys
         self.required = tuple("date" if dated and k == "stage" else k for k in REQUIRED)
-        if self.table.layout.unit:
+        calibrated = [origin.calibration for _, origin in self.channels.values()]
+        if self.table.layout.unit or (calibrated and None not in calibrated):
             self.required = tuple(key for key in self.required if key != "unit")
         self._require_columns(number)
 
     def _check_column(self, number: int, cell: Cell, before: tuple[str, ...]) -> None:
         name = cell.text.lower()
+        if name in self.table.layout.ignore or name in self.temperatures:
+            return
         if name not in self.names:
-            if self.table.layout.columns:
+            if self.table.layout.columns or (self.table.sheet and not name):
                 return  # whoever names the columns may leave others aside
             hint = did_you_mean(name, COLUMNS, what="Columns")
+            if not hint.startswith("Did"):
+                hint += f" If it is not to be read, declare it: ignore: [{shorten(cell.text)}]."
             message = f"there is no column '{shorten(cell.text)}'"
             self.table.refuse((number, cell.column), "bad-header", message, hint)
-        elif name in before:
+        elif name in before and name:
             message = f"the column '{name}' is there twice"
             self.table.refuse((number, cell.column), "bad-header", message)
 
@@ -157,42 +265,49 @@ class _LongReader:
             message = f"columns missing in the header: {listing(missing)}"
             self.table.refuse((number, 1), "bad-header", message, hint)
 
-    def row(self, number: int, line: str) -> list[Reading]:
+    def row(self, number: int, cells: list[Cell]) -> list[Reading]:
         """The reading of a row, if it is right."""
-        table, cells = self.table, self.table.split(number, line)
+        table = self.table
         if not cells or not self._has_width(number, cells):
             return []
-        cells += [Cell("", len(line) + 1)] * (len(self.keys) - len(cells))
+        end = cells[-1].column + len(cells[-1].text)
+        cells = [*cells, *[Cell("", end)] * (len(self.keys) - len(cells))]
         row = {key: cell for key, cell in zip(self.keys, cells, strict=False) if key}
         before = len(table.faults)
         self._check_names(number, row)
-        channel, sign, unit = self._channel(row["gauge"].text)
+        channel, origin = self._channel(row["gauge"].text)
+        if not channel and row["gauge"].text:
+            return []  # of an instrument that is not asked for
         time = table.date(number, row["date"]) if "date" in self.required else None
-        factor = self._factor(number, row, unit, table.layout.dimension(channel))
+        scale = self._scale(number, row, origin, table.layout.dimension(channel))
         value = table.number(number, row["value"])
         accuracy = table.accuracy(number, row.get("accuracy"))
-        if len(table.faults) > before or factor is None or not channel:
+        calibration = origin.calibration
+        warmth = None
+        if calibration is not None and value is not None:
+            warmth = table.temperature(number, cells, self.temperatures, calibration)
+        if len(table.faults) > before or scale is None or not channel:
             return []
         when = row["date" if "date" in self.required else "stage"]
         return [
             Reading(
                 channel=channel,
                 stage="" if "date" in self.required else row["stage"].text,
-                value=None if value is None else sign * value * factor,
-                accuracy=None if accuracy is None else accuracy * factor,
+                value=None if value is None else scale.reading(value, warmth),
+                accuracy=None if accuracy is None else scale.accuracy(accuracy, value),
                 bad=flag(row["bad"].text) if "bad" in row else "",
                 location=table.place(number, row["gauge"]),
                 time=time,
-                when=Location(table.file, number, when.column),
+                when=table.place(number, when),
+                note=row["remarks"].text if "remarks" in row else "",
             )
         ]
 
-    def _channel(self, name: str) -> tuple[str, int, str]:
-        """Channel, sign and unit of a name in the file; no channel where none is asked for."""
+    def _channel(self, name: str) -> tuple[str, Origin]:
+        """Channel of a name in the file, and its origin; no channel where none is asked for."""
         if not self.channels:
-            return name, 1, ""
-        channel, origin = self.channels.get(name, ("", Origin()))
-        return channel, origin.sign, origin.unit
+            return name, Origin()
+        return self.channels.get(name, ("", Origin()))
 
     def _check_names(self, number: int, row: Mapping[str, Cell]) -> None:
         for name in ("gauge", *(key for key in ("stage", "date") if key in self.required)):
@@ -218,15 +333,16 @@ class _LongReader:
             return False
         return True
 
-    def _factor(
-        self, number: int, row: Mapping[str, Cell], unit: str, dimension: str
-    ) -> float | None:
-        """Size of the unit in that of SI; 1 where there is none and none is needed."""
+    def _scale(
+        self, number: int, row: Mapping[str, Cell], origin: Origin, dimension: str
+    ) -> UnitScale | None:
+        """How values become SI; as they are where there is no unit and none is needed."""
         cell = row.get("unit", Cell("", 1))
-        if not cell.text and (unit or self.table.layout.unit):
-            cell = Cell(unit or self.table.layout.unit, cell.column)
+        unit = origin.unit or ("" if origin.calibration else self.table.layout.unit)
+        if not cell.text and unit:
+            cell = Cell(unit, cell.column)
         accuracy = row.get("accuracy")
         blank = not row["value"].text and (accuracy is None or not accuracy.text)
         if not cell.text and blank:
-            return 1.0
-        return self.table.unit(number, cell, dimension)
+            return UnitScale()
+        return self.table.scale(number, cell, dimension, origin)

@@ -6,14 +6,17 @@ What differs from one file to the next is declared by the user (`Layout`); nothi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Literal
 
 from geoident.errors import Fault, Location
+from geoident.io.readings.calibration import Calibration, raw_unit
+from geoident.io.readings.survey import SurveyGrid
 from geoident.io.text.dates import ISO, DateError, read_date
-from geoident.io.text.wording import shorten
+from geoident.io.text.wording import did_you_mean, shorten
 from geoident.units import (
     DIMENSIONLESS,
     UNITS,
@@ -30,7 +33,20 @@ _BAD = frozenset({"1", "x", "yes", "true", "bad"})
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 
 
-COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad")
+COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad", "remarks")
+POINT_COLUMNS = ("point", "east", "north", "height")
+"""Columns of the layout of coordinates, beside stage or date, bad and remarks."""
+_ERRORS = frozenset(
+    {"#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!", "#SPILL!", "#CALC!"}
+)
+"""What a cell of a sheet holds whose formula failed (ECMA-376, 18.17.3)."""
+ENCODING_HINT = (
+    "Declare its encoding: readings: {file: ..., encoding: windows-1252}, or save it as UTF-8."
+)
+_CALIBRATE = (
+    "State the sensor's calibration: channels: {CHANNEL: {calibration: {reads: %s, factor: ..., "
+    "zero: ..., difference: zero - reading}}}."
+)
 
 
 @dataclass(frozen=True)
@@ -42,12 +58,14 @@ class Origin:
         unit: of its values; empty for what the file says.
         sign: -1 if the file counts the other way round.
         fields: AGS heading to the value that it must have, such as ``MONG_ID``.
+        calibration: makes readings of what the sensor gives; None where the file has readings.
     """
 
     name: str = ""
     unit: str = ""
     sign: int = 1
     fields: Mapping[str, str] = field(default_factory=dict)
+    calibration: Calibration | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +83,15 @@ class Layout:
         channels: channel to its origin; empty where the file uses the names of the case.
         dimensions: channel to the dimension of its readings, a key of
             `geoident.units.DIMENSIONS`; lengths where it is not said.
+        encoding: codec of a text; empty for UTF-8.
+        header_row: line or row of the (first) header; 0 for the first that holds something.
+        header_rows: rows over which the names of the columns are spread.
+        data_row: first line or row of readings; 0 for that after the header.
+        blank: texts of cells that stand for a missing reading.
+        ignore: names of columns that are not read, in small letters.
+        sheet: name of the sheet of a workbook; empty for its only one.
+        cells: range of the sheet, such as ``B4:H60``; empty for all.
+        survey: how coordinates become readings; None where the file has readings.
     """
 
     delimiter: str = ","
@@ -76,6 +103,15 @@ class Layout:
     unit_row: bool = False
     channels: Mapping[str, Origin] = field(default_factory=dict)
     dimensions: Mapping[str, str] = field(default_factory=dict)
+    encoding: str = ""
+    header_row: int = 0
+    header_rows: int = 1
+    data_row: int = 0
+    blank: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    sheet: str = ""
+    cells: str = ""
+    survey: SurveyGrid | None = None
 
     def header(self, key: str) -> str:
         """Name of a column in the header, in small letters."""
@@ -88,10 +124,53 @@ class Layout:
 
 @dataclass(frozen=True)
 class Cell:
-    """The text of a cell and its column, from 1."""
+    """A cell.
+
+    Args:
+        text: that it shows.
+        column: from 1: of its first character in a text, of the cell in a sheet.
+        value: number or date that the cell of a sheet holds; None for a text.
+    """
 
     text: str
     column: int
+    value: float | datetime | None = None
+
+
+Row = tuple[int, list[Cell]]
+"""Number of a line or row, from 1, and its cells."""
+
+
+@dataclass(frozen=True)
+class UnitScale:
+    """From the number in a cell to a reading in SI units.
+
+    Args:
+        factor: size of the unit, with the sign.
+        calibration: of the sensor that gives the number; None where it is the reading.
+        sign: of the calibrated reading.
+    """
+
+    factor: float = 1.0
+    calibration: Calibration | None = None
+    sign: int = 1
+
+    def reading(self, number: float, temperature: float | None = None) -> float:
+        """The reading, SI.
+
+        Args:
+            number: in the cell.
+            temperature: of the sensor, degrees Celsius, where its calibration needs it.
+        """
+        if self.calibration is None:
+            return self.factor * number
+        return self.sign * self.calibration.reading(number, temperature)
+
+    def accuracy(self, sd: float, number: float | None) -> float:
+        """Standard deviation of the reading, SI, from that of the number."""
+        if self.calibration is None:
+            return abs(self.factor) * sd
+        return sd * abs(self.calibration.slope(number or 0.0))
 
 
 @dataclass
@@ -103,12 +182,14 @@ class Table:
         layout: as declared.
         columns: names in the header, in small letters.
         faults: found so far.
+        sheet: of a workbook; empty for a text.
     """
 
     file: str
     layout: Layout = field(default_factory=Layout)
     columns: tuple[str, ...] = ()
     faults: list[Fault] = field(default_factory=list)
+    sheet: str = ""
 
     def refuse(self, place: tuple[int, int], code: str, message: str, hint: str = "") -> None:
         """Note a fault at a line and column.
@@ -119,11 +200,12 @@ class Table:
             message: what is wrong.
             hint: what would be right.
         """
-        self.faults.append(Fault(code, message, hint, Location(self.file, *place)))
+        location = Location(self.file, *place, self.sheet)
+        self.faults.append(Fault(code, message, hint, location))
 
     def place(self, number: int, cell: Cell) -> Location:
         """Where a cell is."""
-        return Location(self.file, number, cell.column)
+        return Location(self.file, number, cell.column, self.sheet)
 
     @cached_property
     def _cell(self) -> re.Pattern[str]:
@@ -151,20 +233,27 @@ class Table:
 
     def number(self, number: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
-        text = cell.text
-        if not text:
+        if isinstance(cell.value, float):
+            return cell.value
+        if not cell.text or self._refused_of_a_sheet(number, cell):
             return None
+        text = cell.text
         if self.layout.decimal == ",":
             if not _COMMA_NUMBER.fullmatch(text):
                 message = f"'{shorten(text)}' is not a number with a decimal comma"
                 hint = "The file is declared with 'decimal: \",\"'; a point has no place in it."
+                hint = self._if_blank(text) or hint
                 self.refuse((number, cell.column), "bad-number", message, hint)
                 return None
             text = text.replace(",", ".")
+        return self._plain_number(number, cell, text)
+
+    def _plain_number(self, number: int, cell: Cell, text: str) -> float | None:
+        """The number that a text says with a decimal point; None, with a fault, if it is none."""
         try:
             quantity = read_quantity(text)
         except UnitError as error:
-            hint = error.hint
+            hint = self._if_blank(text) or error.hint
             if "," in text and self.layout.delimiter != ",":
                 hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
             self.refuse((number, cell.column), "bad-number", error.message, hint)
@@ -176,6 +265,32 @@ class Table:
             return None
         return quantity.value
 
+    @staticmethod
+    def _if_blank(text: str) -> str:
+        """The remedy where a text looks like a mark for a missing reading."""
+        if any(letter.isdigit() for letter in text) or "," in text:
+            return ""
+        return f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
+
+    def _refused_of_a_sheet(self, number: int, cell: Cell) -> bool:
+        """Note a cell of a sheet that holds no number, but a date, an error or a formula."""
+        text, place = cell.text, (number, cell.column)
+        if isinstance(cell.value, datetime):
+            message = f"the cell holds the date {text}; a number is expected"
+            hint = "If Excel made a date of a number, type it again in a cell formatted as number."
+            self.refuse(place, "bad-number", message, hint)
+        elif self.sheet and text.startswith("="):
+            message = f"the result of the formula '{shorten(text)}' is not stored in the file"
+            hint = "Open the workbook in Excel, compute and save it, or paste values."
+            self.refuse(place, "no-stored-value", message, hint)
+        elif self.sheet and text.upper() in _ERRORS:
+            message = f"the cell holds the error {text}; a number is expected"
+            hint = f"Correct the sheet, or declare it as missing: blank: ['{text}']."
+            self.refuse(place, "cell-error", message, hint)
+        else:
+            return False
+        return True
+
     def accuracy(self, number: int, cell: Cell | None) -> float | None:
         """A positive number, None where there is none."""
         if cell is None:
@@ -186,6 +301,81 @@ class Table:
             self.refuse((number, cell.column), "out-of-range", message)
         return accuracy
 
+    def require_ignored(self, number: int, cells: Sequence[Cell]) -> None:
+        """Note names of columns to be ignored that the header does not have."""
+        names = [cell.text for cell in cells if cell.text]
+        for name in self.layout.ignore:
+            if name not in {text.lower() for text in names}:
+                hint = did_you_mean(name, names, what="Columns")
+                message = f"there is no column '{name}' to be ignored"
+                self.refuse((number, 1), "bad-header", message, hint)
+
+    def temperature_columns(self, number: int, cells: Sequence[Cell]) -> dict[str, int]:
+        """Name, in small letters, to index of the columns in which calibrations find temperatures.
+
+        A name that the header does not have is noted.
+        """
+        names = [cell.text.lower() for cell in cells]
+        found: dict[str, int] = {}
+        for channel, origin in self.layout.channels.items():
+            wanted = origin.calibration.temperature if origin.calibration else ""
+            if not wanted:
+                continue
+            if wanted.lower() in names:
+                found[wanted.lower()] = names.index(wanted.lower())
+            else:
+                hint = did_you_mean(wanted, [c.text for c in cells if c.text], what="Columns")
+                message = f"there is no column '{wanted}', the temperature of '{channel}'"
+                self.refuse((number, 1), "bad-header", message, hint)
+        return found
+
+    def temperature(
+        self,
+        number: int,
+        cells: Sequence[Cell],
+        columns: Mapping[str, int],
+        calibration: Calibration,
+    ) -> float | None:
+        """Temperature of a sensor in a row, degrees Celsius; None where none is needed.
+
+        Args:
+            number: of the row.
+            cells: of the row.
+            columns: as `temperature_columns` found them.
+            calibration: of the sensor; a missing temperature that it needs is noted.
+        """
+        if not calibration.temperature:
+            return None
+        at = columns[calibration.temperature.lower()]
+        cell = cells[at] if at < len(cells) else Cell("", 1)
+        found = self.number(number, cell)
+        if found is None and not cell.text:
+            message = f"the temperature of the sensor is missing ('{calibration.temperature}')"
+            hint = "Its calibration needs it; leave the reading blank, or 'thermal' out."
+            self.refuse((number, cell.column), "missing-temperature", message, hint)
+        return found
+
+    def scale(self, number: int, cell: Cell, dimension: str, origin: Origin) -> UnitScale | None:
+        """How the numbers of a channel become readings; None, with a fault, if they cannot.
+
+        Args:
+            number: of the line of the unit.
+            cell: the unit as written.
+            dimension: of what is read.
+            origin: what is declared of the channel.
+        """
+        known = origin.calibration
+        if known is None:
+            factor = self.unit(number, cell, dimension)
+            return None if factor is None else UnitScale(origin.sign * factor)
+        found = raw_unit(cell.text)
+        if cell.text and found != known.reads:
+            message = f"'{cell.text}' is not what the calibration is for, '{known.reads}'"
+            hint = "Correct 'reads' of the calibration, or leave it out where readings are given."
+            self.refuse((number, cell.column), "unit", message, hint)
+            return None
+        return UnitScale(1.0, known, origin.sign)
+
     def unit(self, number: int, cell: Cell, dimension: str) -> float | None:
         """Size of a unit in the SI unit of a dimension; None, with a fault, if it is none of it.
 
@@ -194,6 +384,13 @@ class Table:
             cell: the unit as written.
             dimension: of what is read, a key of `geoident.units.DIMENSIONS`.
         """
+        raw = raw_unit(cell.text)
+        if raw is not None and dimension != "frequency":
+            message = (
+                f"'{cell.text}' is what the sensor gives; {with_article(dimension)} is expected"
+            )
+            self.refuse((number, cell.column), "unit", message, _CALIBRATE % raw)
+            return None
         try:
             unit = normal_unit(cell.text, dimension)
         except UnitError as error:
@@ -212,6 +409,15 @@ class Table:
 
     def date(self, number: int, cell: Cell) -> float | None:
         """Seconds since 1970; None, with a fault, if it is no date of the declared format."""
+        if isinstance(cell.value, datetime):
+            return cell.value.replace(tzinfo=UTC).timestamp()
+        if isinstance(cell.value, float):
+            message = f"the cell holds the number {cell.text}, not a date"
+            hint = "Format the column in Excel as a date (not as number or text), and save it."
+            self.refuse((number, cell.column), "bad-date", message, hint)
+            return None
+        if self._refused_of_a_sheet(number, cell):
+            return None
         try:
             return read_date(cell.text, self.layout.date_format)
         except DateError as error:
@@ -237,3 +443,31 @@ def lines(text: str, delimiter: str) -> Iterator[tuple[int, str]]:
     for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
         if line.strip(f" \t{delimiter}") and not line.lstrip().startswith("#"):
             yield number, line
+
+
+def joined_header(rows: Sequence[Row]) -> Row | None:
+    """One header of the rows over which it is spread: ``EX1`` above ``a5`` is ``EX1 a5``.
+
+    A name that stands above several columns counts for those right of it that have none of their
+    own in its row, as cells do that were joined and then exported.
+
+    >>> joined_header([(1, [Cell("EX1", 1), Cell("", 5)]), (2, [Cell("a5", 1), Cell("a9", 4)])])[1]
+    [Cell(text='EX1 a5', column=1, value=None), Cell(text='EX1 a9', column=4, value=None)]
+    """
+    if not rows:
+        return None
+    number, last = rows[-1]
+    width = max(len(cells) for _, cells in rows)
+    names: list[list[str]] = [[] for _ in range(width)]
+    for n, (_, cells) in enumerate(rows):
+        above = ""
+        for column in range(width):
+            own = cells[column].text if column < len(cells) else ""
+            above = own or above
+            lower = any(column < len(other) and other[column].text for _, other in rows[n + 1 :])
+            text = above if lower and not own else own
+            names[column] += [text] if text else []
+    places = [*last, *(Cell("", 0) for _ in range(width - len(last)))]
+    return number, [
+        Cell(" ".join(parts), cell.column) for parts, cell in zip(names, places, strict=True)
+    ]

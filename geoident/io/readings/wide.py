@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from geoident.io.readings.table import Cell, Origin, Table
+from geoident.io.readings.table import Cell, Origin, Table, UnitScale
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
 
@@ -18,13 +18,13 @@ _WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
 
 @dataclass(frozen=True)
 class _Column:
-    """Position of a column, its channel, sign, and size of its unit (None: not yet known)."""
+    """Position of a column, its channel, origin, and how it is scaled (None: not yet known)."""
 
     at: int
     channel: str
     cell: Cell
-    sign: int
-    factor: float | None
+    origin: Origin
+    scale: UnitScale | None
 
 
 class WideReader:
@@ -40,10 +40,15 @@ class WideReader:
         self.when = 0
         self.dated = True
         self.units_follow = table.layout.unit_row
+        self.remarks: int | None = None
+        self.width = 0
+        self.temperatures: dict[str, int] = {}
 
-    def header(self, number: int, line: str) -> None:
+    def header(self, number: int, cells: list[Cell]) -> None:
         """Note the columns, and what is wrong with them."""
-        cells = self.table.split(number, line)
+        self.table.require_ignored(number, cells)
+        self.temperatures = self.table.temperature_columns(number, cells)
+        self.width = max((n for n, cell in enumerate(cells, 1) if cell.text), default=0)
         names = [cell.text.lower() for cell in cells]
         keys = [key for key in ("date", "stage") if self.table.layout.header(key) in names]
         if not keys:
@@ -54,7 +59,11 @@ class WideReader:
         self.dated = keys[0] == "date"
         self.when = names.index(self.table.layout.header(keys[0]))
         channels = self.table.layout.channels
-        given = {n: cell for n, cell in enumerate(cells) if n != self.when and cell.text}
+        remarks = self.table.layout.header("remarks")
+        self.remarks = names.index(remarks) if remarks in names else None
+        apart = {self.when, self.remarks, *self.temperatures.values()}
+        apart |= {n for n, name in enumerate(names) if name in self.table.layout.ignore}
+        given = {n: cell for n, cell in enumerate(cells) if n not in apart and cell.text}
         if channels:
             for channel, origin in channels.items():
                 self._add_declared(number, channel, origin, given)
@@ -78,26 +87,37 @@ class WideReader:
     def _add(self, number: int, n: int, cell: Cell, origin: Origin, channel: str) -> None:
         match = _WITH_UNIT.fullmatch(cell.text)
         name, unit = (match[1], match[2]) if match else (cell.text, "")
-        unit = origin.unit or unit or ("" if self.units_follow else self.table.layout.unit)
-        factor = None
+        declared = "" if self.units_follow or origin.calibration else self.table.layout.unit
+        unit = origin.unit or unit or declared
+        scale = None
         if unit or not self.units_follow:
-            factor = self._factor(number, cell, (channel or name, name), unit)
-        self.columns.append(_Column(n, channel or name, cell, origin.sign, factor))
+            scale = self._scale(number, cell, (channel or name, name), (unit, origin))
+        self.columns.append(_Column(n, channel or name, cell, origin, scale))
 
-    def _factor(self, number: int, cell: Cell, names: tuple[str, str], unit: str) -> float | None:
-        """Size of the unit of a column; names are those of its channel and its own."""
-        channel, name = names
-        if unit:
+    def _scale(
+        self, number: int, cell: Cell, names: tuple[str, str], given: tuple[str, Origin]
+    ) -> UnitScale | None:
+        """How the numbers of a column become readings.
+
+        Args:
+            number: of the line of the unit.
+            cell: at which a fault is noted.
+            names: of its channel and its own.
+            given: its unit, and what is declared of the channel.
+        """
+        (channel, name), (unit, origin) = names, given
+        if unit or origin.calibration:
             dimension = self.table.layout.dimension(channel)
-            return self.table.unit(number, Cell(unit, cell.column), dimension)
+            return self.table.scale(number, Cell(unit, cell.column), dimension, origin)
         message = f"the column '{name}' has no unit"
         hint = f"Write '{name} (mm)' in the header, or 'unit: mm' in the case."
+        if not self.table.layout.channels:
+            hint += f" If it is no gauge: ignore: [{name}], or columns: {{remarks: {name}}}."
         self.table.refuse((number, cell.column), "unit", message, hint)
         return None
 
-    def row(self, number: int, line: str) -> list[Reading]:
+    def row(self, number: int, cells: list[Cell]) -> list[Reading]:
         """The readings of a row."""
-        cells = self.table.split(number, line)
         if self.units_follow:
             self._read_units(number, cells)
             return []
@@ -106,26 +126,35 @@ class WideReader:
                 what = "date" if self.dated else "stage"
                 self.table.refuse((number, 1), "missing-name", f"the {what} of the row is missing")
             return []
-        last = max((column.at for column in self.columns), default=self.when)
-        if len(cells) > max(last, self.when) + 1 and self.table.layout.delimiter == ",":
-            self._refuse_width(number, cells, max(last, self.when) + 1)
+        if len(cells) > self.width and self.table.layout.delimiter == ",":
+            self._refuse_width(number, cells, self.width)
         when = cells[self.when]
         time = self.table.date(number, when) if self.dated else None
         if self.dated and time is None:
             return []
         place, stage = self.table.place(number, when), "" if self.dated else when.text
+        at = self.remarks
+        note = cells[at].text if at is not None and at < len(cells) else ""
         readings = []
         for column in (column for column in self.columns if column.at < len(cells)):
-            cell = cells[column.at]
-            value = self.table.number(number, cell)
-            if column.factor is None or (value is None and cell.text):
-                continue
-            known = None if value is None else column.sign * value * column.factor
-            at = self.table.place(number, cell)
-            readings.append(
-                Reading(column.channel, stage, known, location=at, time=time, when=place)
-            )
+            value = self._value(number, cells, column)
+            here = self.table.place(number, cells[column.at])
+            if column.scale is not None and (value is not None or not cells[column.at].text):
+                reading = Reading(
+                    column.channel, stage, value, location=here, time=time, when=place, note=note
+                )
+                readings.append(reading)
         return readings
+
+    def _value(self, number: int, cells: list[Cell], column: _Column) -> float | None:
+        """The reading of a column, SI; None where it is missing or, with a fault, wrong."""
+        value = self.table.number(number, cells[column.at])
+        if value is None or column.scale is None:
+            return None
+        warmth, calibration = None, column.origin.calibration
+        if calibration is not None:
+            warmth = self.table.temperature(number, cells, self.temperatures, calibration)
+        return column.scale.reading(value, warmth)
 
     def _refuse_width(self, number: int, cells: list[Cell], width: int) -> None:
         """Note further cells where the whole file is read: a decimal comma may be behind it."""
@@ -138,8 +167,8 @@ class WideReader:
     def _read_units(self, number: int, cells: list[Cell]) -> None:
         self.units_follow = False
         for n, column in enumerate(self.columns):
-            if column.factor is None:
+            if column.scale is None:
                 cell = cells[column.at] if column.at < len(cells) else Cell("", 1)
                 names, unit = (column.channel, column.channel), cell.text.strip("()[] ")
-                factor = self._factor(number, cell, names, unit)
-                self.columns[n] = replace(column, factor=factor)
+                scale = self._scale(number, cell, names, (unit, column.origin))
+                self.columns[n] = replace(column, scale=scale)

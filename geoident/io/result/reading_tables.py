@@ -50,6 +50,8 @@ def write_readings(
     out = TableWriter(file, "readings", axes)
     for name in ("channel", "gauge", "stage", "reason"):
         out.add(name, getattr(table, name), "reading")
+    if table.note:
+        out.add("note", table.note, "reading")
     for name in _FLOATS:
         unit = "s since 1970-01-01" if name == "time" else ""
         out.add(name, getattr(table, name), "reading", unit=unit)
@@ -86,6 +88,7 @@ def read_readings(file: h5py.File, n: int) -> ReadingTable:
         sensitivity=group.floats("sensitivity", k, n) if "sensitivity" in group else None,
         own_sd=group.floats("own_sd", k) if "own_sd" in group else None,
         epochs=group.ints("epochs", k) if "epochs" in group else None,
+        note=group.texts("note", k) if "note" in group else (),
         **columns,
     )
 

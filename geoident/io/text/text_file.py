@@ -1,7 +1,8 @@
-"""Text from files that may be anything: bounded in size, UTF-8, without control characters."""
+"""Text from files that may be anything: bounded, of a known encoding, no control characters."""
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import sys
@@ -12,6 +13,10 @@ from geoident.errors import Fault, InputError, Location
 STDIN = "-"
 _CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_NO_TEXT = frozenset(
+    {"idna", "punycode", "unicode-escape", "raw-unicode-escape", "undefined", "utf-7", "charmap"}
+)
+"""Codecs of Python that are no encodings of files."""
 _SAVE = "Save the file as plain text in UTF-8."
 
 
@@ -51,25 +56,55 @@ def read_bytes(path: str, *, limit: int, what: str) -> bytes:
     return data
 
 
-def decode(data: bytes, file: str) -> str:
+def decode(data: bytes, file: str, *, encoding: str = "", hint: str = "") -> str:
     """Text of a file without its byte order mark.
 
+    Args:
+        data: of the file.
+        file: its path, for messages.
+        encoding: a codec that `encoding_problem` has nothing against; empty for UTF-8.
+        hint: the remedy where an encoding may be declared; a byte order mark of UTF-16 then counts
+            as declared.
+
     Raises:
-        InputError: not UTF-8, or with control characters.
+        InputError: not text of this encoding, or with control characters.
     """
     if data.startswith(_UTF16):
-        raise _fault(file, "the file is UTF-16 text; UTF-8 is expected", 1, 1)
+        if not hint:
+            raise _fault(file, "the file is UTF-16 text; UTF-8 is expected", 1, 1, _SAVE)
+        encoding = "utf-16"
+    codec = encoding or "utf-8-sig"
+    if encoding and codecs.lookup(encoding).name == "utf-8":
+        codec = "utf-8-sig"
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode(codec)
     except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8", "replace")
-        message = f"byte 0x{data[error.start]:02x} is not UTF-8 text"
-        raise _fault(file, message, *position(before, len(before))) from error
+        before = data[: error.start].decode(codec, "replace")
+        message = f"byte 0x{data[error.start]:02x} is not {encoding or 'UTF-8'} text"
+        raise _fault(file, message, *position(before, len(before)), hint or _SAVE) from error
     wrong = _CONTROL.search(text)
     if wrong:
         message = f"character U+{ord(wrong[0]):04X} is not text; is this a binary file?"
-        raise _fault(file, message, *position(text, wrong.start()))
+        raise _fault(file, message, *position(text, wrong.start()), hint or _SAVE)
     return text
+
+
+def encoding_problem(name: str) -> str | None:
+    """Why a name is none of an encoding of text, or None if it is one.
+
+    >>> encoding_problem("Windows-1252")
+    >>> encoding_problem("base64")
+    'it does not make text'
+    """
+    try:
+        codec = codecs.lookup(name)
+        b"aaaa".decode(codec.name, "replace")
+    except (LookupError, ValueError) as error:
+        known = isinstance(error, LookupError) and "not a text" in str(error)
+        return "it does not make text" if known else "there is none of this name"
+    except UnicodeError:
+        return "it does not make text"
+    return "it does not make text" if codec.name in _NO_TEXT else None
 
 
 def position(text: str, index: int) -> tuple[int, int]:
@@ -77,5 +112,5 @@ def position(text: str, index: int) -> tuple[int, int]:
     return text.count("\n", 0, index) + 1, index - text.rfind("\n", 0, index)
 
 
-def _fault(file: str, message: str, line: int, column: int) -> InputError:
-    return InputError([Fault("not-text", message, _SAVE, Location(file, line, column))])
+def _fault(file: str, message: str, line: int, column: int, hint: str) -> InputError:
+    return InputError([Fault("not-text", message, hint, Location(file, line, column))])

@@ -25,6 +25,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, spans
 from geoident.report.drawing.sheets import element_centres
+from geoident.report.drawing.structures import draw_structures, structure_lines
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, box_axes, image, key, short
 
 Colour = tuple[float, float, float]
@@ -36,6 +37,7 @@ _SUPPORT: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "none", "mec": "black", "m
 _MOST_MARKS = 25
 _MOST_LABELS = 40
 _EDGE = (0.35, 0.35, 0.35)
+_SHOWN = ("stages in their order, and gauges", "stages in their order, structures and gauges")
 _HALO = [withStroke(linewidth=2.0, foreground="white")]
 
 
@@ -67,11 +69,12 @@ def _plane_figure(case: Case, mesh: Mesh) -> Figure:
     whole.plot(*frame.T, color="black", lw=0.8, ls=":")
     near.set_xlim(low[0], high[0])
     near.set_ylim(low[1], high[1])
+    built = draw_structures(near, case, mesh)
     _draw_gauges(near, case)
     _draw_marks(near, mesh, parts)
     whole.set_title("model and supports")
-    near.set_title("stages in their order, and gauges (the dotted part)")
-    _finish(figure, case, parts, supports)
+    near.set_title(f"{_SHOWN[bool(built)]} (the dotted part)")
+    _finish(figure, case, parts, [*supports, *built])
     return figure
 
 
@@ -91,13 +94,14 @@ def _solid_figure(case: Case, mesh: Mesh) -> Figure:
     _draw_surface(whole, mesh, parts, alpha=1.0)
     _draw_surface(near, mesh, moved, alpha=0.75)
     _name_supports(whole, case, mesh)
+    built = draw_structures(near, case, mesh)
     _draw_gauges(near, case)
     _draw_marks(near, mesh, parts)
     _frame(whole, mesh.points.min(axis=0), mesh.points.max(axis=0))
     _frame(near, *window(case, mesh, parts))
     whole.set_title("outer surface; GROUP: directions in which it is held")
-    near.set_title("stages in their order, and gauges")
-    _finish(figure, case, parts, [])
+    near.set_title(_SHOWN[bool(built)])
+    _finish(figure, case, parts, built)
     return figure
 
 
@@ -288,7 +292,9 @@ def centre(mesh: Mesh, elements: Ints) -> Floats:
 
 
 def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:
-    """The box around gauges and all that is dug or placed, with a margin, inside the mesh.
+    """The box around gauges, structures and all that is dug or placed, with a margin.
+
+    It ends where the mesh ends.
 
     Args:
         case: with gauges.
@@ -299,6 +305,9 @@ def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Flo
         Its lower and its upper corner, (dim,) each, m.
     """
     points = [line for lines in gauge_lines(case).values() for line in lines]
+    points += [
+        line for structure in case.structures.values() for line in structure_lines(structure, mesh)
+    ]
     moved = [part.elements for part in parts if part.mark]
     if moved:
         points.append(element_centres(mesh)[np.concatenate(moved)])

@@ -14,7 +14,7 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import structures, yielding
+from geoident.report.text import accuracies, structures, yielding
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -79,6 +79,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
+        _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
         _section(
@@ -89,7 +90,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         ),
         _section(yielding.TITLE, _yield_planes(result)),
         _section(unit_title("Readings", result.gauges), table(reading_table(result))),
-        _section(structures.TITLE, table(structures.force_table(result.members))),
+        _section(
+            structures.TITLE,
+            _figures(pictures.structures),
+            table(structures.force_table(result.members)),
+        ),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )

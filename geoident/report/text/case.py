@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -10,6 +10,7 @@ import yaml
 
 from geoident.model.result import GaugeTable, Result
 from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
+from geoident.report.text.gauges import moment_text
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -34,35 +35,58 @@ def axis_names(result: Result) -> tuple[str, str, str]:
     return ("radius r", "height y", "") if turned else ("x", "y", "z")
 
 
-def gauge_quantity(result: Result, gauge: str) -> str:
-    """What a gauge measures, with its unit and direction, as a figure says it."""
+def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
+    """What the case says of a gauge, as texts; empty where that cannot be read."""
     gauges = _case(result.case_resolved).get("gauges")
     found = gauges.get(gauge) if isinstance(gauges, dict) else None
-    given = found if isinstance(found, dict) else {}
+    return found if isinstance(found, dict) else {}
+
+
+def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> str:
+    """What a gauge measures, with its unit and direction, as a figure says it.
+
+    Args:
+        result: with the gauge.
+        gauge: its name.
+        dimension: of which of its channels, where they have several; None for the first.
+    """
+    given = gauge_entry(result, gauge)
+    unit, of = _unit_of_gauge(result.gauges, gauge, dimension)
     component = given.get("component")
     along = f" {component}" if isinstance(component, str) else ""
-    unit, dimension = _unit_of_gauge(result.gauges, gauge)
-    length = dimension == "length"
-    name, direction = _QUANTITIES.get(given.get("kind", ""), (f"displacement{along}", ""))
+    other = f"displacement{along}" if of == "length" else of
+    name, direction = _QUANTITIES.get((str(given.get("kind", "")), of), (other, ""))
+    if given.get("positive") in ("away", "compression"):
+        direction = {"away": "away from the sensor", "compression": "compression"}[
+            str(given["positive"])
+        ]
     what = ", ".join(word for word in (unit, direction) if word)
-    name = name if length else dimension
     return f"{name} ({what})" if what else name
 
 
 _QUANTITIES = {
-    "extensometer": ("extension", ""),
-    "convergence": ("change of length", ""),
-    "settlement": ("settlement", "downwards"),
+    ("extensometer", "length"): ("extension", ""),
+    ("convergence", "length"): ("change of length", ""),
+    ("settlement", "length"): ("settlement", "downwards"),
+    ("inclinometer", "length"): ("motion across the casing", ""),
+    ("tilt", "angle"): ("tilt", "top towards its direction"),
+    ("levelling", "length"): ("settlement", "downwards"),
+    ("levelling", "angle"): ("angular distortion", "second point down"),
+    ("line-of-sight", "length"): ("motion along the sight", "towards the sensor"),
+    ("stress", "pressure"): ("stress", "tension"),
+    ("pressure-cell", "pressure"): ("total pressure", "compression"),
+    ("piezometer", "pressure"): ("pore pressure", ""),
+    ("strain", "strain"): ("strain", "elongation"),
 }
-"""Kind of a gauge of lengths: what it measures, and in which direction it counts."""
+"""Kind of a gauge and dimension of a channel: what it measures, and what counts as positive."""
 
 
-def _unit_of_gauge(gauges: GaugeTable, gauge: str) -> tuple[str, str]:
+def _unit_of_gauge(gauges: GaugeTable, gauge: str, dimension: str | None) -> tuple[str, str]:
     """Unit and dimension of the channels of a gauge."""
-    if gauge not in gauges.gauges:
-        return "mm", "length"
-    row = gauges.gauges.index(gauge)
-    return gauges.shown_units[row], gauges.dimensions[row]
+    for name, unit, found in zip(gauges.gauges, gauges.shown_units, gauges.dimensions, strict=True):
+        if name == gauge and dimension in (None, found):
+            return unit, found
+    return "mm", "length"
 
 
 @lru_cache(maxsize=8)
@@ -84,6 +108,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Gauges", _gauges(summary)),
         section("Positions of the gauges", _places(summary)),
         _readings(summary),
+        section("Dates of the readings", _when_read(summary)),
         section("Computation", _cost(summary.cost)),
         section("Notes", bullets(summary.notes)),
     )
@@ -172,6 +197,31 @@ def _readings(summary: CaseSummary) -> str:
         for reason, channels in reading.unused:
             lines.append(sentence(f"not used: {_together(channels)}: {reason}", indent="    "))
     return "\n".join(lines)
+
+
+def _when_read(summary: CaseSummary) -> str:
+    """A line for every stage: what went where, by the dates."""
+    if not summary.when_read:
+        return ""
+    rows = [
+        [
+            stage.stage,
+            _date(stage.complete),
+            str(stage.number),
+            str(stage.channels),
+            _date(stage.first),
+            _date(stage.last),
+            str(stage.between or "-"),
+        ]
+        for stage in summary.when_read
+    ]
+    header = ("stage", "complete on", "readings", "channels", "first", "last", "nearer to the next")
+    return TextTable(header, rows, right="llrrllr").text
+
+
+def _date(seconds: float | None) -> str:
+    found = None if seconds is None else moment_text(seconds)
+    return "-" if found is None else found.replace("T", " ")[:16].removesuffix(" 00:00")
 
 
 def _together(channels: Sequence[str]) -> str:

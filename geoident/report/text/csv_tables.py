@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
+from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
@@ -97,6 +98,19 @@ def _parameter(table: ParameterTable, i: int) -> CsvRow:
     )
 
 
+def _accuracies(result: Result) -> CsvTable:
+    found = accuracies_list(result.accuracies) if result.accuracies is not None else []
+    header = ("errors", "sd", "factor", "lower95", "upper95", "unit", "determined")
+    rows = [tuple(_number(entry.get(name)) for name in header) for entry in found]
+    return CsvTable(header, tuple(rows))
+
+
+def _number(cell: CsvCell | None) -> CsvCell:
+    if cell is None or (isinstance(cell, float) and math.isinf(cell)):
+        return math.nan
+    return cell if isinstance(cell, str | bool) else float(cell)
+
+
 def _shown(table: ParameterTable, i: int, value: float) -> float:
     return in_unit(value, table.units[i], table.dimensions[i])
 
@@ -135,7 +149,7 @@ def _gauges(result: Result) -> CsvTable:
 
 def _readings(result: Result) -> CsvTable:
     """Every reading, in the order of the files."""
-    header = ("gauge", "stage", "time", "value", "computed", "sd", "unit", "used", "reason")
+    header = ("gauge", "stage", "time", "value", "computed", "sd", "unit", "used", "reason", "note")
     rows: list[CsvRow] = [
         (
             reading["gauge"],
@@ -148,6 +162,7 @@ def _readings(result: Result) -> CsvTable:
             shown_unit(*reading["shown"]),
             reading["used"],
             reading["reason"],
+            reading["note"],
         )
         for reading in each_reading(result.gauges)
     ]
@@ -245,9 +260,11 @@ def _per_unit(reading: str, unit: str) -> str:
 
 
 def _structures(result: Result) -> CsvTable:
-    """Forces in kN and kNm, of linings per metre out of plane."""
-    header = ("structure", "number", "stage", "N", "M_first", "M_second", "Q")
-    units = ("kN", "kNm", "kNm", "kN")
+    """Forces in kN and kNm, of walls and linings per metre, of bars each."""
+    header = (
+        "structure", "number", "stage", "N", "M_first", "M_second", "Q", "N_hoop", "stressed_to"
+    )  # fmt: skip
+    units = ("kN", "kNm", "kNm", "kN", "kN", "kN")
     found = result.members
     names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
     if found is None:
@@ -259,7 +276,13 @@ def _structures(result: Result) -> CsvTable:
             found.stages[j],
             *(
                 float(force) / _KILO
-                for force in (found.axial[i, j], *found.moment[i, :, j], found.shear[i, j])
+                for force in (
+                    found.axial[i, j],
+                    *found.moment[i, :, j],
+                    found.shear[i, j],
+                    found.hoop[i, j],
+                    found.prestress[i, j],
+                )
             ),
         )
         for j, i in np.argwhere(np.isfinite(found.axial.T)).tolist()
@@ -289,6 +312,7 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
 
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
+    "accuracies": _accuracies,
     "gauges": _gauges,
     "diagnostics": _diagnostics,
     "prediction": _prediction,

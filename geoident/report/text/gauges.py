@@ -118,7 +118,7 @@ def fit_table(result: Result) -> TextTable:
         texts = [reading_text(gauges, i, value) for value in three]
         in_sd = decimals((measured - computed) / float(gauges.sd[i, j]), 1)
         names = [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i)]
-        rows.append([*names, *texts, in_sd, _use(gauges, i, j)])
+        rows.append([*names, *texts, in_sd, _with_note(gauges, i, j, _use(gauges, i, j))])
     header = ("gauge", "stage", "measured", "computed", "residual", "in sd", "")
     return _reading_table(gauges, header, rows, "llrrrrl")
 
@@ -128,6 +128,15 @@ def _has_prediction(result: Result) -> Bools:
     if result.prediction is None:
         return np.zeros(result.gauges.computed.shape, dtype=bool)
     return np.asarray(np.isfinite(result.prediction.mean))
+
+
+def _with_note(gauges: GaugeTable, i: int, j: int, state: str) -> str:
+    """How a reading is used, and the remarks of the field sheet on it."""
+    table, pair = gauges.readings, (gauges.channels[i], gauges.stages[j])
+    if not table.note:
+        return state
+    remarks = [note for note, own in zip(table.note, table.pairs, strict=True) if own == pair]
+    return "; ".join(dict.fromkeys(text for text in (state, *remarks) if text))
 
 
 def _use(gauges: GaugeTable, i: int, j: int) -> str:
@@ -198,7 +207,7 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
         band,
         reading_text(gauges, i, measured - computed) if determined else "-",
         decimals(in_sd, 1),
-        "known to be wrong" if gauges.bad[i, j] else state,
+        _with_note(gauges, i, j, "known to be wrong" if gauges.bad[i, j] else state),
     ]
 
 
@@ -206,16 +215,22 @@ def standardized(result: Result) -> Floats:
     """(n_channels, n_stages) measured minus computed in standard deviations.
 
     That of the gauge, and for a prediction that of the prediction, which holds both the gauge's and
-    the parameters'. NaN where nothing was measured or the prediction is not determined.
+    the parameters'. Where readings share errors, without what the others tell of these (theory 7).
+    NaN where nothing was measured or the prediction is not determined.
     """
     table = result.gauges
-    sd = table.sd.copy()
+    sd, computed = table.sd.copy(), table.computed.copy()
     if result.prediction is not None:
         predicted = _has_prediction(result) & ~table.used
         sd[predicted] = result.prediction.sd[predicted]
+        computed[predicted] = result.prediction.mean[predicted]
     known = np.isfinite(sd) & (sd > 0)
-    residual = table.measured - table.computed
-    return np.asarray(np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known))
+    residual = table.measured - computed
+    found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+    if any(table.errors) and result.diagnostics is not None:
+        wide = result.diagnostics.wide(table).standardized
+        found = np.where(np.isfinite(wide), wide, found)
+    return np.asarray(found)
 
 
 @dataclass(frozen=True)
@@ -341,22 +356,23 @@ def each_reading(gauges: GaugeTable) -> list[dict[str, Any]]:
         {
             "gauge": table.channel[k],
             "stage": table.stage[k],
-            "time": _time_text(float(table.time[k])),
+            "time": moment_text(float(table.time[k])),
             "value": float(table.value[k]),
             "computed": float(table.computed[k]),
             "sd": float(table.sd[k]),
             "used": bool(table.used[k]),
             "reason": table.reason[k],
+            "note": table.notes[k],
             "shown": shown[table.channel[k]],
         }
         for k in range(len(table))
     ]
 
 
-def _time_text(seconds: float) -> str | None:
+def moment_text(seconds: float) -> str | None:
     """Date and time (ISO 8601) of seconds since 1970; None for NaN.
 
-    >>> _time_text(86400.0)
+    >>> moment_text(86400.0)
     '1970-01-02T00:00:00'
     """
     if math.isnan(seconds):

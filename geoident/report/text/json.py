@@ -18,7 +18,13 @@ from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
-from geoident.report.text.gauges import by_stage, diagnostics_object, each_reading
+from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.gauges import (
+    by_stage,
+    diagnostics_object,
+    each_reading,
+    moment_text,
+)
 from geoident.report.text.structures import structures_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -67,6 +73,11 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
+        **(
+            {"accuracies": accuracies_list(result.accuracies)}
+            if result.accuracies is not None
+            else {}
+        ),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
@@ -221,17 +232,31 @@ def _faults(error: GeoidentError) -> tuple[Fault, ...]:
 
 def fault_object(fault: Fault) -> dict[str, Any]:
     """One thing that is wrong with the input."""
+    place = fault.location
     return {
         "code": fault.code,
         "message": fault.message,
         "hint": fault.hint,
-        "file": fault.location.file,
-        "line": fault.location.line,
-        "column": fault.location.column,
+        "file": place.file,
+        "line": place.line,
+        "column": place.column,
         "path": fault.path,
+        **({"cell": f"{place.sheet}!{place.cell}"} if place.sheet and place.line else {}),
     }
 
 
 def summary_object(summary: CaseSummary) -> dict[str, Any]:
     """A case that was checked."""
-    return {"status": "valid", "exit_code": 0, **asdict(summary), "unused": dict(summary.unused)}
+    when_read = [
+        {
+            **asdict(stage),
+            **{key: _moment(getattr(stage, key)) for key in ("complete", "first", "last")},
+        }
+        for stage in summary.when_read
+    ]
+    own = {"unused": dict(summary.unused), "when_read": when_read}
+    return {"status": "valid", "exit_code": 0, **asdict(summary), **own}
+
+
+def _moment(seconds: float | None) -> str | None:
+    return None if seconds is None else moment_text(seconds)

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import structures, yielding
+from geoident.report.text import accuracies, structures, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -60,6 +60,7 @@ def result_text(result: Result, *, title: str = "") -> str:
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
         section("Parameters", parameters_text(result.parameters, result.certificate)),
+        section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section("Findings", bullets(result.findings)),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
@@ -77,6 +78,7 @@ def summary_text(result: Result) -> str:
     parts = (
         head(result),
         parameters_text(result.parameters, result.certificate),
+        section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)

@@ -20,14 +20,14 @@ from geoident.model.gauges import Channel, Reading
 DAY = 86400.0
 """Seconds."""
 
-Source = tuple[str | float, ...]
+ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
-Row = tuple[Channel, Reading]
+ChannelReading = tuple[Channel, Reading]
 """A reading and its channel."""
 
 
-def error_structure(rows: Sequence[Row]) -> ErrorStructure | None:
+def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure | None:
     """The errors of readings; None where all are independent and of given size.
 
     Args:
@@ -65,14 +65,14 @@ class _Table:
     """Collects the entries of B."""
 
     steps: Mapping[str, tuple[float, ...]]
-    sources: dict[Source, int] = field(default_factory=dict)
+    sources: dict[ErrorSource, int] = field(default_factory=dict)
     components: dict[str, int] = field(default_factory=dict)
     of_source: list[int] = field(default_factory=list)
     entries: list[tuple[int, int, float]] = field(default_factory=list)
     sd: list[float] = field(default_factory=list)
     component: list[int] = field(default_factory=list)
 
-    def add(self, number: int, row: Row) -> None:
+    def add(self, number: int, row: ChannelReading) -> None:
         """Takes a reading."""
         channel, reading = row
         self.sd.append(own_sd(channel, reading))
@@ -108,7 +108,7 @@ class _Table:
 
 def _shared(
     channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
-) -> Iterator[tuple[str, Source, float]]:
+) -> Iterator[tuple[str, ErrorSource, float]]:
     """The shared errors of a reading: part, what it is that of, and standard deviation."""
     parts = channel.errors
     assert parts is not None
@@ -127,7 +127,7 @@ def _shared(
         before = place
 
 
-def _steps(rows: Sequence[Row]) -> dict[str, tuple[float, ...]]:
+def _steps(rows: Sequence[ChannelReading]) -> dict[str, tuple[float, ...]]:
     """Run to the places of its channels, from the reference end on, m."""
     found: dict[str, set[float]] = {}
     for channel, _ in rows:

@@ -74,6 +74,7 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
         bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
         reason=tuple(reasons),
         computed=np.full(len(readings), np.nan),
+        note=tuple(r.note for r in readings) if any(r.note for r in readings) else (),
         **(_shares(owners, readings) if any(c.errors for c in owners) else {}),
     )
 
@@ -95,6 +96,7 @@ def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
             float(table.sd[k] if table.own_sd is None else table.own_sd[k]),
             time=None if np.isnan(table.time[k]) else float(table.time[k]),
             bad=table.reason[k].removeprefix(FLAGGED) if table.bad[k] else "",
+            note=table.notes[k],
             epochs=1 if table.epochs is None else int(table.epochs[k]),
         )
         for k in range(len(table))

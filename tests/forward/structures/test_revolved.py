@@ -14,6 +14,7 @@ from support.revolved import constant, revolve
 from support.tunnels import with_lines
 
 from geoident.errors import InputError
+from geoident.forward.actions.supports import fixed_dofs
 from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
@@ -56,7 +57,16 @@ def test_lined_shaft_carries_its_share_of_the_ground():
     lining = Beam("wall", E=Scalar(E_c), thickness=Scalar(t), nu=Scalar(nu_c),
                   clamped_on=("y0", "y1"))  # fmt: skip
     stages = (Stage("sink", excavate=("core",), build=("lining",)),)
-    found = _shaft(structures={"lining": lining}, stages=stages).survey(NOTHING, fields=True)
+    gauge = cell("e", None, (RADIUS, 0.4), structure="lining")
+    gauges = tuple(
+        replace(gauge, name=name, kind=kind, quantity=quantity, dimension=dimension)
+        for name, kind, quantity, dimension in (
+            ("e", "strain", "axis", "strain"),
+            ("N", "load-cell", "N", "line load"),
+        )
+    )
+    staged = _shaft(structures={"lining": lining}, stages=stages, channels=gauges)
+    found = staged.survey(NOTHING, fields=True)
     D, G = E_c * t / (1 - nu_c**2), E / (2 * (1 + NU))
     pressure = P0 / (1 + 2 * G * RADIUS / D)
     wall = np.flatnonzero(found.fields.mesh.points[:, 0] == RADIUS)
@@ -65,6 +75,9 @@ def test_lined_shaft_carries_its_share_of_the_ground():
     np.testing.assert_allclose(found.members.hoop, -pressure * RADIUS, rtol=2e-3)
     np.testing.assert_allclose(found.members.axial, -nu_c * pressure * RADIUS, rtol=2e-3)
     assert np.abs(found.members.moment).max() < 1e-6 * pressure * RADIUS**2
+    strain, force = found.computed[:, 0]
+    assert force == pytest.approx(-nu_c * pressure * RADIUS, rel=2e-3)
+    assert strain == pytest.approx(0.0, abs=1e-12)
 
 
 def _ring_of_bars(a, c, b, p, spring):
@@ -153,7 +166,7 @@ def _reactions(staged):
         held = points.forces(end.stress[..., 0], points.volume)
         held += staged.structures.nodal_forces(end.members[:, :1])[:, 0]
         held -= staged.actions.forces(end.state, NOWHERE)[:, 0]
-        yield held.reshape(-1, 2)[staged.on_mesh.fixed.reshape(-1, 2)[:, 1], 1].sum()
+        yield held.reshape(-1, 2)[fixed_dofs(staged.on_mesh).reshape(-1, 2)[:, 1], 1].sum()
 
 
 PARAMETERS = (
@@ -207,9 +220,9 @@ def test_derivatives_by_every_number_about_an_axis():
         channels=(
             displacement("r", (3.0, 3.5), (1.0, 0.0)),
             displacement("y", (3.6, 3.8), (0.0, 1.0)),
-            cell("N", *bolt),
-            cell("S", *strut),
-            cell("A", *anchor),
+            cell("N", *bolt, structure="bolts"),
+            cell("S", *strut, structure="struts"),
+            cell("A", *anchor, structure="anchors"),
         ),
     )
     read = [(c, s.name) for c in ("r", "y", "N") for s in stages]

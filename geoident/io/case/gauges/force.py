@@ -15,8 +15,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import ESTIMATE, ForceAccuracy, PressureAccuracy, StrainAccuracy
-from geoident.io.case.gauge import GaugeBase, Vector, distance, point_of, unit_vector
+from geoident.io.case.gauges.accuracy import (
+    ESTIMATE,
+    FORCES,
+    ForceAccuracy,
+    PressureAccuracy,
+    StrainAccuracy,
+)
+from geoident.io.case.gauges.gauge import (
+    GaugeBase,
+    GivenLength,
+    distance,
+    point_of,
+    unit_vector,
+)
 from geoident.io.schema.section import Context, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coordinates,
@@ -30,21 +42,20 @@ from geoident.io.schema.values import (
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, MovingPoint, Reads
 from geoident.model.structures import Bars, Beam, Structure, Struts
 
-Component = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
+StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
 
 PressureOffset = Annotated[Given, Of("pressure", tied=True)]
 StrainOffset = Annotated[Given, Of("strain", tied=True)]
 ForceOffset = Annotated[Given, Of(None, tied=True)]
-GivenLength = Annotated[Given, Of("length", above=0.0)]
 Stations = Annotated[list[Length], SharesUnit()]
 
 _MOST_STATIONS = 10_000
-_FORCES = ("force", "line load", "moment per length")
 _ZERO = (
     "Stage at whose end the gauge reads zero: it then reads the change since. Without it the "
     f"value itself is read. '{VIRGIN}' is the state before the first stage."
@@ -76,7 +87,7 @@ class _ForceGauge(GaugeBase):
         return replace(found, reads=self.reads_as, quantity=part)
 
 
-class StressSection(_ForceGauge):
+class StressGaugeSection(_ForceGauge):
     """Stress at a point: overcoring, flat jack, hydraulic fracturing, stress cells.
 
     Of `components` and `principal` values one channel each, named GAUGE.xx or GAUGE.major; of a
@@ -92,7 +103,7 @@ class StressSection(_ForceGauge):
     offset: PressureOffset | None = Field(None, description="Added to all readings.")
     drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
-    components: list[Component] | None = Field(
+    components: list[StressComponent] | None = Field(
         None,
         min_length=1,
         description="Components that are read; zz of a section is out of plane, about an axis the "
@@ -117,7 +128,7 @@ class StressSection(_ForceGauge):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> StressSection:
+    def _one_way(self) -> StressGaugeSection:
         ways = ("components", "principal", "direction")
         given = [way for way in ways if getattr(self, way) is not None]
         faults = SectionFaults()
@@ -287,7 +298,7 @@ class LoadCellSection(_ForceGauge):
                 continue
             if given.text == ESTIMATE:
                 continue
-            if given.dimension not in _FORCES:
+            if given.dimension not in FORCES:
                 message = f"'{given.text}' is no force, line load or moment per length"
                 hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
                 faults.add((key,), "unit", message, hint)
@@ -324,7 +335,7 @@ class StrainSection(_ForceGauge):
     drift_per_stage: StrainOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates | None = Field(None, description="Where it is read.")
     direction: DirectionVector | None = Field(None, description="Along which it is read.")
-    component: Component | None = Field(
+    component: StressComponent | None = Field(
         None, description="In place of a direction; of shear strains gamma = 2 eps."
     )
     between: Line | None = Field(None, description="The two points of a mean strain.")

@@ -15,12 +15,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import AngleAccuracy
-from geoident.io.case.gauge import (
+from geoident.io.case.gauges.accuracy import AngleAccuracy
+from geoident.io.case.gauges.gauge import (
     GaugeBase,
+    GivenLength,
     Motion,
     Reference,
-    Vector,
     axis_vector,
     point_of,
     refuse_one_point,
@@ -31,18 +31,18 @@ from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
     Given,
+    GivenAngle,
     Length,
     Line,
     Name,
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint
 
-Depths = Annotated[list[Length], SharesUnit()]
+DepthList = Annotated[list[Length], SharesUnit()]
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
-GivenLength = Annotated[Given, Of("length", above=0.0)]
-GivenAngle = Annotated[Given, Of("angle")]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""
@@ -62,7 +62,7 @@ class InclinometerSection(GaugeBase):
         description="Points of the casing from its top to its bottom; straight between them.",
         examples=[["[12, 0 m]", "[12, -20 m]"]],
     )
-    depths: Depths | None = Field(
+    depths: DepthList | None = Field(
         None, description="Where it is read, measured along the casing from its top."
     )
     interval: GivenLength | None = Field(
@@ -84,7 +84,7 @@ class InclinometerSection(GaugeBase):
     relative_to: Literal["bottom", "top"] = Field(
         "bottom", description="Reference end of the casing."
     )
-    rings: Depths = Field(
+    rings: DepthList = Field(
         [], description="Depths of magnetic rings, whose settlement along the casing is read."
     )
 

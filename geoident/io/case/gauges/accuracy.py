@@ -82,7 +82,7 @@ that are not here nobody but the user knows it.
 
 
 @dataclass(frozen=True)
-class Size(Of):
+class SpreadOf(Of):
     """Annotation of a `Given`: a standard deviation, or ``estimate``, which has no dimension.
 
     Args:
@@ -142,7 +142,7 @@ class Size(Of):
         return Given(text, value, None, size.dimension, size.unit)
 
 
-Part = Annotated[Given, Size(None)]
+AccuracyPart = Annotated[Given, SpreadOf(None)]
 
 
 class ErrorsSection(Section):
@@ -151,26 +151,26 @@ class ErrorsSection(Section):
     What is left out has the size that is usual for the kind of gauge. Each may be `estimate`.
     """
 
-    reading: Part | None = Field(
+    reading: AccuracyPart | None = Field(
         None, description="Of each reading by itself.", examples=["0.1 mm"]
     )
-    zero: Part | None = Field(
+    zero: AccuracyPart | None = Field(
         None,
         description="Of the zero, which all later readings of a channel share; without it that of "
         "one reading.",
         examples=["0.1 mm"],
     )
-    head: Part | None = Field(
+    head: AccuracyPart | None = Field(
         None,
         description="Of the head, which all channels of the gauge share on a day of a stage.",
         examples=["0.05 mm"],
     )
-    epoch: Part | None = Field(
+    epoch: AccuracyPart | None = Field(
         None,
         description="Of the set-up, which all readings of a survey share on a day of a stage.",
         examples=["0.2 mm"],
     )
-    along: Annotated[Given, Size(None, walk=True)] | None = Field(
+    along: Annotated[Given, SpreadOf(None, walk=True)] | None = Field(
         None,
         description="What adds up along a casing, as a random walk from its reference end.",
         examples=["0.2 mm/sqrt(m)"],
@@ -185,19 +185,23 @@ def accuracy_shape(value: object) -> str:
 AS_PARTS = Annotated[ErrorsSection, Tag("mapping")]
 ACCURACY = Discriminator(accuracy_shape)
 LengthAccuracy = Annotated[
-    Annotated[Given, Size("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, SpreadOf("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 AngleAccuracy = Annotated[
-    Annotated[Given, Size("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, SpreadOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 PressureAccuracy = Annotated[
-    Annotated[Given, Size("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, SpreadOf("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 StrainAccuracy = Annotated[
-    Annotated[Given, Size("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, SpreadOf("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
-ForceAccuracy = Annotated[Annotated[Given, Size(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY]
+ForceAccuracy = Annotated[
+    Annotated[Given, SpreadOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+]
 AnyAccuracy = Given | ErrorsSection
+FORCES = ("force", "line load", "moment per length")
+"""Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
 EstimatedKinds = Annotated[
     Annotated[Literal["estimate"], Tag("text")]

@@ -1,0 +1,1 @@
+"""Files of readings as a case declares them, and what went where."""

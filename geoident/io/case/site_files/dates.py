@@ -1,0 +1,238 @@
+"""What went where: when the readings of each stage were taken, and what looks wrong with it.
+
+A dated reading counts for the last stage that was complete when it was taken. Dates of stages that
+are a few days late therefore move readings to the stage before, without any other sign than these:
+readings shortly before the next stage was complete, stages without readings, and readings that
+change inside a stage, in which nothing is said to happen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Protocol
+
+from geoident.io.text.dates import date_text
+from geoident.model.case import VIRGIN
+from geoident.model.gauges import Reading, StageReadings
+from geoident.units import DIMENSIONS, in_unit
+
+STRONG = 4.0
+"""A change inside a stage is strong from this many standard deviations of a difference of two
+readings on; errors alone exceed it once in 16 000 channels and stages."""
+_DAY = 86400.0  # s
+
+
+class StageDates(Protocol):
+    """Stages, their dates, and what their channels read."""
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names, the virgin state first."""
+
+    @property
+    def dates(self) -> Mapping[str, float]:
+        """Stage to seconds since 1970."""
+
+    @property
+    def zeros(self) -> Mapping[str, str]:
+        """Channel to the stage at whose end it reads zero."""
+
+    @property
+    def dimensions(self) -> Mapping[str, str]:
+        """Channel to the dimension of its readings."""
+
+    def accuracy(self, reading: Reading) -> float | None:
+        """Standard deviation of a reading, SI; None where its channel is unknown."""
+
+
+@dataclass(frozen=True)
+class DatedReading:
+    """A good reading with a date, as it stands in a file.
+
+    Args:
+        stage: to which it was given.
+        time: seconds since 1970.
+        reading: itself.
+    """
+
+    stage: str
+    time: float
+    reading: Reading
+
+
+def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[StageReadings, ...]:
+    """When the readings of each stage were taken; none where no reading has a date.
+
+    The virgin state is shown if readings were taken before the first stage was complete.
+
+    Args:
+        dated: the readings of all files.
+        calendar: stages and dates.
+    """
+    if not dated:
+        return ()
+    together: dict[str, list[DatedReading]] = {}
+    for row in dated:
+        together.setdefault(row.stage, []).append(row)
+    return tuple(
+        StageReadings(
+            stage=stage,
+            complete=calendar.dates.get(stage),
+            number=len(rows),
+            channels=len({row.reading.channel for row in rows}),
+            first=min((row.time for row in rows), default=None),
+            last=max((row.time for row in rows), default=None),
+            between=sum(_between(row.stage, row.time, calendar) for row in rows),
+        )
+        for stage in calendar.stages
+        for rows in (together.get(stage, []),)
+        if rows or stage != VIRGIN
+    )
+
+
+def gaps(
+    dated: Sequence[DatedReading],
+    by_stage: Sequence[StageReadings],
+    calendar: StageDates,
+    counting: Sequence[Reading],
+    *,
+    stages: Collection[str] | None,
+) -> list[str]:
+    """What looks wrong with the dates, in sentences.
+
+    Args:
+        dated: the readings of all files.
+        by_stage: as `when_read` found them.
+        calendar: stages and dates.
+        counting: the readings that are left when several of a stage are made into one.
+        stages: of the fit, None for all; what others lack is not said.
+    """
+    found = _without_readings(by_stage, calendar, counting, stages)
+    found += _between_stages(calendar, counting)
+    for stage in calendar.stages:
+        found += _changing(stage, [row for row in dated if row.stage == stage], calendar)
+    return found
+
+
+def _next(stage: str, calendar: StageDates) -> str | None:
+    """The next stage that has a date."""
+    later = calendar.stages[calendar.stages.index(stage) + 1 :]
+    return next((name for name in later if name in calendar.dates), None)
+
+
+def _between(stage: str, time: float, calendar: StageDates) -> bool:
+    """Whether a reading is nearer to the end of the next stage than to that of its own."""
+    after = _next(stage, calendar) if stage in calendar.stages else None
+    if after is None or stage not in calendar.dates:
+        return False
+    return calendar.dates[after] - time < time - calendar.dates[stage]
+
+
+def _without_readings(
+    by_stage: Sequence[StageReadings],
+    calendar: StageDates,
+    counting: Sequence[Reading],
+    stages: Collection[str] | None,
+) -> list[str]:
+    """Stages with a date, or before others that were read, of which no reading counts."""
+    read = {reading.stage for reading in counting if reading.value is not None}
+    if not by_stage:
+        return []
+    last = max((n for n, name in enumerate(calendar.stages) if name in read), default=0)
+    started = min((calendar.stages.index(zero) for zero in calendar.zeros.values()), default=0)
+    found = []
+    for n, stage in enumerate(calendar.stages):
+        if n <= started or stage in read or (stages is not None and stage not in stages):
+            continue
+        if stage in calendar.dates:
+            when = date_text(calendar.dates[stage])
+            found.append(f"The stage '{stage}' has no reading since it was complete ({when}).")
+        elif n < last:
+            found.append(f"The stage '{stage}' has no date, so no dated reading counts for it.")
+    return found
+
+
+def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[str]:
+    """Readings that count for a stage, but were taken shortly before the next one was complete."""
+    found = []
+    for stage in calendar.stages:
+        times = [
+            reading.time
+            for reading in counting
+            if reading.stage == stage and reading.time is not None and reading.value is not None
+        ]
+        late = [time for time in times if _between(stage, time, calendar)]
+        after = _next(stage, calendar) if late else None
+        if after is None:
+            continue
+        days = (calendar.dates[after] - max(late)) / _DAY
+        number = "reading, taken" if len(late) == 1 else "readings, taken"
+        found.append(
+            f"'{stage}' counts {len(late)} {number} {_period(late)}, between its end "
+            f"({date_text(calendar.dates[stage])}) and that of '{after}' "
+            f"({date_text(calendar.dates[after])}), the latest {_days(days)} before the latter: "
+            f"the last complete stage counts. If they show '{after}', its date is too late."
+        )
+    return found
+
+
+def _changing(stage: str, rows: Sequence[DatedReading], calendar: StageDates) -> list[str]:
+    """The sentence on channels that change strongly inside a stage, if there are any."""
+    together: dict[str, list[DatedReading]] = {}
+    for row in rows:
+        together.setdefault(row.reading.channel, []).append(row)
+    strong: dict[str, float] = {}
+    several = 0
+    for channel, series in together.items():
+        series.sort(key=lambda row: row.time)
+        sd = calendar.accuracy(replace(series[0].reading, count=1))
+        if len(series) < 2 or not sd:
+            continue
+        several += 1
+        relative = abs(_value(series[-1]) - _value(series[0])) / (math.sqrt(2.0) * sd)
+        if relative > STRONG:
+            strong[channel] = relative
+    if not strong:
+        return []
+    worst = max(strong, key=lambda channel: strong[channel])
+    read = together[worst]
+    before, after = max(pairwise(read), key=lambda pair: abs(_value(pair[1]) - _value(pair[0])))
+    dimension = calendar.dimensions[worst]
+    change, step = (
+        _shown(_value(b) - _value(a), dimension) for a, b in ((read[0], read[-1]), (before, after))
+    )
+    who = "the channel" if several == 1 else f"{len(strong)} of {several} channels"
+    verb = "changes" if several == 1 or len(strong) == 1 else "change"
+    where = f"Inside '{stage}'" if stage != VIRGIN else "Before the first stage was complete"
+    step_text = ""
+    if len(read) > 2:
+        step_text = f", {step} of it between {date_text(before.time)} and {date_text(after.time)}"
+    return [
+        f"{where} {who} {verb} by more than {STRONG:g} standard deviations of a difference of two "
+        f"readings, most {worst}: {change} from {date_text(read[0].time)} to "
+        f"{date_text(read[-1].time)}{step_text}. Nothing is built in between, as the case has it: "
+        "check the dates of the stages."
+    ]
+
+
+def _value(row: DatedReading) -> float:
+    return row.reading.value or 0.0
+
+
+def _shown(value: float, dimension: str) -> str:
+    unit = {"length": "mm", "pressure": "kPa", "force": "kN", "strain": "microstrain"}.get(
+        dimension, DIMENSIONS[dimension]
+    )
+    return f"{in_unit(value, unit, dimension):+.3g} {unit}".rstrip()
+
+
+def _days(days: float) -> str:
+    return "less than a day" if days < 1 else f"{days:.0f} day{'s' if round(days) > 1 else ''}"
+
+
+def _period(times: Sequence[float]) -> str:
+    first, last = (date_text(time).partition(" ")[0] for time in (min(times), max(times)))
+    return f"on {first}" if first == last else f"from {first} to {last}"

@@ -1,0 +1,55 @@
+"""Which gauges are read by the coordinates of a file, and along which directions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from geoident.io.case.case import CaseSection
+from geoident.io.case.site_files.file import ReadingsFileSection
+from geoident.io.readings.survey import SurveyGrid, SurveyTarget
+from geoident.io.schema.section import Context
+from geoident.io.text.faults import Faults
+from geoident.model.case import Analysis, KeyPath
+
+KINDS = ("target", "displacement", "settlement")
+"""Kinds of gauges that are motions of a point."""
+
+
+def surveyed(
+    described: ReadingsFileSection, section: CaseSection, faults: Faults, path: KeyPath
+) -> SurveyGrid | None:
+    """The survey of a file of coordinates; None for files of other layouts.
+
+    Args:
+        described: the file.
+        section: the case.
+        faults: is told of gauges that are none of a point.
+        path: of keys that lead to the file.
+    """
+    if described.layout != "coordinates" or described.transformation is None:
+        return None
+    analysis = Analysis(section.analysis)
+    wanted = dict.fromkeys(described.channels or section.gauges)
+    targets: dict[str, SurveyTarget] = {}
+    known = [name for name, gauge in section.gauges.items() if gauge.kind in KINDS]
+    for name in wanted:
+        if name in known:
+            at = Context(("gauges", name), analysis, Faults(faults.places))
+            channels = section.gauges[name].channels(name, at)  # faults are said where it is built
+            if channels:
+                directions = {c.name: _solid(c.direction) for c in channels}
+                targets[name] = SurveyTarget(directions, channels[0].second)
+        elif described.channels:
+            hint = faults.did_you_mean(name, known, what="Gauges of points")
+            message = f"there is no gauge '{name}' whose point is surveyed"
+            faults.add((*path, "channels", name), "unknown-gauge", message, hint, key=True)
+    points: dict[str, tuple[str, ...]] = {}
+    for name, origin in described.channels.items():
+        point = origin if isinstance(origin, str) else origin.name or name
+        points[point] = (*points.get(point, ()), name)
+    survey = described.transformation.survey(plane=analysis.dim == 2)
+    return replace(survey, points=points, targets=targets)
+
+
+def _solid(direction: tuple[float, ...]) -> tuple[float, ...]:
+    return (*direction, *(0.0,) * (3 - len(direction)))

@@ -1,0 +1,190 @@
+"""Sheets of Excel workbooks (.xlsx, .xlsm), by the openpyxl library, as rows of cells.
+
+A cell keeps the number or date that it holds, so that decimal marks and formats of dates do not
+matter; what failed, or was never computed, stays a text that no reader takes for a number. A cell
+that joins several rows holds for each of them.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date, datetime
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+from geoident.errors import Fault, InputError, Location
+from geoident.io.readings.table import Cell, Layout, Row
+from geoident.io.text.dates import date_text
+from geoident.io.text.text_file import read_bytes
+from geoident.io.text.wording import did_you_mean, listing
+
+MAX_BYTES = 100_000_000
+MAX_UNPACKED = 1_000_000_000
+MAX_CELLS = 5_000_000
+_OLD = b"\xd0\xcf\x11\xe0"
+_RANGE = re.compile(r"([A-Za-z]{1,3})([1-9][0-9]{0,6}):([A-Za-z]{1,3})([1-9][0-9]{0,6})")
+_BROKEN = (
+    zipfile.BadZipFile, zlib.error, struct.error, ParseError, LookupError, ValueError, TypeError,
+    AttributeError, ArithmeticError, OSError, EOFError, NotImplementedError,
+)  # fmt: skip
+"""What openpyxl raises on files that are none."""
+
+
+@dataclass(frozen=True)
+class WorkbookSheet:
+    """A sheet of a workbook.
+
+    Args:
+        name: of the sheet.
+        table: rows of cells, in the range that was asked for; the first one is that of ``top``.
+        top: row of the first.
+        left: column of the first cell of each.
+    """
+
+    name: str
+    table: list[list[Cell]]
+    top: int
+    left: int
+
+    def rows(self, first: int = 0) -> Iterator[Row]:
+        """The rows that hold something, from a row on."""
+        for number, cells in enumerate(self.table, self.top):
+            if number >= first and any(cell.text for cell in cells):
+                yield number, cells
+
+
+def range_problem(text: str) -> str | None:
+    """Why a text is no range of cells, or None if it is one.
+
+    >>> range_problem("B4:H60")
+    >>> range_problem("H4:B60")
+    'its first cell is not the upper left one'
+    """
+    match = _RANGE.fullmatch(text.strip())
+    if match is None:
+        return "it is made of two cells"
+    ordered = _column(match[1]) <= _column(match[3]) and int(match[2]) <= int(match[4])
+    return None if ordered else "its first cell is not the upper left one"
+
+
+def _column(letters: str) -> int:
+    number = 0
+    for letter in letters.upper():
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number
+
+
+def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
+    """The sheet of a workbook that is declared, or its only one.
+
+    Raises:
+        InputError: no workbook, or no such sheet, or one of several that is not named.
+    """
+    data = read_bytes(path, limit=MAX_BYTES, what="workbook")
+    if data.startswith(_OLD):
+        hint = "Remove its password, or save it as 'Excel Workbook (.xlsx)'."
+        raise _refused(path, "bad-workbook", "the workbook is encrypted or of the old .xls", hint)
+    sheet = _find(_open(data, path, values=True), layout, path)
+    _require_size(sheet, path)
+    merged = {
+        (row, span.min_col): (span.min_row, span.min_col)
+        for span in sheet.merged_cells.ranges
+        for row in range(span.min_row + 1, span.max_row + 1)
+    }
+    box = _box(layout.cells, sheet)
+    formulas = sheet
+    if _has_formulas(data):
+        formulas = _find(_open(data, path, values=False), layout, path)
+    table = [
+        [_cell(sheet, formulas, *merged.get((row, column), (row, column)), column)
+         for column in range(box[1], box[3] + 1)]
+        for row in range(box[0], box[2] + 1)
+    ]  # fmt: skip
+    return WorkbookSheet(sheet.title, table, box[0], box[1])
+
+
+def _open(data: bytes, path: str, *, values: bool) -> Any:
+    """The workbook, with the stored values of formulas or with the formulas themselves."""
+    import openpyxl  # noqa: PLC0415 - a fifth of a second, for workbooks only
+
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(part.file_size for part in archive.infolist())
+        if unpacked > MAX_UNPACKED:
+            raise _refused(path, "too-large", "the workbook is larger than 1 GB, unpacked")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what a workbook has besides cells
+            return openpyxl.load_workbook(io.BytesIO(data), data_only=values, keep_links=False)
+    except _BROKEN as error:
+        message = f"not a readable Excel workbook: {error or type(error).__name__}"
+        hint = "Open it in Excel and save it again as 'Excel Workbook (.xlsx)'."
+        raise _refused(path, "bad-workbook", " ".join(message.split()), hint) from error
+
+
+def _has_formulas(data: bytes) -> bool:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        sheets = [name for name in archive.namelist() if name.startswith("xl/worksheets/")]
+        return any(b"<f" in archive.read(name) for name in sheets)
+
+
+def _find(book: Any, layout: Layout, path: str) -> Any:
+    names = [sheet.title for sheet in book.worksheets]
+    if layout.sheet:
+        if layout.sheet in names:
+            return book[layout.sheet]
+        hint = did_you_mean(layout.sheet, names, what="Sheets")
+        raise _refused(path, "no-sheet", f"there is no sheet '{layout.sheet}'", hint)
+    if len(names) == 1:
+        return book.worksheets[0]
+    if not names:
+        raise _refused(path, "no-sheet", "the workbook has no sheet of cells")
+    message = f"the workbook has {len(names)} sheets, and none is declared"
+    raise _refused(path, "no-sheet", message, f"Add 'sheet: NAME': {listing(names)}.")
+
+
+def _require_size(sheet: Any, path: str) -> None:
+    cells = sheet.max_row * sheet.max_column
+    if cells > MAX_CELLS:
+        message = f"the sheet '{sheet.title}' spans {cells:,} cells, more than {MAX_CELLS:,}"
+        hint = "Something stands far off; delete the rows and columns that are not needed."
+        raise _refused(path, "too-large", message, hint)
+
+
+def _box(cells: str, sheet: Any) -> tuple[int, int, int, int]:
+    """First row and column, last row and column."""
+    match = _RANGE.fullmatch(cells.strip())
+    if match is None:
+        return 1, 1, sheet.max_row, sheet.max_column
+    last = min(int(match[4]), sheet.max_row), min(_column(match[3]), sheet.max_column)
+    return int(match[2]), _column(match[1]), *last
+
+
+def _cell(sheet: Any, formulas: Any, row: int, column: int, shown: int) -> Cell:
+    """A cell, with what it holds; ``shown`` is the column in which it is seen."""
+    found = sheet.cell(row, column)
+    value = found.value
+    if value is None:
+        behind = formulas.cell(row, column)
+        text = behind.value if isinstance(behind.value, str) else "=..."
+        return Cell(text if behind.data_type == "f" else "", shown)
+    if isinstance(value, date):
+        moment = datetime(value.year, value.month, value.day)
+        moment = value if isinstance(value, datetime) else moment
+        return Cell(date_text((moment - datetime(1970, 1, 1)).total_seconds()), shown, moment)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        percent = "%" in str(found.number_format)
+        text = f"{100 * value:.12g} %" if percent else repr(value).removesuffix(".0")
+        return Cell(text, shown, None if percent else float(value))
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return Cell(" ".join(text.split()), shown)
+
+
+def _refused(path: str, code: str, message: str, hint: str = "") -> InputError:
+    return InputError([Fault(code, message, hint, Location(path))])

@@ -1,0 +1,261 @@
+"""Errors that readings share: least squares with the full covariance, by hand and another way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from geoident.identify.assessment.diagnostics import diagnose, effective_sd
+from geoident.identify.assessment.later_readings import given_used
+from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.direct.simplex import simplex
+from geoident.identify.least_squares.condensation import condensation
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.objective.discrepancy import Discrepancy, own_residuals
+from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
+from geoident.identify.problem.problem import Problem
+from geoident.model.methods import (
+    CondensationOptions,
+    GaussNewtonOptions,
+    HuberOptions,
+    SimplexOptions,
+    SquaredOptions,
+    StudentOptions,
+)
+from geoident.model.parameter import Parameter, Prior
+from tests.support.affine import AffineToy
+
+X = np.array([0.0, 0.4, 1.1, 1.5, 2.2, 2.9, 3.1, 8.0])
+SD = np.array([0.1, 0.1, 0.2, 0.1, 0.1, 0.3, 0.1, 0.2])
+B = np.zeros((8, 3))
+B[:3, 0] = [0.3, 0.3, 0.2]  # a head
+B[2:5, 1] = 0.25  # a survey, which hangs together with the head through reading 2
+B[6:, 2] = -0.4  # a zero
+SIGMA = np.diag(SD**2) + B @ B.T
+SHARED = SharedErrors(sp.csr_array(B))
+ROBUST = [HuberOptions(), StudentOptions()]
+
+
+def line(p):
+    return p[0] + p[1] * X
+
+
+def parameters(prior=None):
+    return [Parameter("a", 0.5, -50.0, 50.0), Parameter("b", 1.0, -50.0, 50.0, prior=prior)]
+
+
+@pytest.fixture
+def measured():
+    generator = np.random.default_rng(4)
+    return 2.0 + 0.7 * X + np.linalg.cholesky(SIGMA) @ generator.normal(size=8)
+
+
+@pytest.fixture
+def problem(make_problem, measured):
+    return replace(make_problem(line, parameters(), measured, SD), shared=SHARED)
+
+
+def fitted(problem):
+    return gauss_newton(problem, GaussNewtonOptions(tolerance=1e-13), lambda i: None).values
+
+
+def by_hand(y, prior=None):
+    """Generalised least squares with the whole covariance, and the covariance of the answer."""
+    J = np.stack([np.ones(8), X], axis=1)
+    W = np.linalg.inv(SIGMA)
+    M, b = J.T @ W @ J, J.T @ W @ y
+    if prior:
+        M, b = M + np.diag([0, prior.sd**-2]), b + np.array([0, prior.mean / prior.sd**2])
+    return np.linalg.solve(M, b), np.linalg.inv(M)
+
+
+def test_white_is_white_block_by_block():
+    covariance = Covariance(SD, SHARED)
+    assert [sorted(rows.tolist()) for rows, _ in covariance.factors] == [[0, 1, 2, 3, 4], [6, 7]]
+    L_inverse = covariance.whiten(np.eye(8))
+    np.testing.assert_allclose(L_inverse @ SIGMA @ L_inverse.T, np.eye(8), atol=1e-12)
+    np.testing.assert_allclose(covariance.inverse, np.linalg.inv(SIGMA), rtol=1e-10, atol=1e-9)
+    assert covariance.log_determinant() == pytest.approx(np.linalg.slogdet(SIGMA)[1])
+
+
+@pytest.mark.parametrize("prior", [None, Prior(0.5, 0.05)])
+def test_the_answer_and_its_covariance_are_those_of_generalised_least_squares(
+    make_problem, measured, prior
+):
+    problem = replace(make_problem(line, parameters(prior), measured, SD), shared=SHARED)
+    expected, covariance = by_hand(measured, prior)
+    p = fitted(problem)
+    np.testing.assert_allclose(p, expected, rtol=1e-9)
+    known = assess(problem, p, problem.response.evaluate(p)[1])
+    np.testing.assert_allclose(known.covariance, covariance, rtol=1e-9)
+    alone = assess(replace(problem, shared=None), p, problem.response.evaluate(p)[1])
+    assert np.all(alone.sd < known.sd)
+
+
+def test_phi_is_the_same_whatever_finds_it(problem, measured):
+    discrepancy = Discrepancy(problem)
+    p = np.array([1.7, 0.9])
+    gap = line(p) - measured
+    assert discrepancy.objective(p) == pytest.approx(gap @ np.linalg.solve(SIGMA, gap))
+    assert discrepancy.squares(p, line(p)) == pytest.approx(discrepancy.objective(p))
+    own, z = own_residuals(problem, line(p))  # shared errors as unknowns: another way to it
+    assert own @ own + z @ z == pytest.approx(discrepancy.objective(p))
+    found = simplex(problem, SimplexOptions(), lambda i: None).values
+    np.testing.assert_allclose(found, by_hand(measured)[0], rtol=1e-3)
+
+
+def test_condensation_weighs_with_the_covariance():
+    K = np.stack([np.zeros((3, 3)), np.diag([1.0, 2.0, 1.0]), np.full((3, 3), 0.3) + np.eye(3)])
+    toy = AffineToy(K, np.stack([[1.0, 2.0, 4.0], *np.zeros((2, 3))]), np.eye(3))
+    sd, columns = np.full(3, 1e-3), np.array([[5e-3], [5e-3], [0.0]])
+    measured = toy.readings(np.array([2.0, 1.0])) * np.array([1.0005, 0.9995, 1.0007])
+    unknown = (Parameter("p1", 1.5, 0.1, 9.0), Parameter("p2", 1.5, 0.1, 9.0))
+    shared = SharedErrors(sp.csr_array(columns))
+    problem = Problem(toy, measured, sd, unknown, shared=shared)
+    options = CondensationOptions(weighting="output")
+    found = condensation(problem, options, lambda i: None).values
+    np.testing.assert_allclose(found, fitted(problem), rtol=1e-4)  # errors are small
+    other = fitted(replace(problem, shared=None))
+    assert np.abs(found / fitted(problem) - 1).max() < 0.05 * np.abs(found / other - 1).max()
+
+
+def test_without_shared_errors_not_a_bit_changes(make_problem, measured):
+    plain = make_problem(line, parameters(), measured, SD)
+    assert plain.covariance is None
+    v = line(np.array([1.7, 0.9]))
+    np.testing.assert_array_equal(Discrepancy(plain).misfit(v), (v - measured) / SD)
+    nothing = replace(plain, shared=SharedErrors(sp.csr_array((8, 0))))
+    np.testing.assert_array_equal(Discrepancy(nothing).misfit(v), (v - measured) / SD)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_the_gradient_of_a_robust_phi_is_exact(problem, measured, loss):
+    measured = measured + np.where(np.arange(8) == 1, 3.0, 0.0)
+    discrepancy = Discrepancy(replace(problem, measured=measured, loss=loss))
+    p = np.array([1.6, 0.8])
+    at = discrepancy.linearize(p)
+    gradient = 2.0 * at.jacobian.T @ at.residual / discrepancy.scaling.slope(p)
+    for h in range(2):
+        step = 1e-5 * np.eye(2)[h]
+        ends = (discrepancy.objective(p + step), discrepancy.objective(p - step))
+        assert gradient[h] == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-7)
+
+
+@pytest.mark.parametrize(("loss", "least"), [(HuberOptions(), 0.3), (StudentOptions(), 0.6)])
+def test_one_wrong_reading_loses_its_weight_and_its_neighbours_keep_theirs(
+    problem, measured, loss, least
+):
+    wrong = replace(problem, measured=measured + np.where(np.arange(8) == 1, 5.0, 0.0), loss=loss)
+    p = fitted(wrong)
+    w = (SD / effective_sd(wrong, line(p))) ** 2
+    assert w[1] < 0.15
+    assert np.delete(w, 1).min() > least
+    # whitened residuals are spoilt in all that stand behind it
+    spoilt = Covariance(SD, SHARED).whiten(wrong.measured - line(by_hand(measured)[0]))
+    assert np.count_nonzero(np.abs(spoilt[:5]) > 3.0) > 2
+    # and the answer is near that without it
+    expected = fitted(without(problem, np.arange(8) != 1))
+    sd = np.sqrt(np.diag(by_hand(measured)[1]))
+    assert np.all(np.abs(p - expected) < sd)
+    pulled = fitted(replace(wrong, loss=SquaredOptions()))
+    assert np.abs((pulled - expected) / sd).max() > 3.0
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_a_robust_answer_does_not_depend_on_the_order_of_readings(make_problem, measured, loss):
+    measured = measured + np.where(np.arange(8) == 3, 2.0, 0.0)
+    order = np.array([5, 3, 0, 7, 2, 6, 1, 4])
+    both = [
+        replace(
+            make_problem(lambda p, r=rows: line(p)[r], parameters(), measured[rows], SD[rows]),
+            shared=SharedErrors(sp.csr_array(B[rows])),
+            loss=loss,
+        )
+        for rows in (np.arange(8), order)
+    ]
+    np.testing.assert_allclose(fitted(both[0]), fitted(both[1]), rtol=1e-6)
+
+
+def without(problem, keep):
+    """The same problem without some of its readings."""
+    response = type(problem.response)(
+        lambda p: problem.response.function(p)[keep], problem.response.names
+    )
+    return replace(
+        problem,
+        response=response,
+        measured=problem.measured[keep],
+        sd=problem.sd[keep],
+        shared=problem.shared.only(keep),
+    )
+
+
+def test_influence_is_that_of_fits_without_the_readings(problem):
+    p = fitted(problem)
+    v, J = problem.response.evaluate(p)
+    known = assess(problem, p, J)
+    sets = np.array([0, 1, 1, 2, 3, 4, 5, 6])
+    found = diagnose(problem, known, v, J, sets)
+    for k in range(7):
+        keep = sets != k
+        moved = (p - fitted(without(problem, keep))) / known.sd
+        np.testing.assert_allclose(found.influence[~keep][0], moved, rtol=1e-6, atol=1e-9)
+
+
+def test_studentized_residuals_are_deletion_residuals(problem, measured):
+    """t_i: the reading against its best prediction from all the others, in its own deviation."""
+    p = fitted(problem)
+    v, J = problem.response.evaluate(p)
+    found = diagnose(problem, assess(problem, p, J), v, J, np.arange(8))
+    for i in range(8):
+        keep = np.arange(8) != i
+        others = without(problem, keep)
+        q = fitted(others)
+        u, K = others.response.evaluate(q)
+        structure = ErrorStructure(
+            SD[[i]], np.array([-1]), sp.csr_array(B[[i]]), np.full(3, -1), ()
+        )
+        later = given_used(others, u, K, later=structure, later_jacobian=J[[i]])
+        sd = predict_band(assess(others, q, K), later.jacobian, later.sd)
+        t = (measured[i] - line(q)[i] - later.shift[0]) / sd[0]
+        assert found.studentized[i] == pytest.approx(t, rel=1e-6)
+    assert np.all((found.leverage > 0.0) & (found.leverage < 1.0))
+
+
+def test_diagnostics_with_nothing_shared_are_those_of_independent_readings(make_problem, measured):
+    for loss in (SquaredOptions(), *ROBUST):
+        plain = replace(make_problem(line, parameters(), measured, SD), loss=loss)
+        general = replace(plain, shared=SharedErrors(sp.csr_array((8, 2))))
+        p = fitted(plain)
+        v, J = plain.response.evaluate(p)
+        known = assess(replace(plain, sd=effective_sd(plain, v)), p, J)
+        sets = np.array([0, 0, 1, 2, 3, 4, 5, 6])
+        one, other = (diagnose(each, known, v, J, sets) for each in (plain, general))
+        for name in ("standardized", "studentized", "weight", "leverage", "influence", "distance"):
+            np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-8)
+
+
+def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
+    """Against the same with shared errors as parameters with a prior of one."""
+    with_z = [*parameters(), *(Parameter(f"z{k}", 0.0, -9, 9, prior=Prior(0, 1)) for k in range(3))]
+    wide = make_problem(lambda p: line(p[:2]) + B @ p[2:], with_z, measured, SD)
+    q = fitted(wide)
+    known = assess(wide, q, wide.response.evaluate(q)[1])
+    later = np.array([[1.0, 9.0, 0.0, 0.0, -0.4], [1.0, 3.0, 0.3, 0.0, 0.0]])
+    sd = np.array([0.2, 0.1])
+    bands = predict_band(known, later, sd)
+
+    problem = replace(make_problem(line, parameters(), measured, SD), shared=SHARED)
+    p = fitted(problem)
+    v, J = problem.response.evaluate(p)
+    structure = ErrorStructure(
+        sd, np.array([-1, -1]), sp.csr_array(later[:, 2:]), np.full(3, -1), ()
+    )
+    found = given_used(problem, v, J, later=structure, later_jacobian=later[:, :2])
+    np.testing.assert_allclose(later[:, :2] @ p + found.shift, later @ q, rtol=1e-7)
+    np.testing.assert_allclose(
+        predict_band(assess(problem, p, J), found.jacobian, found.sd), bands, rtol=1e-7
+    )
+    alone = np.sqrt(np.sum(later[:, 2:] ** 2, axis=1) + sd**2)  # as if nothing were known of them
+    assert np.all(found.sd < alone)

@@ -1,0 +1,115 @@
+"""How accurate a gauge is: what may be written, what it is built into, and what is refused."""
+
+import pytest
+
+from geoident.errors import InputError
+from geoident.io.case.file import parse_case
+from geoident.io.case.gauges.accuracy import TYPICAL
+from tests.support.trench import CASE, write_case
+
+X = "anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    write_case(tmp_path)
+    monkeypatch.chdir(tmp_path)
+
+
+def read(text):
+    found = parse_case(text, "case.yaml").case
+    return {channel.name: channel for channel in found.channels}
+
+
+def with_accuracy(words):
+    return CASE.replace(X, f"anchors: {{a: [1 m, 3 m]}}, accuracy: {words}")
+
+
+def refused(text):
+    with pytest.raises(InputError) as caught:
+        read(text)
+    return caught.value.faults
+
+
+def test_a_quantity_means_independent_readings():
+    assert read(CASE)["X.a"].errors is None
+    assert read(CASE)["X.a"].accuracy == 1e-5
+
+
+def test_parts_are_read_and_what_is_missing_is_usual():
+    channel = read(with_accuracy("{reading: 0.2 mm, epoch: 0 mm, along: 0.5 mm/sqrt(m)}"))["X.a"]
+    parts = channel.errors
+    assert (parts.reading, parts.zero, parts.epoch) == (2e-4, 2e-4, 0.0)
+    assert parts.head == TYPICAL["extensometer"].head
+    assert parts.along == pytest.approx(5e-4)
+    assert channel.accuracy == parts.total(channel.along)
+    assert parts.estimated == ()
+
+
+def test_a_root_of_feet_is_converted():
+    parts = read(with_accuracy("{reading: 1 mm, along: 0.01 in/sqrt(ft)}"))["X.a"].errors
+    assert parts.along == pytest.approx(2.54e-4 / 0.3048**0.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "components"),
+    [
+        ("estimate", {"reading": "extensometer: reading"}),
+        (
+            "{reading: estimate}",
+            {"reading": "extensometer: reading", "zero": "extensometer: reading"},
+        ),
+        ("{reading: 1 mm, head: estimate}", {"head": "extensometer: head"}),
+        (
+            "{zero: estimate, reading: estimate}",
+            {"reading": "extensometer: reading", "zero": "extensometer: zero"},
+        ),
+    ],
+)
+def test_what_is_to_be_estimated(words, components):
+    channel = read(with_accuracy(words))["X.a"]
+    assert dict(channel.errors.estimated) == components
+    assert channel.errors.reading > 0.0
+    assert (channel.dimension, channel.unit) == ("length", "mm")
+
+
+def test_kinds_are_estimated_by_a_common_factor():
+    text = with_accuracy("{reading: 1 mm, zero: 2 mm, head: 0 mm}")
+    some = read(text.replace("fit: {", "fit: {accuracies: {extensometer: estimate}, "))
+    assert some["CV"].errors is None
+    assert dict(some["X.a"].errors.estimated) == dict.fromkeys(("reading", "zero"), "extensometer")
+    assert some["X.a"].errors.zero == 2e-3
+    everything = read(text.replace("fit: {", "fit: {accuracies: estimate, "))
+    assert dict(everything["CV"].errors.estimated) == {"reading": "convergence"}
+
+
+@pytest.mark.parametrize(
+    ("words", "path", "message"),
+    [
+        ("{reading: 0.1 kPa}", "reading", "'0.1 kPa' is a pressure; a length is expected"),
+        ("{reading: 0 mm}", "reading", "a reading without an error of its own"),
+        ("{reading: 1 mm, zero: -1 mm}", "zero", "'-1 mm' is negative"),
+        ("{reading: 1 mm, along: 1 mm}", "along", "such as 0.2 mm/sqrt(m)"),
+        ("{reading: 1 mm, along: 1 mm/sqrt(s)}", "along", "such as 0.2 mm/sqrt(m)"),
+        ("{reeding: 1 mm}", "reeding", "the key 'reeding' is not known here"),
+        ("0 mm", "", "it must be positive"),
+        ("guess", "", "'guess' is not a number with a unit"),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_key(words, path, message):
+    (fault,) = refused(with_accuracy(words))
+    assert message in fault.message
+    assert fault.path == ".".join(filter(None, ["gauges.X.accuracy", path]))
+    assert fault.location.line == 19
+    assert fault.hint
+
+
+def test_estimated_kinds_must_exist_and_the_loss_must_be_squared():
+    text = CASE.replace("fit: {", "fit: {accuracies: {extensometr: estimate}, loss: huber, ")
+    (fault,) = refused(text)
+    assert "there is no kind of gauge 'extensometr'" in fault.message
+    assert "Did you mean 'extensometer'" in fault.hint
+    (fault,) = refused(text.replace("extensometr:", "extensometer:"))
+    assert fault.path == "fit.loss"
+    assert "accuracies cannot be estimated with the loss 'huber'" in fault.message
+    assert "bad" in fault.hint
