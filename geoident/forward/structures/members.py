@@ -378,7 +378,7 @@ def held_points(
     """
     if isinstance(structure, Anchors):
         _, points = grouted_parts(np.array([ends]), structure.grouted, GROUT_POINTS)
-        grout = [("the grouted length, which at", tuple(point)) for point in points[0].tolist()]
+        grout = [("the grouted length at", tuple(point)) for point in points[0].tolist()]
         return [("the head", ends[0])], grout
     second = [("the end", ends[1])] if structure.second_end == "joined" else []
     return [("the end", ends[0])], second

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Scale, Table
+from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Table, UnitScale
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
@@ -183,7 +183,7 @@ class _Reader:
             return None
         value = self.table.number(line, cell)
         dimension = self.table.layout.dimension(channel)
-        scale = self._scale(n, line, origin, dimension) if value is not None else Scale()
+        scale = self._scale(n, line, origin, dimension) if value is not None else UnitScale()
         if (value is None and cell.text) or scale is None:
             return None
         here = Location(self.table.file, line, 1)
@@ -191,7 +191,7 @@ class _Reader:
         note = str(self.group["MOND_REM"][n]).strip() if "MOND_REM" in self.group else ""
         return Reading(channel, "", known, location=here, time=time, when=here, note=note)
 
-    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> Scale | None:
+    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> UnitScale | None:
         """How a value becomes SI: by the unit of its row, or else by the declared one."""
         given = str(self.group.get("MOND_UNIT", {n: ""})[n]).strip()
         unit = given or origin.unit or ("" if origin.calibration else self.table.layout.unit)

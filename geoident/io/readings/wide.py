@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from geoident.io.readings.table import Cell, Origin, Scale, Table
+from geoident.io.readings.table import Cell, Origin, Table, UnitScale
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
 
@@ -24,7 +24,7 @@ class _Column:
     channel: str
     cell: Cell
     origin: Origin
-    scale: Scale | None
+    scale: UnitScale | None
 
 
 class WideReader:
@@ -96,7 +96,7 @@ class WideReader:
 
     def _scale(
         self, number: int, cell: Cell, names: tuple[str, str], given: tuple[str, Origin]
-    ) -> Scale | None:
+    ) -> UnitScale | None:
         """How the numbers of a column become readings.
 
         Args:

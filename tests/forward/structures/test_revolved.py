@@ -6,12 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import NOWHERE, displacement, material, model, rollers
-from support.derivatives import assert_exact
-from support.load_cells import cell
-from support.meshes import box, regroup
-from support.revolved import constant, revolve
-from support.tunnels import with_lines
 
 from geoident.errors import InputError
 from geoident.forward.actions.supports import fixed_dofs
@@ -19,6 +13,12 @@ from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from tests.support.cases import NOWHERE, displacement, material, model, rollers
+from tests.support.derivatives import assert_exact
+from tests.support.load_cells import cell
+from tests.support.meshes import box, regroup
+from tests.support.revolved import constant, revolve
+from tests.support.tunnels import with_lines
 
 E, NU, P0, RADIUS = 2e9, 0.3, 5e6, 3.0
 NOTHING = np.empty(0)

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, rollers
-from support.meshes import box, regroup
-from support.tunnels import ringed, walled, with_lines
 
 from geoident.errors import InputError
 from geoident.forward.structures import members
@@ -17,6 +14,9 @@ from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts
+from tests.support.cases import displacement, material, model, rollers
+from tests.support.meshes import box, regroup
+from tests.support.tunnels import ringed, walled, with_lines
 
 RADIUS, P0 = 3.0, 5e6
 E, NU = 2e9, 0.3

@@ -9,7 +9,7 @@ import pytest
 
 from geoident.errors import InputError
 from geoident.io.readings.calibration import Calibration
-from geoident.io.readings.survey import Survey, axes_of_azimuth
+from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 
@@ -304,7 +304,7 @@ def test_axes_of_an_azimuth_are_right_handed():
 
 def test_a_scale_and_an_origin_place_the_coordinates():
     """By hand: 4 m east and 3 m north of the origin, x to the north: x = 3, y = -4, in 1/0.5."""
-    survey = Survey(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
+    survey = SurveyGrid(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
     np.testing.assert_allclose(survey.position((104.0, 203.0, 51.0)), (6.0, -8.0, 2.0), atol=1e-12)
 
 

@@ -25,7 +25,6 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
     GivenLength,
-    Vector,
     distance,
     point_of,
     unit_vector,
@@ -43,6 +42,7 @@ from geoident.io.schema.values import (
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, MovingPoint, Reads
 from geoident.model.structures import Bars, Beam, Structure, Struts

@@ -30,11 +30,11 @@ from geoident.io.schema.values import (
     scalar_of,
     shape_of,
 )
+from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
 GivenLength = Annotated[Given, Of("length", above=0.0)]
-Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
 """Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
 

@@ -23,7 +23,6 @@ from geoident.io.case.gauges.gauge import (
     GaugeBase,
     Motion,
     Reference,
-    Vector,
     axis_vector,
     distance,
     point_of,
@@ -39,6 +38,7 @@ from geoident.io.case.gauges.motion import (
 )
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
+from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
 from geoident.model.structures import Structure
 

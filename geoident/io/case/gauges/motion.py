@@ -21,7 +21,6 @@ from geoident.io.case.gauges.gauge import (
     GivenLength,
     Motion,
     Reference,
-    Vector,
     axis_vector,
     point_of,
     refuse_one_point,
@@ -32,17 +31,18 @@ from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
     Given,
+    GivenAngle,
     Length,
     Line,
     Name,
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint
 
 DepthList = Annotated[list[Length], SharesUnit()]
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
-GivenAngle = Annotated[Given, Of("angle")]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""

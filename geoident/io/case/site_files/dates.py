@@ -25,7 +25,7 @@ readings on; errors alone exceed it once in 16 000 channels and stages."""
 _DAY = 86400.0  # s
 
 
-class Calendar(Protocol):
+class StageDates(Protocol):
     """Stages, their dates, and what their channels read."""
 
     @property
@@ -63,7 +63,7 @@ class DatedReading:
     reading: Reading
 
 
-def when_read(dated: Sequence[DatedReading], calendar: Calendar) -> tuple[StageReadings, ...]:
+def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[StageReadings, ...]:
     """When the readings of each stage were taken; none where no reading has a date.
 
     The virgin state is shown if readings were taken before the first stage was complete.
@@ -96,7 +96,7 @@ def when_read(dated: Sequence[DatedReading], calendar: Calendar) -> tuple[StageR
 def gaps(
     dated: Sequence[DatedReading],
     by_stage: Sequence[StageReadings],
-    calendar: Calendar,
+    calendar: StageDates,
     counting: Sequence[Reading],
     *,
     stages: Collection[str] | None,
@@ -117,13 +117,13 @@ def gaps(
     return found
 
 
-def _next(stage: str, calendar: Calendar) -> str | None:
+def _next(stage: str, calendar: StageDates) -> str | None:
     """The next stage that has a date."""
     later = calendar.stages[calendar.stages.index(stage) + 1 :]
     return next((name for name in later if name in calendar.dates), None)
 
 
-def _between(stage: str, time: float, calendar: Calendar) -> bool:
+def _between(stage: str, time: float, calendar: StageDates) -> bool:
     """Whether a reading is nearer to the end of the next stage than to that of its own."""
     after = _next(stage, calendar) if stage in calendar.stages else None
     if after is None or stage not in calendar.dates:
@@ -133,7 +133,7 @@ def _between(stage: str, time: float, calendar: Calendar) -> bool:
 
 def _without_readings(
     by_stage: Sequence[StageReadings],
-    calendar: Calendar,
+    calendar: StageDates,
     counting: Sequence[Reading],
     stages: Collection[str] | None,
 ) -> list[str]:
@@ -155,7 +155,7 @@ def _without_readings(
     return found
 
 
-def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
+def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
     found = []
     for stage in calendar.stages:
@@ -179,7 +179,7 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
     return found
 
 
-def _changing(stage: str, rows: Sequence[DatedReading], calendar: Calendar) -> list[str]:
+def _changing(stage: str, rows: Sequence[DatedReading], calendar: StageDates) -> list[str]:
     """The sentence on channels that change strongly inside a stage, if there are any."""
     together: dict[str, list[DatedReading]] = {}
     for row in rows:

@@ -101,7 +101,7 @@ DateFormat = Annotated[
     BeforeValidator(_date_format),
     WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
 ]
-Encoding = Annotated[
+TextEncoding = Annotated[
     str,
     BeforeValidator(_encoding),
     WithJsonSchema({"type": "string", "description": "a name such as windows-1252"}),
