@@ -27,8 +27,8 @@ from geoident.units import UnitError, read_quantity
 
 HEADINGS = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE", "MOND_REF", "MOND_INST")
 _TELLING = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE")
-"""Headings of which all rows of one channel have one value: with the date, the keys of the group
-(AGS4, group MOND) that are no mere labels."""
+"""Headings of which all rows of one channel have one value; where two rows have the same date and
+time, the reference of the reading (MOND_REF) as well."""
 MAX_BYTES = 200_000_000
 _NEEDED = ("MOND_DTIM", "MOND_RDNG")
 _INSTALL = 'Install the library that reads it: pip install "geoident[ags]".'
@@ -145,7 +145,9 @@ class _Reader:
 
     def _refuse_several(self, channel: str, rows: list[int]) -> bool:
         """Note a channel whose rows are of several instruments, depths or types of readings."""
-        for name in (name for name in _TELLING if name in self.group):
+        times = [str(self.group["MOND_DTIM"][n]) for n in rows]
+        telling = _TELLING if len(set(times)) == len(times) else (*_TELLING, "MOND_REF")
+        for name in (name for name in telling if name in self.group):
             values = list(dict.fromkeys(str(self.group[name][n]).strip() for n in rows))
             if len(values) > 1:
                 message = f"the rows of '{channel}' have several {name}: {listing(values)}"

@@ -81,7 +81,8 @@ class CoordinateReader:
         point, when = row["point"], row["date" if self.dated else "stage"]
         if not point.text or not when.text:
             what = "name of the point" if not point.text else "date" if self.dated else "stage"
-            table.refuse((number, point.column), "missing-name", f"the {what} is missing")
+            hint = "Write it, or take the row out."
+            table.refuse((number, point.column), "missing-name", f"the {what} is missing", hint)
             return []
         own = () if self.survey.points else (point.text,)
         gauges = self.survey.points.get(point.text, own)

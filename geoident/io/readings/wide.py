@@ -130,8 +130,6 @@ class WideReader:
             self._refuse_width(number, cells, self.width)
         when = cells[self.when]
         time = self.table.date(number, when) if self.dated else None
-        if self.dated and time is None:
-            return []
         place, stage = self.table.place(number, when), "" if self.dated else when.text
         at = self.remarks
         note = cells[at].text if at is not None and at < len(cells) else ""
@@ -144,7 +142,7 @@ class WideReader:
                     column.channel, stage, value, location=here, time=time, when=place, note=note
                 )
                 readings.append(reading)
-        return readings
+        return [] if self.dated and time is None else readings
 
     def _value(self, number: int, cells: list[Cell], column: _Column) -> float | None:
         """The reading of a column, SI; None where it is missing or, with a fault, wrong."""

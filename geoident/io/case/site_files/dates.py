@@ -9,7 +9,7 @@ change inside a stage, in which nothing is said to happen.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
@@ -98,8 +98,6 @@ def gaps(
     by_stage: Sequence[StageReadings],
     calendar: StageDates,
     counting: Sequence[Reading],
-    *,
-    stages: Collection[str] | None,
 ) -> list[str]:
     """What looks wrong with the dates, in sentences.
 
@@ -108,9 +106,8 @@ def gaps(
         by_stage: as `when_read` found them.
         calendar: stages and dates.
         counting: the readings that are left when several of a stage are made into one.
-        stages: of the fit, None for all; what others lack is not said.
     """
-    found = _without_readings(by_stage, calendar, counting, stages)
+    found = _without_readings(by_stage, calendar, counting)
     found += _between_stages(calendar, counting)
     for stage in calendar.stages:
         found += _changing(stage, [row for row in dated if row.stage == stage], calendar)
@@ -135,7 +132,6 @@ def _without_readings(
     by_stage: Sequence[StageReadings],
     calendar: StageDates,
     counting: Sequence[Reading],
-    stages: Collection[str] | None,
 ) -> list[str]:
     """Stages with a date, or before others that were read, of which no reading counts."""
     read = {reading.stage for reading in counting if reading.value is not None}
@@ -145,7 +141,7 @@ def _without_readings(
     started = min((calendar.stages.index(zero) for zero in calendar.zeros.values()), default=0)
     found = []
     for n, stage in enumerate(calendar.stages):
-        if n <= started or stage in read or (stages is not None and stage not in stages):
+        if n <= started or stage in read:
             continue
         if stage in calendar.dates:
             when = date_text(calendar.dates[stage])
