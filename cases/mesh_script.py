@@ -5,6 +5,7 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 import gmsh
 
@@ -16,7 +17,12 @@ QUADRILATERALS = {**_SIZES, "Mesh.Algorithm": 8, "Mesh.RecombineAll": 1, **SEREN
 
 
 def read_options(
-    text: str | None, output: Path, *, order: int = 1, **factors: str
+    text: str | None,
+    output: Path,
+    *,
+    order: int = 1,
+    flags: Mapping[str, str] = MappingProxyType({}),
+    **factors: str,
 ) -> argparse.Namespace:
     """The options of a script: size, order and output.
 
@@ -24,6 +30,7 @@ def read_options(
         text: what the script says about itself.
         output: the mesh that is shipped.
         order: of its elements.
+        flags: what the script can be told to do otherwise: name to meaning.
         factors: further factors that the script knows, and what they are.
     """
     parser = argparse.ArgumentParser(
@@ -31,6 +38,8 @@ def read_options(
     )
     for name, meaning in {"size": "factor on all element sizes", **factors}.items():
         parser.add_argument(f"--{name}", type=float, default=1.0, help=meaning)
+    for name, meaning in flags.items():
+        parser.add_argument(f"--{name}", action="store_true", help=meaning)
     parser.add_argument("--order", type=int, default=order, choices=(1, 2), help="of the elements")
     parser.add_argument("--output", type=Path, default=output)
     return parser.parse_args()

@@ -4,9 +4,13 @@ import csv
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import yaml
+
+from geoident.workflow.simulate import Simulated, simulate
 
 
 def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
@@ -30,6 +34,30 @@ def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
         flags += ["--noise", "--seed", seed, "--force", "-o", folder / "readings.csv"]
         _python("-m", "geoident", "simulate", folder / "case.yaml", *flags)
     _round(folder / "readings.csv")
+
+
+def simulate_truth(
+    folder: Path, *, mesh: tuple[object, ...], change: Callable[[dict[str, Any]], None]
+) -> Simulated:
+    """What the gauges of a case would read in ground that differs from its model, without noise.
+
+    Args:
+        folder: of the case.
+        mesh: options of make_mesh.py for the mesh of the truth.
+        change: is given the case as a mapping of texts, with the parameters of truth.yaml as start
+            values, and changes it into the ground that is really there.
+    """
+    case = yaml.load((folder / "case.yaml").read_text(encoding="utf-8"), Loader=yaml.BaseLoader)
+    truth = yaml.load((folder / "truth.yaml").read_text(encoding="utf-8"), Loader=yaml.BaseLoader)
+    for name, value in truth.items():
+        case["parameters"][name]["start"] = value
+    change(case)
+    with tempfile.TemporaryDirectory() as scratch:
+        fine, path = Path(scratch) / "fine.msh", Path(scratch) / "case.yaml"
+        _python(folder / "make_mesh.py", *mesh, "--output", fine)
+        case |= {"mesh": {"file": fine.name}, "readings": []}
+        path.write_text(yaml.safe_dump(case, sort_keys=False), encoding="utf-8")
+        return simulate(str(path))
 
 
 def _round(file: Path) -> None:

@@ -226,6 +226,9 @@ class SectionForces:
         second: M at the second end.
         shear: Q = dM/ds at mid-length; of a shell also what hoop moments add on a cone.
         hoop: N_t of a shell, (n_members, ...), zero otherwise.
+        stretch: the axial strain times EA (D of a shell): N but for what its hoops do.
+        bent_first: the curvature at the first end times EI (B): M but for what its hoops do.
+        bent_second: the same at the second end.
     """
 
     axial: Floats
@@ -233,6 +236,9 @@ class SectionForces:
     second: Floats
     shear: Floats
     hoop: Floats
+    stretch: Floats
+    bent_first: Floats
+    bent_second: Floats
 
 
 def section_forces(members: Members, forces: Floats) -> SectionForces:
@@ -246,7 +252,9 @@ def section_forces(members: Members, forces: Floats) -> SectionForces:
     if members.nu is None:
         axial, middle, shear = forces.reshape(3, n, *forces.shape[1:])
         half = shear * length / 2
-        return SectionForces(axial, middle - half, middle + half, shear, np.zeros_like(axial))
+        first, second = middle - half, middle + half
+        around = np.zeros_like(axial)
+        return SectionForces(axial, first, second, shear, around, axial, first, second)
     total, rest = (1 + members.nu) / 2, (1 - members.nu) / 2
     table = forces.reshape(2, 2, 2, n, *forces.shape[1:])  # axial or bending; sum or less; point
     meridian = total * table[:, 0] + rest * table[:, 1]
@@ -255,7 +263,19 @@ def section_forces(members: Members, forces: Floats) -> SectionForces:
     rise = (meridian[1, 1] - meridian[1, 0]) * np.sqrt(3.0)  # of M over the length
     radius, run = (x.reshape(length.shape) for x in _radius_and_run(members))
     shear = rise / length + run / (radius * length) * (moment - twist)
-    return SectionForces(axial, moment - rise / 2, moment + rise / 2, shear, around)
+    strained = 0.5 * table.sum(axis=1)
+    (stretch, bent), more = strained.mean(axis=1), strained[1, 1] - strained[1, 0]
+    more = more * (np.sqrt(3.0) / 2)
+    return SectionForces(
+        axial,
+        moment - rise / 2,
+        moment + rise / 2,
+        shear,
+        around,
+        stretch,
+        bent - more,
+        bent + more,
+    )
 
 
 def _radius_and_run(members: Members) -> tuple[Floats, Floats]:

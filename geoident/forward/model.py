@@ -126,7 +126,7 @@ class StagedModel:
         return (
             *overburden_notes(self.march, start),
             *imbalance_notes(imbalance),
-            *self._contradiction_notes(start),
+            *(self._contradiction_notes(start) if self.case.imbalance_accepted else ()),
         )
 
     def contradictions(self) -> list[Fault]:

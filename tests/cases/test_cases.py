@@ -20,10 +20,20 @@ from geoident.io.mesh.file import read_mesh
 from geoident.units import read_quantity
 
 CASES = Path(__file__).parents[2] / "cases"
-QUICK = ("cavern", "dam", "gravity-dam", "pressure-tunnel", "shaft", "stratified-tunnel")
+QUICK = (
+    "braced-pit",
+    "cavern",
+    "dam",
+    "gravity-dam",
+    "pressure-tunnel",
+    "shaft",
+    "stratified-tunnel",
+)
 SLOW = ("cavern-plastic", "tunnel-3d")
 NAMES = (*QUICK, *SLOW)
 FITS = (*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW))
+AS_DELIVERED = ("braced-pit",)  # some readings are missing, some days have none
+READINGS = {"braced-pit": "readings.xlsx"}
 LEAST_DOFS = {"tunnel-3d": 60_000}
 LEAST_ELEMENTS = {"cavern": 5_000, "cavern-plastic": 10_000}
 LARGEST_MESH = 6_000_000  # bytes
@@ -36,7 +46,8 @@ def folder(request: pytest.FixtureRequest) -> Path:
 
 def test_a_case_has_its_files(folder):
     case = read_case(str(folder / "case.yaml"))
-    names = {"case.yaml", "make_mesh.py", "make_readings.py", "readings.csv", "truth.yaml"}
+    names = {"case.yaml", "make_mesh.py", "make_readings.py", "truth.yaml"}
+    names.add(READINGS.get(folder.name, "readings.csv"))
     assert names <= {file.name for file in folder.iterdir()}
     assert (folder / case.mesh_path).stat().st_size < LARGEST_MESH
     assert set(truth(folder)) == {parameter.name for parameter in case.case.parameters}
@@ -48,8 +59,9 @@ def test_a_case_is_as_large_as_it_says(folder):
     assert sum(map(len, mesh.blocks)) >= LEAST_ELEMENTS.get(folder.name, 0)
 
 
-def test_gauges_are_read_at_every_stage_after_their_zero(folder):
-    case = read_case(str(folder / "case.yaml")).case
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in AS_DELIVERED])
+def test_gauges_are_read_at_every_stage_after_their_zero(name):
+    case = read_case(str(CASES / name / "case.yaml")).case
     order = {name: number for number, name in enumerate(case.stage_names)}
     expected = {
         (channel.name, stage)

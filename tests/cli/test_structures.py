@@ -73,11 +73,12 @@ def test_forces_are_in_tables_and_in_the_report(lined, run):
     run("fit", "case.yaml")
     members = read_result("case.fit.h5").members
     found = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
-    assert found[0] == "structure,number,stage,N (kN),M_first (kNm),M_second (kNm),Q (kN)"
+    forces = "N (kN),M_first (kNm),M_second (kNm),Q (kN),N_hoop (kN),stressed_to (kN)"
+    assert found[0] == f"structure,number,stage,{forces}"
     cells = found[1].split(",")
     assert cells[:3] == ["nail", "1", "first"]
     assert float(cells[3]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-11)
-    assert cells[4:] == ["", "", ""]
+    assert cells[4:] == [""] * 5
     assert len(found) == 5
     rows = force_table(read_result("case.fit.h5").members).rows
     assert [row[:2] for row in rows] == [["wall", "second"], ["nail", "first"], ["nail", "second"]]
@@ -93,3 +94,35 @@ def test_structure_outside_the_ground_is_refused_at_its_place(lined, run):
     assert refused.exit_code != 0
     assert "structure 'nail' stands, but the end (3, 2.7) m lies in no ground" in refused.output
     assert "structures.nail.ends[0][0]" in refused.output
+
+
+def test_jacked_strut_and_anchor_from_the_file_to_the_result(lined, run, run_json):
+    case = lined / "case.yaml"
+    text = case.read_text()
+    bars = """\
+  prop: {kind: strut, EA: 500 MN, spacing: 2 m, second_end: fixed, ends: [[[4, 3.5 m], [3, 3.5 m]]]}
+  tie: {kind: anchor, E: 200 GPa, area: 400 mm2, spacing: 2 m, grouted: 0.5 m, prestress: 80 kN,
+        ends: [[[4, 2.3 m], [5.4, 1.9 m]]]}
+stages:
+"""
+    text = text.replace("stages:\n", bars, 1)
+    text = text.replace("build: [nail]}", "build: [nail, prop]}")
+    text = text.replace("build: [wall]}", "build: [wall, tie], prestress: {prop: 50 kN}}")
+    case.write_text(text)
+    assert run("check", "case.yaml").exit_code == 0
+    done = run("fit", "case.yaml")
+    assert done.exit_code == 0, done.output
+    members = read_result("case.fit.h5").members
+    of = {name: n for n, name in enumerate(members.structures)}
+    np.testing.assert_allclose(members.axial[[of["prop"], of["tie"]], 1], [-5e4, 8e4], rtol=1e-12)
+    np.testing.assert_array_equal(members.prestress[of["prop"]], [np.nan, -5e4])
+    assert np.isnan(members.hoop).all()
+    shown = run("show", "case.fit.h5").stdout
+    (row,) = [line.split() for line in shown.splitlines() if line.split()[:2] == ["tie", "second"]]
+    assert row[2:] == ["80", "80", "-", "-", "80"]
+    table = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
+    assert any(line.startswith("prop,1,second,-50") and line.endswith(",-50") for line in table)
+    assert run("report", "case.fit.h5").exit_code == 0
+    page = Path("case.fit.html").read_text(encoding="utf-8")
+    assert "Forces in struts, anchors and bolts" in page
+    assert "Forces in wall" in page

@@ -20,7 +20,10 @@ from tests.support.commands import run_command
 
 FOLDER = Path(__file__).parent
 CASES = sorted(path.name for path in FOLDER.glob("[0-9][0-9]-*"))
-PLACED = re.compile(r"(?:[^\s:]+:\d+:\d+|--set|[^\s:]+\.(?:h5|yaml)): ")
+PLACED = re.compile(
+    r"(?:[^\s:]+:\d+:\d+|--set|[^\s:]+:[^!:]+![A-Z]+\d+|"
+    r"[^\s:]+\.(?:h5|yaml|ags|xlsx?)(?::[^!:]+)?): "
+)
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 FILE_SIZE = 3000  # bytes, less than a result has
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -61,6 +63,7 @@ def test_cylinder_under_inner_pressure_is_a_membrane():
     np.testing.assert_allclose(u[:, 0], p * radius**2 / (E * THICK), rtol=1e-12)
     assert u[-1, 1] == pytest.approx(-NU * p * radius / (E * THICK) * height, rel=1e-12)
     np.testing.assert_allclose(found.hoop, p * radius, rtol=1e-12)
+    np.testing.assert_allclose(found.stretch / D, -NU * p * radius / (E * THICK), rtol=1e-9)
     np.testing.assert_allclose(found.axial, 0, atol=1e-7 * p)
     np.testing.assert_allclose(found.first, 0, atol=1e-7 * p)
 
@@ -120,6 +123,8 @@ def test_round_plate_under_uniform_load(clamped, factor):
         u, found = _solve(members, forces.ravel(), [0, 2 * n + 1])
         errors.append(abs(-u[0, 1] / (factor * q * a**4 / (64 * B)) - 1))
         share = (1 + NU) / 16 if clamped else (3 + NU) / 16
+        centre = share / (1 + NU) * q * a**2  # both curvatures are equal there
+        assert found.bent_first[1] == pytest.approx(centre, rel=0.03)
         assert found.first[1] == pytest.approx(share * q * a**2, rel=0.03)
         assert found.second[-1] == pytest.approx(
             -q * a**2 / 8 if clamped else 0, rel=0.05, abs=0.02 * q * a**2
@@ -131,7 +136,7 @@ def test_forces_of_a_section_are_linear_so_that_derivatives_travel():
     _, members = _shell([(0.5, 0.0), (2.0, 1.0), (2.5, 3.0)])
     rows = np.random.default_rng(1).normal(size=(len(members.weight), 3))
     both = section_forces(members, rows)
-    for name in ("axial", "first", "second", "shear", "hoop"):
+    for name in [field.name for field in fields(both)]:
         table = getattr(both, name)
         for column in range(3):
             alone = getattr(section_forces(members, rows[:, column]), name)
@@ -166,3 +171,15 @@ def test_beam_of_three_spans_with_hinges_bears_what_statics_say():
     moments = np.append(found.first, found.second[-1])
     expected = np.interp(x, [0, 3, 4, 5, 6, 7, 10], [0, -5e3, 0, 5e3, 0, -5e3, 0])
     np.testing.assert_allclose(moments, expected, atol=1e-5)
+
+
+def test_hinge_at_a_clamped_node_turns():
+    """A beam whose one end is clamped and hinged at once stands on two hinges."""
+    x = np.linspace(0, 4, 5)
+    mesh, edges = _meridian(np.stack([x, np.zeros(5)], axis=1))
+    forces = np.zeros((5, 2))
+    forces[2, 1] = 1e4
+    members = beams(mesh, edges, x == 0.0, x == 0.0)
+    u, found = _solve(members, forces.ravel(), [0, 1, 9], 3e9, 2e7)
+    assert found.first[0] == pytest.approx(0.0, abs=1e-5)
+    assert u[2, 1] == pytest.approx(1e4 * 4**3 / (48 * 2e7), rel=1e-9)

@@ -15,7 +15,8 @@ import xarray
 
 from geoident.errors import InputError
 from geoident.io.case.file import read_case
-from geoident.io.case.gauges import ConvergenceSection
+from geoident.io.case.gauges.accuracy import FORCES
+from geoident.io.case.gauges.kinds import ConvergenceSection
 from geoident.io.case.readings_by_stage import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings
@@ -149,7 +150,7 @@ def test_the_result_file_has_the_unit_of_each_channel_and_reading(result, tmp_pa
 
 
 def test_figures_have_the_unit_on_their_axes(result):
-    figure = readings_figure(result, instruments(result.gauges))
+    figure = readings_figure(result, instruments(result))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[:2] == ["change of length (mm)", "force (kN)"]
     heights = [y for line in figure.axes[1].lines for y in np.atleast_1d(line.get_ydata())]
@@ -189,9 +190,10 @@ class ForceSection(Section):
 
 
 def test_what_gauges_read_is_what_their_accuracies_say():
-    assert "length" in READ
+    assert set(READ) == {"length", "angle", "pressure", "strain", *FORCES}
     read = dimensions_of([ConvergenceSection, ForceSection, ConvergenceSection])
     assert read == ("length", "force")
+    assert quantity_read(READ) == Of(None)
     assert quantity_read(("length",)) == Of("length")
     assert quantity_read(read, above=0.0) == Of(None, above=0.0)
 

@@ -3,11 +3,13 @@
 A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
 arc with the inside of the beam to the right,
 
-    N                       axial force, from the piece that holds the place
+    N                       axial force, from the piece that holds the place (of a shell along
+                            its meridian)
     M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
     Q = dM/ds               shear force
 
-and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI.
+and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI
+(of a shell that of the meridian, e_s + y k_s).
 The inside is the side without ground, or that of the point ``towards``. Where pieces meet in a
 place, they count equally.
 
@@ -24,6 +26,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
+from geoident.fem.structures import section_forces
 from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.stages import CaseOnMesh
@@ -136,6 +139,53 @@ def nearest(ends: Floats, point: Floats) -> _PlaceOnBeam:
     )
 
 
+class BeamTilts:
+    """Rotations of beams, rad, in which the top leans towards the direction of the channel.
+
+    With the curvatures k_1 and k_2 at the ends of the piece that holds the place and psi the
+    rotation of its chord, the rotation of the cubic beam at the part xi of its length L is
+
+        theta = psi - L (2 k_1 + k_2) / 6 + L (k_1 xi + (k_2 - k_1) xi^2 / 2)
+
+    Args:
+        channels: what is read, each of one beam.
+    """
+
+    rows = None  # rotations of beams are no unknowns
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = channels
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, rad."""
+        rows = [self._read(channel, state) for channel in self._channels]
+        return np.array(rows).reshape(len(rows), state.end.u.shape[1])
+
+    def _read(self, channel: Channel, state: MarchState) -> Floats:
+        members = state.structures.part(channel.structure).members
+        place = nearest(members.ends, np.array(channel.second))
+        bent = section_forces(members, members.operator @ state.end.u)  # of unit stiffness
+        assert members.nodes is not None
+        found = []
+        for piece, xi in zip(place.pieces, place.along, strict=True):
+            first, second = (state.end.u.reshape(-1, 2, state.end.u.shape[1])[node]
+                             for node in members.nodes[piece])  # fmt: skip
+            length = members.length[piece]
+            (x1, y1), (x2, y2) = members.ends[piece]
+            psi = np.array([y1 - y2, x2 - x1]) @ (second - first) / length**2
+            k1, k2 = bent.bent_first[piece], bent.bent_second[piece]
+            found.append(psi + length * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6))
+        return np.asarray(-np.sign(channel.direction[0]) * np.mean(found, axis=0))
+
+
+def tilts_of_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read the rotation of a beam, while it stands."""
+    faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
+    readable = [_standing(channel, on_mesh) for channel in channels]
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
+    return Placed(BeamTilts(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
+
+
 def _of_beam(
     part: StructureMembers,
     place: _PlaceOnBeam,
@@ -145,21 +195,26 @@ def _of_beam(
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    n = len(part.members)
-    normal, middle, shear = (members[part.rows][i * n : (i + 1) * n] for i in range(3))
-    N, Q = normal[place.pieces].mean(axis=0), shear[place.pieces].mean(axis=0)
-    lever = (place.along - 0.5) * place.lengths
-    there = middle[place.pieces] + lever[:, None] * shear[place.pieces]
-    M = (place.turned[:, None] * there).mean(axis=0)
+    found = section_forces(part.members, members[part.rows])
+    if channel.kind == "load-cell" and channel.quantity != "M":
+        forces = found.axial if channel.quantity == "N" else found.shear
+        return np.asarray(forces[place.pieces].mean(axis=0))
     if channel.kind == "load-cell":
-        return np.asarray({"N": N, "M": M, "Q": Q}[channel.quantity])
+        return _between(place, found.first, found.second)
     axial, bending = rigidities(part.structure, point)
-    strain = _scaled(N, 1.0 / axial)
+    strain = _scaled(found.stretch[place.pieces].mean(axis=0), 1.0 / axial)
     if channel.quantity == "axis":
         return strain
     distance = _fibre_distance(part.structure, channel, point)
-    bent = _scaled(M, distance / bending)
+    bent = _scaled(_between(place, found.bent_first, found.bent_second), distance / bending)
     return strain + bent if channel.quantity == "inside" else strain - bent
+
+
+def _between(place: _PlaceOnBeam, first: Floats, second: Floats) -> Floats:
+    """A moment (k,) at a place, linear along its pieces, with the sign of the inside."""
+    along = place.along[:, None]
+    there = (1.0 - along) * first[place.pieces] + along * second[place.pieces]
+    return np.asarray((place.turned[:, None] * there).mean(axis=0))
 
 
 def _fibre_distance(beam: Beam, channel: Channel, point: ParameterPoint) -> Dual:
@@ -296,6 +351,9 @@ _QUANTITIES = {
 }
 """What a channel on a structure reads, by its quantity."""
 
+_BY_KIND = {"pressure-cell": "pressure", "tilt": "angle"}
+"""Kinds that read the same of every structure."""
+
 _MakesFault = Callable[..., Fault]
 
 
@@ -303,8 +361,8 @@ def _dimension(channel: Channel, structure: Structure) -> str:
     """The dimension of what a channel reads of a structure."""
     if channel.kind == "strain":
         return "strain"
-    if channel.kind == "pressure-cell":
-        return "pressure"
+    if channel.kind in _BY_KIND:
+        return _BY_KIND[channel.kind]
     return "force" if isinstance(structure, Bars) else DIMENSIONS[channel.quantity]
 
 
@@ -315,6 +373,9 @@ def _bar_faults(
     if channel.kind == "pressure-cell":
         message = f"{named} reads a pressure on {of}, whose bars the ground does not press on"
         yield fault("wrong-structure", message, "name a beam, or give a point and a normal")
+    elif channel.kind == "tilt":
+        message = f"{named} reads a rotation of {of}, whose bars have none of their own"
+        yield fault("wrong-structure", message, "name a beam, or give the two points of 'between'")
     elif channel.quantity not in ("N", "", "axis"):
         message = f"{named} reads '{channel.quantity}' of {of}; its bars bear only N"
         yield fault("wrong-structure", message, "remove the key, or name a beam")

@@ -25,6 +25,7 @@ would give off most of the force where the grout begins, the more the finer the 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -377,7 +378,7 @@ def held_points(
     """
     if isinstance(structure, Anchors):
         _, points = grouted_parts(np.array([ends]), structure.grouted, GROUT_POINTS)
-        grout = [("the grouted length, which at", tuple(point)) for point in points[0].tolist()]
+        grout = [("the grouted length at", tuple(point)) for point in points[0].tolist()]
         return [("the head", ends[0])], grout
     second = [("the end", ends[1])] if structure.second_end == "joined" else []
     return [("the end", ends[0])], second
@@ -402,10 +403,36 @@ def straight_pieces(mesh: Mesh, group: str) -> Ints:
 def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
     """Edges turned so that present ground is on their left, where it is on one side only.
 
-    Bending moments then are positive with tension on the open side.
+    Bending moments then are positive with tension on the open side. Pieces with ground on both
+    sides, as the embedded part of a wall, go on in the direction of those that they follow on.
     """
     balance = facing_balance(mesh, edges, present)
-    return np.where((balance < 0)[:, None], edges[:, ::-1], edges)
+    turned = _going_on(edges, np.sign(balance).astype(np.int64))
+    return np.where(turned[:, None], edges[:, ::-1], edges)
+
+
+def _going_on(edges: Ints, side: Ints) -> Bools:
+    """(n,) which edges are turned round, so that no direction changes where two of them meet.
+
+    Args:
+        edges: (n, 2) nodes.
+        side: (n,) 1 where an edge stays, -1 where it is turned, 0 where its neighbours say.
+    """
+    at: dict[int, list[int]] = {}
+    for n, pair in enumerate(edges.tolist()):
+        for node in pair:
+            at.setdefault(node, []).append(n)
+    decided = side.copy()
+    waiting = deque(np.flatnonzero(side).tolist())
+    while waiting:
+        here = waiting.popleft()
+        for end, node in enumerate(edges[here].tolist()):
+            others = [other for other in at[node] if other != here]
+            if len(others) == 1 and decided[others[0]] == 0:
+                goes_on = edges[others[0], 1 - end] == node  # one ends where the other begins
+                decided[others[0]] = decided[here] if goes_on else -decided[here]
+                waiting.append(others[0])
+    return np.asarray(decided < 0)
 
 
 def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:

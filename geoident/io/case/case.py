@@ -14,7 +14,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.fit import AxisSection, FitSection
-from geoident.io.case.gauges import GaugeSection, build_channels
+from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import GeostaticModel, InSituSection, build_in_situ
 from geoident.io.case.parameters import ParameterSection

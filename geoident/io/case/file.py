@@ -21,8 +21,8 @@ import yaml
 from pydantic import ValidationError
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.case.accuracy import described_channels
 from geoident.io.case.case import CaseSection, build_case, check_references
+from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
-from geoident.io.case.accuracy import EstimatedKinds
+from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,

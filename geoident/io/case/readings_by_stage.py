@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.case.accuracy import error_parts
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges import GaugeSection, sections_of_channels
+from geoident.io.case.gauges.accuracy import error_parts
+from geoident.io.case.gauges.kinds import GaugeSection, sections_of_channels
 from geoident.io.case.readings import ReadingSection, entries
 from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
@@ -83,7 +83,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
     by_stage = when_read(check.dated, calendar)
     if not faults.found:
-        notes += gaps(check.dated, by_stage, calendar, readings, stages=section.fit.stages)
+        notes += gaps(check.dated, by_stage, calendar, readings)
     return ReadReadings(
         readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage
     )

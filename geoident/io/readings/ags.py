@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Scale, Table
+from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Table, UnitScale
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
@@ -27,8 +27,8 @@ from geoident.units import UnitError, read_quantity
 
 HEADINGS = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE", "MOND_REF", "MOND_INST")
 _TELLING = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE")
-"""Headings of which all rows of one channel have one value: with the date, the keys of the group
-(AGS4, group MOND) that are no mere labels."""
+"""Headings of which all rows of one channel have one value; where two rows have the same date and
+time, the reference of the reading (MOND_REF) as well."""
 MAX_BYTES = 200_000_000
 _NEEDED = ("MOND_DTIM", "MOND_RDNG")
 _INSTALL = 'Install the library that reads it: pip install "geoident[ags]".'
@@ -145,7 +145,9 @@ class _Reader:
 
     def _refuse_several(self, channel: str, rows: list[int]) -> bool:
         """Note a channel whose rows are of several instruments, depths or types of readings."""
-        for name in (name for name in _TELLING if name in self.group):
+        times = [str(self.group["MOND_DTIM"][n]) for n in rows]
+        telling = _TELLING if len(set(times)) == len(times) else (*_TELLING, "MOND_REF")
+        for name in (name for name in telling if name in self.group):
             values = list(dict.fromkeys(str(self.group[name][n]).strip() for n in rows))
             if len(values) > 1:
                 message = f"the rows of '{channel}' have several {name}: {listing(values)}"
@@ -183,7 +185,7 @@ class _Reader:
             return None
         value = self.table.number(line, cell)
         dimension = self.table.layout.dimension(channel)
-        scale = self._scale(n, line, origin, dimension) if value is not None else Scale()
+        scale = self._scale(n, line, origin, dimension) if value is not None else UnitScale()
         if (value is None and cell.text) or scale is None:
             return None
         here = Location(self.table.file, line, 1)
@@ -191,7 +193,7 @@ class _Reader:
         note = str(self.group["MOND_REM"][n]).strip() if "MOND_REM" in self.group else ""
         return Reading(channel, "", known, location=here, time=time, when=here, note=note)
 
-    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> Scale | None:
+    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> UnitScale | None:
         """How a value becomes SI: by the unit of its row, or else by the declared one."""
         given = str(self.group.get("MOND_UNIT", {n: ""})[n]).strip()
         unit = given or origin.unit or ("" if origin.calibration else self.table.layout.unit)

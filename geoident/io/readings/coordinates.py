@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 
-from geoident.io.readings.survey import Survey, Target
+from geoident.io.readings.survey import SurveyGrid, SurveyTarget
 from geoident.io.readings.table import POINT_COLUMNS, Cell, Table, flag
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading
@@ -32,7 +32,7 @@ class CoordinateReader:
 
     units_follow = False
 
-    def __init__(self, table: Table, survey: Survey) -> None:
+    def __init__(self, table: Table, survey: SurveyGrid) -> None:
         self.table = table
         self.survey = survey
         self.columns: dict[str, int] = {}
@@ -81,7 +81,8 @@ class CoordinateReader:
         point, when = row["point"], row["date" if self.dated else "stage"]
         if not point.text or not when.text:
             what = "name of the point" if not point.text else "date" if self.dated else "stage"
-            table.refuse((number, point.column), "missing-name", f"the {what} is missing")
+            hint = "Write it, or take the row out."
+            table.refuse((number, point.column), "missing-name", f"the {what} is missing", hint)
             return []
         own = () if self.survey.points else (point.text,)
         gauges = self.survey.points.get(point.text, own)
@@ -113,7 +114,7 @@ class CoordinateReader:
             for channel, direction in target.directions.items()
         ]
 
-    def _target(self, number: int, point: Cell, gauge: str) -> Target | None:
+    def _target(self, number: int, point: Cell, gauge: str) -> SurveyTarget | None:
         """The target of a name; None, with a fault, if there is none."""
         target = self.survey.targets.get(gauge)
         if target is None and gauge not in self.unknown:
@@ -148,7 +149,7 @@ def _place(point: tuple[float, ...]) -> str:
 
 
 def _component(
-    survey: Survey, direction: tuple[float, ...], found: list[float | None]
+    survey: SurveyGrid, direction: tuple[float, ...], found: list[float | None]
 ) -> float | None:
     """Component of the coordinates along a direction of the model, m; None where they lack."""
     weights = [

@@ -26,8 +26,8 @@ from geoident.io.readings.table import (
     Layout,
     Origin,
     Row,
-    Scale,
     Table,
+    UnitScale,
     flag,
     joined_header,
     lines,
@@ -335,7 +335,7 @@ class _LongReader:
 
     def _scale(
         self, number: int, row: Mapping[str, Cell], origin: Origin, dimension: str
-    ) -> Scale | None:
+    ) -> UnitScale | None:
         """How values become SI; as they are where there is no unit and none is needed."""
         cell = row.get("unit", Cell("", 1))
         unit = origin.unit or ("" if origin.calibration else self.table.layout.unit)
@@ -344,5 +344,5 @@ class _LongReader:
         accuracy = row.get("accuracy")
         blank = not row["value"].text and (accuracy is None or not accuracy.text)
         if not cell.text and blank:
-            return Scale()
+            return UnitScale()
         return self.table.scale(number, cell, dimension, origin)

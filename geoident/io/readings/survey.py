@@ -16,11 +16,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-Vector = tuple[float, ...]
+from geoident.model.arrays import Vector
 
 
 @dataclass(frozen=True)
-class Target:
+class SurveyTarget:
     """A target whose readings are made of coordinates.
 
     Args:
@@ -33,7 +33,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Survey:
+class SurveyGrid:
     """The system of a survey, and what is made of it.
 
     Args:
@@ -48,7 +48,7 @@ class Survey:
     scale: float = 1.0
     origin: Vector | None = None
     points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    targets: Mapping[str, Target] = field(default_factory=dict)
+    targets: Mapping[str, SurveyTarget] = field(default_factory=dict)
 
     def turned(self, vector: Vector) -> Vector:
         """A vector (3,) of the survey in the axes of the model, m."""

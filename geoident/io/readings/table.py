@@ -14,7 +14,7 @@ from typing import Literal
 
 from geoident.errors import Fault, Location
 from geoident.io.readings.calibration import Calibration, raw_unit
-from geoident.io.readings.survey import Survey
+from geoident.io.readings.survey import SurveyGrid
 from geoident.io.text.dates import ISO, DateError, read_date
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.units import (
@@ -111,7 +111,7 @@ class Layout:
     ignore: tuple[str, ...] = ()
     sheet: str = ""
     cells: str = ""
-    survey: Survey | None = None
+    survey: SurveyGrid | None = None
 
     def header(self, key: str) -> str:
         """Name of a column in the header, in small letters."""
@@ -142,7 +142,7 @@ Row = tuple[int, list[Cell]]
 
 
 @dataclass(frozen=True)
-class Scale:
+class UnitScale:
     """From the number in a cell to a reading in SI units.
 
     Args:
@@ -355,7 +355,7 @@ class Table:
             self.refuse((number, cell.column), "missing-temperature", message, hint)
         return found
 
-    def scale(self, number: int, cell: Cell, dimension: str, origin: Origin) -> Scale | None:
+    def scale(self, number: int, cell: Cell, dimension: str, origin: Origin) -> UnitScale | None:
         """How the numbers of a channel become readings; None, with a fault, if they cannot.
 
         Args:
@@ -367,14 +367,14 @@ class Table:
         known = origin.calibration
         if known is None:
             factor = self.unit(number, cell, dimension)
-            return None if factor is None else Scale(origin.sign * factor)
+            return None if factor is None else UnitScale(origin.sign * factor)
         found = raw_unit(cell.text)
         if cell.text and found != known.reads:
             message = f"'{cell.text}' is not what the calibration is for, '{known.reads}'"
             hint = "Correct 'reads' of the calibration, or leave it out where readings are given."
             self.refuse((number, cell.column), "unit", message, hint)
             return None
-        return Scale(1.0, known, origin.sign)
+        return UnitScale(1.0, known, origin.sign)
 
     def unit(self, number: int, cell: Cell, dimension: str) -> float | None:
         """Size of a unit in the SI unit of a dimension; None, with a fault, if it is none of it.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from geoident.io.readings.table import Cell, Origin, Scale, Table
+from geoident.io.readings.table import Cell, Origin, Table, UnitScale
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
 
@@ -24,7 +24,7 @@ class _Column:
     channel: str
     cell: Cell
     origin: Origin
-    scale: Scale | None
+    scale: UnitScale | None
 
 
 class WideReader:
@@ -96,7 +96,7 @@ class WideReader:
 
     def _scale(
         self, number: int, cell: Cell, names: tuple[str, str], given: tuple[str, Origin]
-    ) -> Scale | None:
+    ) -> UnitScale | None:
         """How the numbers of a column become readings.
 
         Args:
@@ -130,8 +130,6 @@ class WideReader:
             self._refuse_width(number, cells, self.width)
         when = cells[self.when]
         time = self.table.date(number, when) if self.dated else None
-        if self.dated and time is None:
-            return []
         place, stage = self.table.place(number, when), "" if self.dated else when.text
         at = self.remarks
         note = cells[at].text if at is not None and at < len(cells) else ""
@@ -144,7 +142,7 @@ class WideReader:
                     column.channel, stage, value, location=here, time=time, when=place, note=note
                 )
                 readings.append(reading)
-        return readings
+        return [] if self.dated and time is None else readings
 
     def _value(self, number: int, cells: list[Cell], column: _Column) -> float | None:
         """The reading of a column, SI; None where it is missing or, with a fault, wrong."""

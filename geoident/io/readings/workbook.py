@@ -38,7 +38,7 @@ _BROKEN = (
 
 
 @dataclass(frozen=True)
-class Sheet:
+class WorkbookSheet:
     """A sheet of a workbook.
 
     Args:
@@ -81,7 +81,7 @@ def _column(letters: str) -> int:
     return number
 
 
-def open_sheet(path: str, layout: Layout) -> Sheet:
+def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
     """The sheet of a workbook that is declared, or its only one.
 
     Raises:
@@ -107,7 +107,7 @@ def open_sheet(path: str, layout: Layout) -> Sheet:
          for column in range(box[1], box[3] + 1)]
         for row in range(box[0], box[2] + 1)
     ]  # fmt: skip
-    return Sheet(sheet.title, table, box[0], box[1])
+    return WorkbookSheet(sheet.title, table, box[0], box[1])
 
 
 def _open(data: bytes, path: str, *, values: bool) -> Any:

@@ -371,6 +371,8 @@ AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
 WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
+Dimensionless = Annotated[Given, Of(DIMENSIONLESS)]
+GivenAngle = Annotated[Given, Of("angle")]
 Acceleration = Annotated[Given, Of("acceleration")]
 AnyQuantity = Annotated[Given, Of(None)]
 

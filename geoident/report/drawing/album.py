@@ -21,6 +21,7 @@ from geoident.report.drawing.parameters import (
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.solid import solid_pictures
+from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import Picture, image
 
 
@@ -33,11 +34,15 @@ class Album:
     readings: tuple[Picture, ...]
     fields: tuple[Picture, ...]
     quality: tuple[Picture, ...]
+    structures: tuple[Picture, ...]
 
     @property
     def all(self) -> tuple[Picture, ...]:
         """Every figure."""
-        return (*self.overview, *self.parameters, *self.readings, *self.fields, *self.quality)
+        return (
+            *self.overview, *self.parameters, *self.readings, *self.fields, *self.quality,
+            *self.structures,
+        )  # fmt: skip
 
 
 def album(result: Result, *, prefix: str = "") -> Album:
@@ -55,6 +60,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         (*reading_pictures(result), *profile_pictures(result)),
         fields,
         quality_pictures(result),
+        structure_pictures(result),
     )
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
 

@@ -25,6 +25,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, spans
 from geoident.report.drawing.sheets import element_centres
+from geoident.report.drawing.structures import draw_structures, structure_lines
 from geoident.report.drawing.style import MEASURED, SMALL, Picture, box_axes, image, key, short
 
 Colour = tuple[float, float, float]
@@ -36,6 +37,18 @@ _SUPPORT: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "none", "mec": "black", "m
 _MOST_MARKS = 25
 _MOST_LABELS = 40
 _EDGE = (0.35, 0.35, 0.35)
+_MOVES: dict[str, Any] = {"marker": "o", "ms": 2.5}
+_GAUGE_MARKS: dict[str, dict[str, Any]] = {
+    "stress": {"marker": "P", "ms": 5.0},
+    "pressure-cell": {"marker": "D", "ms": 4.0},
+    "piezometer": {"marker": "v", "ms": 5.0},
+    "load-cell": {"marker": "s", "ms": 4.0},
+    "strain": {"marker": ".", "ms": 4.0},
+}
+"""Marks of gauges that read something else than motions."""
+_FIBRE = 20
+"""Channels of a gauge above which their marks are small."""
+_SHOWN = ("stages in their order, and gauges", "stages in their order, structures and gauges")
 _HALO = [withStroke(linewidth=2.0, foreground="white")]
 
 
@@ -67,11 +80,12 @@ def _plane_figure(case: Case, mesh: Mesh) -> Figure:
     whole.plot(*frame.T, color="black", lw=0.8, ls=":")
     near.set_xlim(low[0], high[0])
     near.set_ylim(low[1], high[1])
+    built = draw_structures(near, case, mesh)
     _draw_gauges(near, case)
     _draw_marks(near, mesh, parts)
     whole.set_title("model and supports")
-    near.set_title("stages in their order, and gauges (the dotted part)")
-    _finish(figure, case, parts, supports)
+    near.set_title(f"{_SHOWN[bool(built)]} (the dotted part)")
+    _finish(figure, case, parts, [*supports, *built])
     return figure
 
 
@@ -91,13 +105,14 @@ def _solid_figure(case: Case, mesh: Mesh) -> Figure:
     _draw_surface(whole, mesh, parts, alpha=1.0)
     _draw_surface(near, mesh, moved, alpha=0.75)
     _name_supports(whole, case, mesh)
+    built = draw_structures(near, case, mesh)
     _draw_gauges(near, case)
     _draw_marks(near, mesh, parts)
     _frame(whole, mesh.points.min(axis=0), mesh.points.max(axis=0))
     _frame(near, *window(case, mesh, parts))
     whole.set_title("outer surface; GROUP: directions in which it is held")
-    near.set_title("stages in their order, and gauges")
-    _finish(figure, case, parts, [])
+    near.set_title(_SHOWN[bool(built)])
+    _finish(figure, case, parts, built)
     return figure
 
 
@@ -187,14 +202,25 @@ def _some(nodes: Ints, mesh: Mesh) -> Ints:
 
 
 def _draw_gauges(axes: Any, case: Case) -> None:
-    lines = gauge_lines(case)
-    for k, (name, ends) in enumerate(lines.items()):
+    for k, (name, ends) in enumerate(gauge_lines(case).items()):
+        kind = next(channel.kind for channel in case.channels if channel.gauge == name)
+        style = _GAUGE_MARKS.get(kind, _MOVES) | ({"ms": 1.0} if len(ends) > _FIBRE else {})
         for line in ends:
-            axes.plot(*line.T, "-o", color=MEASURED, lw=1.0, ms=2.5, zorder=6)
+            axes.plot(*line.T, color=MEASURED, lw=1.0, zorder=6, **style)
         if k < _MOST_LABELS:
             far = np.vstack([line[-1:] for line in ends])
             axes.text(*far[-1], f" {short(name)}", fontsize=SMALL, color="#7a3300", zorder=7,
                       clip_on=True, path_effects=_HALO)  # fmt: skip
+
+
+def _gauge_keys(case: Case) -> list[Any]:
+    """What the marks of gauges mean, one for every kind of mark in the case."""
+    kinds = {channel.kind for channel in case.channels}
+    special = [kind for kind in _GAUGE_MARKS if kind in kinds]
+    styles = {kind: _GAUGE_MARKS[kind] for kind in special}
+    if kinds - set(special):
+        styles = {"gauge": _MOVES, **styles}
+    return [key(name, color=MEASURED, lw=1.0, **style) for name, style in styles.items()]
 
 
 def _draw_marks(axes: Any, mesh: Mesh, parts: tuple[Part, ...]) -> None:
@@ -219,8 +245,7 @@ def _finish(figure: Figure, case: Case, parts: tuple[Part, ...], supports: list[
         Patch(facecolor=part.colour, edgecolor=_EDGE, lw=0.4, label=short(part.label, 34))
         for part in parts
     ]
-    gauges = [key("gauge", marker="o", color=MEASURED, lw=1.0, ms=2.5)]
-    handles = [*colours, *supports, *(gauges if case.channels else [])]
+    handles = [*colours, *supports, *_gauge_keys(case)]
     figure.legend(handles=handles, loc="outside right upper", fontsize=SMALL, frameon=False,
                   ncols=1 + len(handles) // 36)  # fmt: skip
     figure.suptitle(short(case.title, 90), x=0.01, ha="left", fontsize=11)
@@ -288,7 +313,9 @@ def centre(mesh: Mesh, elements: Ints) -> Floats:
 
 
 def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Floats]:
-    """The box around gauges and all that is dug or placed, with a margin, inside the mesh.
+    """The box around gauges, structures and all that is dug or placed, with a margin.
+
+    It ends where the mesh ends.
 
     Args:
         case: with gauges.
@@ -299,6 +326,9 @@ def window(case: Case, mesh: Mesh, parts: tuple[Part, ...]) -> tuple[Floats, Flo
         Its lower and its upper corner, (dim,) each, m.
     """
     points = [line for lines in gauge_lines(case).values() for line in lines]
+    points += [
+        line for structure in case.structures.values() for line in structure_lines(structure, mesh)
+    ]
     moved = [part.elements for part in parts if part.mark]
     if moved:
         points.append(element_centres(mesh)[np.concatenate(moved)])

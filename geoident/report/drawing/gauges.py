@@ -6,7 +6,7 @@ Of one result, or of several in one figure.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -32,7 +32,10 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.text.case import gauge_quantity
+from geoident.report.text.case import gauge_entry, gauge_quantity
+
+_MOST_CHANNELS = 8
+"""Channels of one gauge that a panel over the stages shows."""
 
 _PER_FIGURE = 12
 _COMPARED_PER_FIGURE = 15
@@ -41,28 +44,54 @@ _STYLES = ("-", "--", "-.", ":")
 
 @dataclass(frozen=True)
 class Instrument:
-    """The channels of one gauge.
+    """Channels of one gauge that are shown together.
 
     Args:
-        name: of the gauge.
+        name: of the gauge; for an inclinometer with its axis.
+        gauge: name of the gauge.
         rows: its channels in the table of gauges.
-        labels: names of its anchors; empty for a gauge of one channel.
+        labels: names of its anchors, points or depths; empty for a gauge of one channel.
+        places: (k,) where the channels are along the instrument, m; empty where it has no length.
+        along: what the places are, for an axis; empty for none.
     """
 
     name: str
+    gauge: str
     rows: tuple[int, ...]
     labels: tuple[str, ...]
+    places: tuple[float, ...] = ()
+    along: str = ""
 
 
-def instruments(table: GaugeTable) -> tuple[Instrument, ...]:
-    """The channels by gauge: those of an extensometer are named ``gauge.anchor``."""
-    rows: dict[str, list[int]] = {}
-    for row, gauge in enumerate(table.gauges):
-        rows.setdefault(gauge, []).append(row)
-    return tuple(
-        Instrument(name, tuple(own), tuple(table.channels[r][len(name) + 1 :] for r in own))
-        for name, own in rows.items()
-    )
+def instruments(result: Result) -> tuple[Instrument, ...]:
+    """The channels by gauge, dimension and, of an inclinometer, axis."""
+    table = result.gauges
+    rows: dict[tuple[str, str, str], list[int]] = {}
+    for row, (gauge, dimension) in enumerate(zip(table.gauges, table.dimensions, strict=True)):
+        deep = gauge_entry(result, gauge).get("kind") == "inclinometer"
+        axis = table.channels[row][len(gauge) + 1 :][:1] if deep else ""
+        rows.setdefault((gauge, dimension, axis), []).append(row)
+    return tuple(_instrument(result, *key, own) for key, own in rows.items())
+
+
+def _instrument(
+    result: Result, gauge: str, dimension: str, axis: str, rows: list[int]
+) -> Instrument:
+    table, kind = result.gauges, gauge_entry(result, gauge).get("kind")
+    labels = tuple(table.channels[r][len(gauge) + 1 + len(axis) :] for r in rows)
+    name = f"{gauge}.{axis}" if axis else gauge
+    places, along = np.empty(0), ""
+    if axis:
+        places, along = np.array([float(label) for label in labels]), "depth along the casing (m)"
+    elif len(rows) > 1 and dimension == "length" and kind in {None, "extensometer"}:
+        apart = np.linalg.norm(table.second[rows] - table.first[rows], axis=1)
+        places, along = apart, "depth from head (m)"
+    elif len(rows) > 1 and (kind, dimension) in {("levelling", "length"), ("strain", "strain")}:
+        steps = np.linalg.norm(np.diff(table.second[rows], axis=0), axis=1)
+        places, along = np.r_[0.0, np.cumsum(steps)], "distance along the line (m)"
+    if not np.isfinite(places).all() or (len(places) and np.ptp(places) == 0.0):
+        places, along = np.empty(0), ""
+    return Instrument(name, gauge, tuple(rows), labels, tuple(map(float, places)), along)
 
 
 def reading_pictures(result: Result) -> tuple[Picture, ...]:
@@ -70,15 +99,33 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     caption = (
         "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
         "lines: computed; dashed lines with 95 % bands: predicted. Positive: the points move "
-        "apart, or the motion follows the direction of the gauge."
+        "apart, or the motion follows the direction of the gauge; of stresses and forces what "
+        "the axis says. Of instruments with many channels, some."
     )
     return paged(
-        instruments(result.gauges),
+        _few_channels(result),
         partial(readings_figure, result),
         most=_PER_FIGURE,
         picture=("readings", "Gauges over the stages", caption),
         label=_name,
     )
+
+
+def _few_channels(result: Result) -> tuple[Instrument, ...]:
+    """The instruments; of one of many channels, evenly spaced ones."""
+    found = []
+    for gauge in instruments(result):
+        some = np.unique(np.linspace(0, len(gauge.rows) - 1, _MOST_CHANNELS).round().astype(int))
+        found.append(
+            gauge
+            if len(gauge.rows) <= _MOST_CHANNELS
+            else replace(
+                gauge,
+                rows=tuple(gauge.rows[k] for k in some),
+                labels=tuple(gauge.labels[k] for k in some),
+            )
+        )
+    return tuple(found)
 
 
 def _name(gauge: Instrument) -> str:
@@ -112,7 +159,7 @@ def _draw_gauge(axes: Axes, result: Result, gauge: Instrument) -> None:
     axes.axhline(0, color=FAINT, lw=0.5, zorder=0)
     stage_ticks(axes, result.gauges.stages)
     axes.grid(axis="y")
-    axes.set_ylabel(gauge_quantity(result, gauge.name), fontsize=SMALL)
+    axes.set_ylabel(_quantity(result, gauge), fontsize=SMALL)
     axes.set_title(short(gauge.name, 16))
     if any(gauge.labels):
         _anchor_legend(axes, gauge)
@@ -185,10 +232,25 @@ def draw_measured(axes: Axes, table: GaugeTable, row: int, paint: str, dots: str
             _draw_dots(axes, x[here], table, (row, here), fmt=dots, color=paint, mfc=face, mew=0.7)
 
 
-def _draw_dots(axes: Axes, x: Any, table: GaugeTable, place: Any, **style: Any) -> None:
-    """Readings at an index of the table over x, with the half width of their 95 % interval."""
+def _draw_dots(
+    axes: Axes, x: Any, table: GaugeTable, place: Any, *, down: bool = False, **style: Any
+) -> None:
+    """Readings at an index of the table over x, with the half width of their 95 % interval.
+
+    Args:
+        axes: where to draw.
+        x: (k,) where the readings are.
+        table: of the readings.
+        place: index of k of them.
+        down: x goes down the panel.
+        style: of dots and bars.
+    """
     error = np.nan_to_num(NORMAL_95 * table.in_units(table.sd)[place])
-    axes.errorbar(x, table.in_units(table.measured)[place], yerr=error, ms=3.2, lw=0.7, **style)
+    read = table.in_units(table.measured)[place]
+    if down:
+        axes.errorbar(read, x, xerr=error, ms=3.2, lw=0.7, **style)
+    else:
+        axes.errorbar(x, read, yerr=error, ms=3.2, lw=0.7, **style)
 
 
 def unknown(result: Result) -> Bools:
@@ -206,39 +268,22 @@ def last_fitted(table: GaugeTable) -> int:
 
 
 def profile_pictures(result: Result) -> tuple[Picture, ...]:
-    """Every extensometer along its length."""
+    """Every instrument with several channels along its length."""
     caption = (
-        "Extension between head and anchor over the depth of the anchor, one line per stage. "
+        "Readings along extensometers, casings, levelling lines and fibres, one line per stage. "
         "Dots: measured; solid lines: computed; dashed lines: predicted."
     )
     return paged(
-        _extensometers(result.gauges),
+        tuple(gauge for gauge in instruments(result) if gauge.places),
         partial(profiles_figure, result),
         most=_PER_FIGURE,
-        picture=("profiles", "Extensometers along their length", caption),
+        picture=("profiles", "Instruments along their length", caption),
         label=_name,
     )
 
 
-def _extensometers(table: GaugeTable) -> tuple[Instrument, ...]:
-    """Extensometers of two anchors or more: channels with one head."""
-    return tuple(
-        gauge
-        for gauge in instruments(table)
-        if len(gauge.rows) > 1
-        and np.isfinite(_depths(table, gauge)).all()
-        and np.ptp(table.first[list(gauge.rows)], axis=0).max() < 1e-9
-    )
-
-
-def _depths(table: GaugeTable, gauge: Instrument) -> Floats:
-    """Distances (k,) of the k anchors from the head, m."""
-    rows = list(gauge.rows)
-    return np.asarray(np.linalg.norm(table.second[rows] - table.first[rows], axis=1))
-
-
 def profiles_figure(result: Result, gauges: Sequence[Instrument]) -> Figure:
-    """A panel for each extensometer."""
+    """A panel for each instrument."""
     stages = _read_stages(result.gauges, gauges)
     figure, panels = panel_grid(len(gauges), height=2.3, extra=0.8)
     for axes, gauge in zip(panels, gauges, strict=True):
@@ -271,22 +316,35 @@ def _stage_colour(k: int, n: int) -> Any:
 
 
 def _draw_profile(axes: Axes, result: Result, gauge: Instrument, stages: Sequence[int]) -> None:
-    depth = _depths(result.gauges, gauge)
-    order = np.argsort(depth, kind="stable")
-    depth, rows = depth[order], np.array(gauge.rows)[order]
+    """Readings along an instrument; down a casing, as inclinometers are shown."""
+    order = np.argsort(gauge.places, kind="stable")
+    places, rows = np.array(gauge.places)[order], np.array(gauge.rows)[order]
     last, every = last_fitted(result.gauges), _computed(result)
+    kind = gauge_entry(result, gauge.gauge).get("kind")
+    down = kind == "inclinometer"
+    head = [0.0] if gauge.along.endswith("head (m)") else []
     for k, stage in enumerate(stages):
         paint, computed = _stage_colour(k, len(stages)), every[rows, stage]
         if np.nan_to_num(computed).any():
+            line = np.r_[head, places], np.r_[head, computed]
             style = "-" if stage <= last else "--"
-            axes.plot(np.r_[0.0, depth], np.r_[0.0, computed], style, color=paint, lw=1.1)
-        _draw_dots(axes, depth, result.gauges, (rows, stage), fmt=marker(k), color=paint)
-    axes.axhline(0, color=FAINT, lw=0.5, zorder=0)
+            axes.plot(*(line[::-1] if down else line), style, color=paint, lw=1.1)
+        dots = {"fmt": marker(k), "color": paint}
+        _draw_dots(axes, places, result.gauges, (rows, stage), down=down, **dots)
     axes.set_title(short(gauge.name, 16))
-    axes.set_xlabel("depth from head (m)")
-    axes.set_ylabel(f"extension ({result.gauges.shown_units[gauge.rows[0]]})")
-    axes.set_xlim(left=0)
+    labels = gauge.along, _quantity(result, gauge)
+    (axes.axvline if down else axes.axhline)(0, color=FAINT, lw=0.5, zorder=0)
+    if down:
+        axes.invert_yaxis()
+        labels = labels[::-1]
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1], fontsize=SMALL)
     axes.grid()
+
+
+def _quantity(result: Result, gauge: Instrument) -> str:
+    """What the channels of an instrument measure."""
+    return gauge_quantity(result, gauge.gauge, result.gauges.dimensions[gauge.rows[0]])
 
 
 def compared_gauge_pictures(results: Labelled) -> tuple[Picture, ...]:

@@ -90,7 +90,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         ),
         _section(yielding.TITLE, _yield_planes(result)),
         _section(unit_title("Readings", result.gauges), table(reading_table(result))),
-        _section(structures.TITLE, table(structures.force_table(result.members))),
+        _section(
+            structures.TITLE,
+            _figures(pictures.structures),
+            table(structures.force_table(result.members)),
+        ),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -35,35 +35,89 @@ def axis_names(result: Result) -> tuple[str, str, str]:
     return ("radius r", "height y", "") if turned else ("x", "y", "z")
 
 
-def gauge_quantity(result: Result, gauge: str) -> str:
-    """What a gauge measures, with its unit and direction, as a figure says it."""
+def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
+    """What the case says of a gauge, as texts; empty where that cannot be read."""
     gauges = _case(result.case_resolved).get("gauges")
     found = gauges.get(gauge) if isinstance(gauges, dict) else None
-    given = found if isinstance(found, dict) else {}
+    return found if isinstance(found, dict) else {}
+
+
+def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> str:
+    """What a gauge measures, with its unit and direction, as a figure says it.
+
+    Args:
+        result: with the gauge.
+        gauge: its name.
+        dimension: of which of its channels, where they have several; None for the first.
+    """
+    given = gauge_entry(result, gauge)
+    unit, of = _unit_of_gauge(result.gauges, gauge, dimension)
     component = given.get("component")
     along = f" {component}" if isinstance(component, str) else ""
-    unit, dimension = _unit_of_gauge(result.gauges, gauge)
-    length = dimension == "length"
-    name, direction = _QUANTITIES.get(given.get("kind", ""), (f"displacement{along}", ""))
+    other = f"displacement{along}" if of == "length" else of
+    name, direction = _QUANTITIES.get((str(given.get("kind", "")), of), (other, ""))
+    if given.get("positive") == "away":
+        direction = "away from the sensor"
+    if given.get("kind") in _OF_FORCE:
+        structure = _mapping(_mapping(_case(result.case_resolved), "structures"),
+                             str(given.get("structure", "")))  # fmt: skip
+        name, direction = _force_quantity(given, structure)
     what = ", ".join(word for word in (unit, direction) if word)
-    name = name if length else dimension
     return f"{name} ({what})" if what else name
 
 
 _QUANTITIES = {
-    "extensometer": ("extension", ""),
-    "convergence": ("change of length", ""),
-    "settlement": ("settlement", "downwards"),
+    ("extensometer", "length"): ("extension", ""),
+    ("convergence", "length"): ("change of length", ""),
+    ("settlement", "length"): ("settlement", "downwards"),
+    ("inclinometer", "length"): ("motion across the casing", ""),
+    ("tilt", "angle"): ("tilt", "top towards its direction"),
+    ("levelling", "length"): ("settlement", "downwards"),
+    ("levelling", "angle"): ("angular distortion", "second point down"),
+    ("line-of-sight", "length"): ("motion along the sight", "towards the sensor"),
 }
-"""Kind of a gauge of lengths: what it measures, and in which direction it counts."""
+"""Kind of a gauge and dimension of a channel: what it measures, and what counts as positive."""
+
+_OF_FORCE = {
+    "stress": "stress",
+    "pressure-cell": "total pressure",
+    "piezometer": "pore pressure",
+    "strain": "strain",
+    "load-cell": "force",
+}
+_FORCES = {"N": "axial force", "M": "bending moment", "Q": "shear force"}
 
 
-def _unit_of_gauge(gauges: GaugeTable, gauge: str) -> tuple[str, str]:
+def _force_quantity(given: Mapping[str, Any], structure: Mapping[str, Any]) -> tuple[str, str]:
+    """What a gauge of stresses or forces measures, and which sign is positive."""
+    kind = given["kind"]
+    name, direction = _OF_FORCE[kind], ""
+    if kind == "load-cell":
+        quantity = given.get("quantity", "N")
+        name = _FORCES.get(quantity, name)
+        strut = structure.get("kind") == "strut"
+        counts = given.get("sign", "compression" if strut else "tension")
+        direction = {"N": counts, "M": "tension inside"}.get(quantity, "")
+    elif kind == "stress":
+        direction = given.get("positive", "tension")
+    elif kind != "piezometer":
+        direction = "elongation" if kind == "strain" else "compression"
+    since = "change of " if "zero" in given and kind != "strain" else ""
+    return since + name, str(direction)
+
+
+def _mapping(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """What a key of a case holds, if it is a mapping; else an empty one."""
+    found = given.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _unit_of_gauge(gauges: GaugeTable, gauge: str, dimension: str | None) -> tuple[str, str]:
     """Unit and dimension of the channels of a gauge."""
-    if gauge not in gauges.gauges:
-        return "mm", "length"
-    row = gauges.gauges.index(gauge)
-    return gauges.shown_units[row], gauges.dimensions[row]
+    for name, unit, found in zip(gauges.gauges, gauges.shown_units, gauges.dimensions, strict=True):
+        if name == gauge and dimension in (None, found):
+            return unit, found
+    return "mm", "length"
 
 
 @lru_cache(maxsize=8)

@@ -260,9 +260,11 @@ def _per_unit(reading: str, unit: str) -> str:
 
 
 def _structures(result: Result) -> CsvTable:
-    """Forces in kN and kNm, of linings per metre out of plane."""
-    header = ("structure", "number", "stage", "N", "M_first", "M_second", "Q")
-    units = ("kN", "kNm", "kNm", "kN")
+    """Forces in kN and kNm, of walls and linings per metre, of bars each."""
+    header = (
+        "structure", "number", "stage", "N", "M_first", "M_second", "Q", "N_hoop", "stressed_to"
+    )  # fmt: skip
+    units = ("kN", "kNm", "kNm", "kN", "kN", "kN")
     found = result.members
     names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
     if found is None:
@@ -274,7 +276,13 @@ def _structures(result: Result) -> CsvTable:
             found.stages[j],
             *(
                 float(force) / _KILO
-                for force in (found.axial[i, j], *found.moment[i, :, j], found.shear[i, j])
+                for force in (
+                    found.axial[i, j],
+                    *found.moment[i, :, j],
+                    found.shear[i, j],
+                    found.hoop[i, j],
+                    found.prestress[i, j],
+                )
             ),
         )
         for j, i in np.argwhere(np.isfinite(found.axial.T)).tolist()

@@ -1,4 +1,4 @@
-"""Forces in linings and bolts: extremes as text, all of them for JSON."""
+"""Forces in beams and bars: extremes as text, all of them for JSON."""
 
 from __future__ import annotations
 
@@ -11,15 +11,34 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.result import MemberForces
 from geoident.report.text.layout import TextTable, number
 
-TITLE = "Structures (kN, kNm; of linings per metre out of plane; tension positive)"
+TITLE = "Structures (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
 _KILO = 1e3
 
 
 def force_table(found: MemberForces | None) -> TextTable:
-    """The extremes of the forces of each structure at each stage at which it stands."""
-    rows = [] if found is None else [_row(found, *place) for place in _present(found)]
-    header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
-    return TextTable(header, rows, right="llrrrr")
+    """The extremes of the forces of each structure at each stage at which it stands.
+
+    Hoop forces are shown if there are shells, and the force to which bars were stressed at a stage
+    if any were.
+    """
+    header = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
+    rows: list[list[str]] = []
+    if found is not None:
+        shells, stressed = (np.isfinite(x).any() for x in (found.hoop, found.prestress))
+        header += ["hoop N from", "hoop N to"] * bool(shells) + ["stressed to"] * bool(stressed)
+        for name, members, stage in _present(found):
+            row = _row(found, name, members, stage)
+            row += _range(found.hoop[members, stage]) if shells else []
+            row += _range(found.prestress[members, stage])[:1] if stressed else []
+            rows.append(row)
+    return TextTable(tuple(header), rows, right="ll" + "r" * (len(header) - 2))
+
+
+def _range(forces: Floats) -> list[str]:
+    """Least and largest force as text, kN; dashes where there is none."""
+    if not np.isfinite(forces).all():
+        return ["-", "-"]
+    return [number(float(force) / _KILO) for force in (forces.min(), forces.max())]
 
 
 def _row(found: MemberForces, name: str, members: Ints, stage: int) -> list[str]:
@@ -39,7 +58,7 @@ def _largest(forces: Floats) -> float:
 
 
 def structures_list(found: MemberForces | None) -> list[dict[str, Any]]:
-    """One object for each piece of a lining, each bolt, and stage at which it stands; SI."""
+    """One object for each piece of a lining, each bar, and stage at which it stands; SI."""
     if found is None:
         return []
     return [_member(found, int(i), stage) for _, members, stage in _present(found) for i in members]
@@ -55,8 +74,14 @@ def _member(found: MemberForces, i: int, stage: int) -> dict[str, Any]:
         "N": found.axial[i, stage],
         "M": found.moment[i, :, stage].tolist() if bent else None,
         "Q": found.shear[i, stage] if bent else None,
+        "N_hoop": _known(found.hoop[i, stage]),
+        "prestress": _known(found.prestress[i, stage]),
         "per_metre": bent,
     }
+
+
+def _known(force: float) -> float | None:
+    return force if np.isfinite(force) else None
 
 
 def _present(found: MemberForces) -> Iterator[tuple[str, Ints, int]]:

@@ -23,11 +23,11 @@ DAY = 86400.0
 ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
-Row = tuple[Channel, Reading]
+ChannelReading = tuple[Channel, Reading]
 """A reading and its channel."""
 
 
-def error_structure(rows: Sequence[Row]) -> ErrorStructure | None:
+def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure | None:
     """The errors of readings; None where all are independent and of given size.
 
     Args:
@@ -72,7 +72,7 @@ class _Table:
     sd: list[float] = field(default_factory=list)
     component: list[int] = field(default_factory=list)
 
-    def add(self, number: int, row: Row) -> None:
+    def add(self, number: int, row: ChannelReading) -> None:
         """Takes a reading."""
         channel, reading = row
         self.sd.append(own_sd(channel, reading))
@@ -127,7 +127,7 @@ def _shared(
         before = place
 
 
-def _steps(rows: Sequence[Row]) -> dict[str, tuple[float, ...]]:
+def _steps(rows: Sequence[ChannelReading]) -> dict[str, tuple[float, ...]]:
     """Run to the places of its channels, from the reference end on, m."""
     found: dict[str, set[float]] = {}
     for channel, _ in rows:

@@ -27,7 +27,7 @@ from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Result
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import Row, error_structure
+from geoident.workflow.running.errors import ChannelReading, error_structure
 from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.outputs import Standing, Target
@@ -167,7 +167,7 @@ def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
     return error_structure(used_rows(case, used))
 
 
-def used_rows(case: Case, used: Bools) -> tuple[Row, ...]:
+def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
     """The used readings (k,) of a case with their channels."""
     channels = {channel.name: channel for channel in case.channels}
     taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]

@@ -15,7 +15,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.result import NORMAL_95, GaugeTable, Prediction
-from geoident.workflow.running.errors import Row, error_structure
+from geoident.workflow.running.errors import ChannelReading, error_structure
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
@@ -75,7 +75,7 @@ class KnownErrors:
     problem: Problem
     computed: Floats
     jacobian: Floats
-    rows: tuple[Row, ...]
+    rows: tuple[ChannelReading, ...]
 
     def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.

@@ -15,6 +15,7 @@ from geoident.fem.location import Locator
 from geoident.fem.orientation import oriented
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.march.virgin import local_imbalance
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Pressure, Seismic, Traction, Water, WaterPressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.dual import ParameterPoint
@@ -264,7 +265,7 @@ def test_layers_of_any_shape_fill_the_line_to_the_top(kind):
     case = make_case(mesh, materials=MATERIALS, groups=LAYERS, gravity=(*(0.0,) * (dim - 1), -G))
     mesh = oriented(mesh, kinematics_of(case.analysis))
     places = np.random.default_rng(6).uniform(0.05, 7.95, (200, dim))
-    found = Overburden(case, mesh).above(places)
+    found = Overburden(CaseOnMesh(case, mesh)).above(places)
     np.testing.assert_allclose(found.lengths.sum(axis=1), 8 - places[:, -1], rtol=1e-9)
     assert (found.lengths.toarray() > 0).all(axis=1).sum() > 10
     if kind not in ("tri3", "tet4", "quad4"):

@@ -7,10 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
-from support.cases import displacement, material, model, rollers
-from support.derivatives import assert_exact
-from support.load_cells import cell
-from support.meshes import box, regroup
 
 from geoident.errors import InputError
 from geoident.fem.location import Locator
@@ -21,6 +17,10 @@ from geoident.model.gauges import Channel
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Anchors, Bolts, Struts
 from geoident.model.yielding import MohrCoulomb
+from tests.support.cases import displacement, material, model, rollers
+from tests.support.derivatives import assert_exact
+from tests.support.load_cells import cell
+from tests.support.meshes import box, regroup
 
 NOTHING = np.empty(0)
 ZERO = Scalar(0.0)

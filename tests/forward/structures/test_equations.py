@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from support.load_cells import ENDS, GAUGES, VALUES, nailed
+
+from tests.support.load_cells import ENDS, GAUGES, VALUES, nailed
 
 
 def test_bolts_are_points_of_one_strain_without_initial_force():

@@ -6,12 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import NOWHERE, displacement, material, model, rollers
-from support.derivatives import assert_exact
-from support.load_cells import cell
-from support.meshes import box, regroup
-from support.revolved import constant, revolve
-from support.tunnels import with_lines
 
 from geoident.errors import InputError
 from geoident.forward.actions.supports import fixed_dofs
@@ -19,6 +13,12 @@ from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from tests.support.cases import NOWHERE, displacement, material, model, rollers
+from tests.support.derivatives import assert_exact
+from tests.support.load_cells import cell
+from tests.support.meshes import box, regroup
+from tests.support.revolved import constant, revolve
+from tests.support.tunnels import with_lines
 
 E, NU, P0, RADIUS = 2e9, 0.3, 5e6, 3.0
 NOTHING = np.empty(0)
@@ -57,7 +57,16 @@ def test_lined_shaft_carries_its_share_of_the_ground():
     lining = Beam("wall", E=Scalar(E_c), thickness=Scalar(t), nu=Scalar(nu_c),
                   clamped_on=("y0", "y1"))  # fmt: skip
     stages = (Stage("sink", excavate=("core",), build=("lining",)),)
-    found = _shaft(structures={"lining": lining}, stages=stages).survey(NOTHING, fields=True)
+    gauge = cell("e", None, (RADIUS, 0.4), structure="lining")
+    gauges = tuple(
+        replace(gauge, name=name, kind=kind, quantity=quantity, dimension=dimension)
+        for name, kind, quantity, dimension in (
+            ("e", "strain", "axis", "strain"),
+            ("N", "load-cell", "N", "line load"),
+        )
+    )
+    staged = _shaft(structures={"lining": lining}, stages=stages, channels=gauges)
+    found = staged.survey(NOTHING, fields=True)
     D, G = E_c * t / (1 - nu_c**2), E / (2 * (1 + NU))
     pressure = P0 / (1 + 2 * G * RADIUS / D)
     wall = np.flatnonzero(found.fields.mesh.points[:, 0] == RADIUS)
@@ -66,6 +75,9 @@ def test_lined_shaft_carries_its_share_of_the_ground():
     np.testing.assert_allclose(found.members.hoop, -pressure * RADIUS, rtol=2e-3)
     np.testing.assert_allclose(found.members.axial, -nu_c * pressure * RADIUS, rtol=2e-3)
     assert np.abs(found.members.moment).max() < 1e-6 * pressure * RADIUS**2
+    strain, force = found.computed[:, 0]
+    assert force == pytest.approx(-nu_c * pressure * RADIUS, rel=2e-3)
+    assert strain == pytest.approx(0.0, abs=1e-12)
 
 
 def _ring_of_bars(a, c, b, p, spring):

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, rollers
-from support.meshes import box
-from support.tunnels import ringed, walled, with_lines
 
 from geoident.errors import InputError
 from geoident.forward.structures import members
@@ -17,6 +14,9 @@ from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts
+from tests.support.cases import displacement, material, model, rollers
+from tests.support.meshes import box, regroup
+from tests.support.tunnels import ringed, walled, with_lines
 
 RADIUS, P0 = 3.0, 5e6
 E, NU = 2e9, 0.3
@@ -113,6 +113,32 @@ def test_lining_under_unequal_stress(EA, EI):
     # Ground is on the left, so the pieces run from the crown to the spring line.
     ends = found.moment[order, :, 0]
     np.testing.assert_allclose(ends[1:, 1], ends[:-1, 0], atol=1e-9 * abs(moment))
+
+
+@pytest.mark.parametrize("upwards", [True, False])
+def test_moment_goes_on_where_a_wall_enters_the_ground(upwards):
+    """Ground stands on both sides of its foot; which way the mesh draws it does not matter."""
+    mesh = regroup(box("quad4", (8, 8), size=(8.0, 8.0)),
+                   pit=lambda x: (x[:, 0] < 4) & (x[:, 1] > 5))  # fmt: skip
+    here = np.flatnonzero((mesh.points[:, 0] == 4.0) & (mesh.points[:, 1] >= 2.0))
+    y = here[np.argsort(mesh.points[here, 1])]
+    lines = np.stack([y[:-1], y[1:]], axis=1)
+    mesh = with_lines(mesh, "wall", lines if upwards else lines[:, ::-1])
+    push = {"push": Traction("x1", (Scalar(-1e5), ZERO))}
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e8, 0.3)},
+        groups={"rock": "rock", "pit": "rock"},
+        supports=rollers(2),
+        structures={"wall": Beam("wall", EA=Scalar(4e9), EI=Scalar(3e8))},
+        stages=(Stage("dig", excavate=("pit",), build=("wall",), loads=push),),
+    )
+    found = staged.survey(NOTHING, fields=False).members
+    order = np.argsort(found.ends[:, :, 1].mean(axis=1))[::-1]
+    ends, moment = found.ends[order], found.moment[order, :, 0]
+    assert (ends[:, 0, 1] > ends[:, 1, 1]).all()  # downwards, with the ground on the left
+    assert np.abs(moment).max() > 1e3
+    np.testing.assert_allclose(moment[1:, 0], moment[:-1, 1], atol=1e-7 * np.abs(moment).max())
 
 
 def test_dismantled_lining_leaves_the_unlined_tunnel():

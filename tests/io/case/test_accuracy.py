@@ -3,8 +3,8 @@
 import pytest
 
 from geoident.errors import InputError
-from geoident.io.case.accuracy import TYPICAL
 from geoident.io.case.file import parse_case
+from geoident.io.case.gauges.accuracy import TYPICAL
 from tests.support.trench import CASE, write_case
 
 X = "anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm"

@@ -1,15 +1,20 @@
 """Files as sites deliver them: encodings, remarks, marks for missing readings, spread headers,
 dates of stages that are late, frequencies of vibrating wires, coordinates of total stations."""
 
+import contextlib
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from geoident.errors import InputError
 from geoident.io.readings.calibration import Calibration
-from geoident.io.readings.survey import Survey, axes_of_azimuth
+from geoident.io.readings.file import parse_readings
+from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
+from geoident.io.readings.table import Layout, Origin
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 
@@ -304,7 +309,7 @@ def test_axes_of_an_azimuth_are_right_handed():
 
 def test_a_scale_and_an_origin_place_the_coordinates():
     """By hand: 4 m east and 3 m north of the origin, x to the north: x = 3, y = -4, in 1/0.5."""
-    survey = Survey(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
+    survey = SurveyGrid(axes_of_azimuth(0.0, plane=False), 2.0, (100.0, 200.0, 50.0))
     np.testing.assert_allclose(survey.position((104.0, 203.0, 51.0)), (6.0, -8.0, 2.0), atol=1e-12)
 
 
@@ -383,3 +388,100 @@ def test_what_is_wrong_with_a_survey_is_said(refused, old, new, words, hint):
     survey = survey.replace("{name: P7}},\n  #", "{name: P7}}}\n  #")
     faults = refused(survey, files={"p.csv": POINTS}, changes=[("gauges:\n", GAUGES)])
     assert any(words in f.message and hint in f.hint for f in faults), faults
+
+
+# AGS4
+
+AGS = """\
+"GROUP","MONG"
+"HEADING","LOCA_ID","MONG_ID","MONG_DIS","MONG_TYPE"
+"UNIT","","","m",""
+"TYPE","ID","X","2DP","PA"
+"DATA","BH7","VW1","5.00","SPIE"
+"DATA","BH7","VW2","9.00","SPIE"
+
+"GROUP","MOND"
+"HEADING","LOCA_ID","MONG_ID","MONG_DIS","MOND_DTIM","MOND_TYPE","MOND_REF","MOND_RDNG","MOND_UNIT","MOND_REM"
+"UNIT","","","m","yyyy-mm-ddThh:mm:ss","","","","",""
+"TYPE","ID","X","2DP","DT","PA","X","XN","PU","X"
+"DATA","BH7","VW1","5.00","2024-03-02T08:00:00","FREQ","1","2900","Hz","18 °C"
+"DATA","BH7","VW1","5.00","2024-04-02T08:00:00","FREQ","1","Dry","Hz",""
+"DATA","BH7","VW1","5.00","2024-04-02T08:00:00","TEMP","1","12","degC",""
+"""
+WIRE = "calibration: {reads: Hz, factor: 0.002 mm, zero: 3000, difference: zero - reading}"
+
+
+def test_ags_files_of_several_months_with_frequencies_and_remarks(read):
+    pytest.importorskip("python_ags4", reason="needs pip install --no-deps python-ags4")
+    april = AGS.replace("2024-03-02", "2024-04-02").replace("2900", "2800").replace('"Dry"', '""')
+    case = read(
+        DATES + "{file: [m.ags, a.ags], encoding: cp1252, blank: [Dry],\n"
+        f"  channels: {{EX1.a5: {{MONG_ID: VW1, MOND_TYPE: FREQ, {WIRE}}}}}}}",
+        files={"m.ags": AGS.encode("cp1252"), "a.ags": april.encode("cp1252")},
+    )
+    assert values(case) == [("EX1.a5", "heading", 1.18), ("EX1.a5", "bench 1", 2.32)]
+    assert case.readings[0].note == "18 °C"
+
+
+@pytest.mark.parametrize(
+    ("channel", "text", "words", "hint"),
+    [
+        (
+            f"{{MONG_ID: VW1, {WIRE}}}",
+            AGS,
+            "have several MOND_TYPE: FREQ, TEMP",
+            "MOND_TYPE: 'FREQ'",
+        ),
+        ("{MONG_ID: VW2}", AGS, "no row of group MOND has MONG_ID VW2", "MONG has MONG_ID VW2"),
+        ("{MONG_ID: VW1, MOND_TYPE: FREQ}", AGS, "'Hz' is what the sensor gives", "calibration"),
+        (
+            f"{{MONG_ID: VW1, MOND_TYPE: FREQ, {WIRE}}}",
+            AGS.replace('04-02T08:00:00","FREQ","1"', '03-02T08:00:00","FREQ","2"'),
+            "the rows of 'EX1.a5' have several MOND_REF: 1, 2",
+            "MOND_REF: '1'",
+        ),
+    ],
+)
+def test_rows_of_ags_files_must_be_of_one_instrument(refused, channel, text, words, hint):
+    pytest.importorskip("python_ags4", reason="needs pip install --no-deps python-ags4")
+    faults = refused(
+        f"{DATES}{{file: m.ags, blank: [Dry], channels: {{EX1.a5: {channel}}}}}",
+        files={"m.ags": text},
+    )
+    assert any(words in f.message and hint in f.hint for f in faults), faults
+
+
+# Whatever the cells are
+
+cells = st.text(max_size=6) | st.sampled_from(
+    ["point", "date", "E (m)", "N", "H", "gauge", "CV1 (Hz)", "2024-03-02", "1.5", "P1", "x", "T"]
+)
+SENSOR = Calibration("Hz", (0.0, 1.0), zero=2.0, thermal=1.0, temperature="T")
+LAYOUTS = [
+    Layout(survey=SurveyGrid(axes_of_azimuth(0.3, plane=True), targets={}), unit="m",
+           columns={"east": "E", "north": "N", "height": "H"}),
+    Layout(wide=True, header_rows=2, unit_row=True, blank=("x",), ignore=("P1",), data_row=4),
+    Layout(channels={"CV1": Origin(calibration=SENSOR)}, header_row=2, encoding="cp1252"),
+    Layout(wide=True, channels={"CV1": Origin(calibration=SENSOR)}),
+]  # fmt: skip
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@given(rows=st.lists(st.lists(cells, max_size=5), max_size=5), layout=st.sampled_from(LAYOUTS))
+def test_any_cells_end_with_readings_or_faults(rows, layout):
+    text = "\n".join(",".join(row) for row in rows)
+    with contextlib.suppress(InputError):
+        parse_readings(text.encode("utf-8", "ignore"), "r.csv", layout)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    azimuth=st.floats(-7, 7),
+    moved=st.tuples(*[st.floats(-1, 1)] * 3),
+    plane=st.booleans(),
+    scale=st.floats(0.5, 2),
+)
+def test_a_turned_motion_keeps_its_length(azimuth, moved, plane, scale):
+    turned = SurveyGrid(axes_of_azimuth(azimuth, plane=plane), scale).turned(moved)
+    assert math.hypot(*turned) == pytest.approx(scale * math.hypot(*moved), rel=1e-12)
+    assert turned[1 if plane else 2] == scale * moved[2]

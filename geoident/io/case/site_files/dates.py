@@ -9,7 +9,7 @@ change inside a stage, in which nothing is said to happen.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
@@ -25,7 +25,7 @@ readings on; errors alone exceed it once in 16 000 channels and stages."""
 _DAY = 86400.0  # s
 
 
-class Calendar(Protocol):
+class StageDates(Protocol):
     """Stages, their dates, and what their channels read."""
 
     @property
@@ -63,7 +63,7 @@ class DatedReading:
     reading: Reading
 
 
-def when_read(dated: Sequence[DatedReading], calendar: Calendar) -> tuple[StageReadings, ...]:
+def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[StageReadings, ...]:
     """When the readings of each stage were taken; none where no reading has a date.
 
     The virgin state is shown if readings were taken before the first stage was complete.
@@ -96,10 +96,8 @@ def when_read(dated: Sequence[DatedReading], calendar: Calendar) -> tuple[StageR
 def gaps(
     dated: Sequence[DatedReading],
     by_stage: Sequence[StageReadings],
-    calendar: Calendar,
+    calendar: StageDates,
     counting: Sequence[Reading],
-    *,
-    stages: Collection[str] | None,
 ) -> list[str]:
     """What looks wrong with the dates, in sentences.
 
@@ -108,22 +106,21 @@ def gaps(
         by_stage: as `when_read` found them.
         calendar: stages and dates.
         counting: the readings that are left when several of a stage are made into one.
-        stages: of the fit, None for all; what others lack is not said.
     """
-    found = _without_readings(by_stage, calendar, counting, stages)
+    found = _without_readings(by_stage, calendar, counting)
     found += _between_stages(calendar, counting)
     for stage in calendar.stages:
         found += _changing(stage, [row for row in dated if row.stage == stage], calendar)
     return found
 
 
-def _next(stage: str, calendar: Calendar) -> str | None:
+def _next(stage: str, calendar: StageDates) -> str | None:
     """The next stage that has a date."""
     later = calendar.stages[calendar.stages.index(stage) + 1 :]
     return next((name for name in later if name in calendar.dates), None)
 
 
-def _between(stage: str, time: float, calendar: Calendar) -> bool:
+def _between(stage: str, time: float, calendar: StageDates) -> bool:
     """Whether a reading is nearer to the end of the next stage than to that of its own."""
     after = _next(stage, calendar) if stage in calendar.stages else None
     if after is None or stage not in calendar.dates:
@@ -133,9 +130,8 @@ def _between(stage: str, time: float, calendar: Calendar) -> bool:
 
 def _without_readings(
     by_stage: Sequence[StageReadings],
-    calendar: Calendar,
+    calendar: StageDates,
     counting: Sequence[Reading],
-    stages: Collection[str] | None,
 ) -> list[str]:
     """Stages with a date, or before others that were read, of which no reading counts."""
     read = {reading.stage for reading in counting if reading.value is not None}
@@ -145,7 +141,7 @@ def _without_readings(
     started = min((calendar.stages.index(zero) for zero in calendar.zeros.values()), default=0)
     found = []
     for n, stage in enumerate(calendar.stages):
-        if n <= started or stage in read or (stages is not None and stage not in stages):
+        if n <= started or stage in read:
             continue
         if stage in calendar.dates:
             when = date_text(calendar.dates[stage])
@@ -155,7 +151,7 @@ def _without_readings(
     return found
 
 
-def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
+def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
     found = []
     for stage in calendar.stages:
@@ -179,7 +175,7 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
     return found
 
 
-def _changing(stage: str, rows: Sequence[DatedReading], calendar: Calendar) -> list[str]:
+def _changing(stage: str, rows: Sequence[DatedReading], calendar: StageDates) -> list[str]:
     """The sentence on channels that change strongly inside a stage, if there are any."""
     together: dict[str, list[DatedReading]] = {}
     for row in rows:

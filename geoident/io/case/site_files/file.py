@@ -12,13 +12,13 @@ from geoident.io.case.site_files.values import (
     Cells,
     ColumnKey,
     DateFormat,
-    Encoding,
     Sign,
+    TextEncoding,
     UnitRead,
 )
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import Format, format_of
-from geoident.io.readings.survey import Survey
+from geoident.io.readings.survey import SurveyGrid
 from geoident.io.readings.table import Layout, Origin
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Count, Flag, Name, Text
@@ -95,7 +95,7 @@ class ReadingsFileSection(Section):
         description="long: one reading a row; wide: one column a channel, dates in rows; "
         "coordinates: point, date, easting, northing and height in each row.",
     )
-    encoding: Encoding | None = Field(
+    encoding: TextEncoding | None = Field(
         None, description="Of a text; UTF-8 if missing. Excel's CSV is mostly windows-1252."
     )
     sheet: Text = Field("", description="Excel: name of the sheet, where there are several.")
@@ -206,7 +206,7 @@ class ReadingsFileSection(Section):
         """The files, as the case names them."""
         return (self.file,) if isinstance(self.file, str) else tuple(self.file)
 
-    def described(self, dimensions: Mapping[str, str], survey: Survey | None = None) -> Layout:
+    def described(self, dimensions: Mapping[str, str], survey: SurveyGrid | None = None) -> Layout:
         """For the readers of files.
 
         Args:

@@ -7,23 +7,23 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from geoident.io.readings.calibration import Calibration
-from geoident.io.readings.survey import Survey, axes_of_azimuth
+from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
     AnyQuantity,
+    Dimensionless,
     DirectionVector,
     Given,
+    GivenAngle,
     Length,
     Name,
     Of,
+    Positive,
     SharesUnit,
 )
 from geoident.units import DIMENSIONLESS, with_article
 
-Number = Annotated[Given, Of(DIMENSIONLESS)]
-Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
-GivenAngle = Annotated[Given, Of("angle")]
-Temperature = Annotated[Given, Of("temperature")]
+GivenTemperature = Annotated[Given, Of("temperature")]
 Raw = Literal["Hz", "digits", "mV/V", "mV", "V", "mA", "Ohm"]
 
 
@@ -49,7 +49,7 @@ class CalibrationSection(Section):
         description="In place of a factor: the constant, and what stands with R, R^2, ...",
         examples=[["812.3 kPa", "-0.0912 kPa", "-1.1e-7 kPa"]],
     )
-    zero: Number | None = Field(
+    zero: Dimensionless | None = Field(
         None, description="What it gave at its zero; of a polynomial, only if it counts from there."
     )
     thermal: AnyQuantity | None = Field(
@@ -58,7 +58,7 @@ class CalibrationSection(Section):
     temperature: Name | None = Field(
         None, description="thermal: name of the column with the temperature, degrees Celsius."
     )
-    zero_temperature: Temperature | None = Field(
+    zero_temperature: GivenTemperature | None = Field(
         None, description="thermal: the temperature at its zero."
     )
 
@@ -177,7 +177,7 @@ class TransformationSection(Section):
                 message = f"the axes {one} and {other} are not at right angles"
                 faults.add(("axes", other), "contradiction", message, "Correct one of them.")
 
-    def survey(self, *, plane: bool) -> Survey:
+    def survey(self, *, plane: bool) -> SurveyGrid:
         """The axes of the model in the system of the survey, without targets.
 
         Args:
@@ -196,7 +196,7 @@ class TransformationSection(Section):
                     one, other = (known["xyz"[(n + k) % 3]] for k in (1, 2))
                     known[name] = _cross(one, other)
             axes = known["x"], known["y"], known["z"]
-        return Survey(axes, 1.0 / self.scale.factor, origin)
+        return SurveyGrid(axes, 1.0 / self.scale.factor, origin)
 
 
 _SKEW = 1e-3

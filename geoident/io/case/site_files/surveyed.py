@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from geoident.io.case.case import CaseSection
 from geoident.io.case.site_files.file import ReadingsFileSection
-from geoident.io.readings.survey import Survey, Target
+from geoident.io.readings.survey import SurveyGrid, SurveyTarget
 from geoident.io.schema.section import Context
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, KeyPath
@@ -17,7 +17,7 @@ KINDS = ("target", "displacement", "settlement")
 
 def surveyed(
     described: ReadingsFileSection, section: CaseSection, faults: Faults, path: KeyPath
-) -> Survey | None:
+) -> SurveyGrid | None:
     """The survey of a file of coordinates; None for files of other layouts.
 
     Args:
@@ -30,7 +30,7 @@ def surveyed(
         return None
     analysis = Analysis(section.analysis)
     wanted = dict.fromkeys(described.channels or section.gauges)
-    targets: dict[str, Target] = {}
+    targets: dict[str, SurveyTarget] = {}
     known = [name for name, gauge in section.gauges.items() if gauge.kind in KINDS]
     for name in wanted:
         if name in known:
@@ -38,7 +38,7 @@ def surveyed(
             channels = section.gauges[name].channels(name, at)  # faults are said where it is built
             if channels:
                 directions = {c.name: _solid(c.direction) for c in channels}
-                targets[name] = Target(directions, channels[0].second)
+                targets[name] = SurveyTarget(directions, channels[0].second)
         elif described.channels:
             hint = faults.did_you_mean(name, known, what="Gauges of points")
             message = f"there is no gauge '{name}' whose point is surveyed"

@@ -7,8 +7,8 @@ from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from geoident.io.case.accuracy import dimension_read
-from geoident.io.case.gauges import GaugeSection
+from geoident.io.case.gauges.accuracy import FORCES, dimension_read
+from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
 from geoident.io.schema.section import Section
@@ -30,8 +30,11 @@ def _date_format(value: object) -> str:
 
 def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
     """Dimensions of what gauges of some kinds read: those of their accuracies."""
-    found = [dimension_read(kind) for kind in kinds]
-    return tuple(dict.fromkeys(name for name in found if name is not None))
+    found: list[str] = []
+    for kind in kinds:
+        one = dimension_read(kind)
+        found += FORCES if one is None else (one,)
+    return tuple(dict.fromkeys(found))
 
 
 def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
@@ -98,7 +101,7 @@ DateFormat = Annotated[
     BeforeValidator(_date_format),
     WithJsonSchema({"type": "string", "description": "made of YYYY, MM, DD, hh, mm, ss"}),
 ]
-Encoding = Annotated[
+TextEncoding = Annotated[
     str,
     BeforeValidator(_encoding),
     WithJsonSchema({"type": "string", "description": "a name such as windows-1252"}),

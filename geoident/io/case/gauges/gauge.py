@@ -1,6 +1,6 @@
 """What all gauges of a case have in common: accuracy, zero, errors of the instrument, points.
 
-The kinds of gauges are sections on this one: those that read motions in `gauges`.
+The kinds of gauges are sections on this one: see `kinds`, `motion` and `force`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.accuracy import (
+from geoident.io.case.gauges.accuracy import (
     ESTIMATE,
     LengthAccuracy,
     check_parts,
@@ -30,11 +30,11 @@ from geoident.io.schema.values import (
     scalar_of,
     shape_of,
 )
+from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint
 
 GivenLength = Annotated[Given, Of("length", above=0.0)]
-Vector = tuple[float, ...]
 Motion = tuple[str, Vector | None, Vector, Vector]
 """Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
 

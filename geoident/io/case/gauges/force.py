@@ -15,8 +15,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.accuracy import ESTIMATE, ForceAccuracy, PressureAccuracy, StrainAccuracy
-from geoident.io.case.gauge import GaugeBase, GivenLength, Vector, distance, point_of, unit_vector
+from geoident.io.case.gauges.accuracy import (
+    ESTIMATE,
+    FORCES,
+    ForceAccuracy,
+    PressureAccuracy,
+    StrainAccuracy,
+)
+from geoident.io.case.gauges.gauge import (
+    GaugeBase,
+    GivenLength,
+    distance,
+    point_of,
+    unit_vector,
+)
 from geoident.io.schema.section import Context, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coordinates,
@@ -30,6 +42,7 @@ from geoident.io.schema.values import (
     Of,
     SharesUnit,
 )
+from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, MovingPoint, Reads
 from geoident.model.structures import Bars, Beam, Structure, Struts
@@ -43,7 +56,6 @@ ForceOffset = Annotated[Given, Of(None, tied=True)]
 Stations = Annotated[list[Length], SharesUnit()]
 
 _MOST_STATIONS = 10_000
-_FORCES = ("force", "line load", "moment per length")
 _ZERO = (
     "Stage at whose end the gauge reads zero: it then reads the change since. Without it the "
     f"value itself is read. '{VIRGIN}' is the state before the first stage."
@@ -286,7 +298,7 @@ class LoadCellSection(_ForceGauge):
                 continue
             if given.text == ESTIMATE:
                 continue
-            if given.dimension not in _FORCES:
+            if given.dimension not in FORCES:
                 message = f"'{given.text}' is no force, line load or moment per length"
                 hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
                 faults.add((key,), "unit", message, hint)
@@ -612,7 +624,8 @@ def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None
 
 def _refuse_no_direction(key: str, given: list[Given] | None, faults: SectionFaults) -> None:
     if given is not None and not any(x.factor for x in given):
-        faults.add((key,), "zero-direction", "the direction has length zero")
+        message = "the direction has length zero"
+        faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:

@@ -1,6 +1,7 @@
-"""Gauges of a case: their sections, and the channels that they are made into.
+"""All kinds of gauges of a case, and the channels that they are made into.
 
-Every gauge, whatever its kind, is one or more relative displacements.
+Sections of those that read one relative displacement stand here, of the others in `motion` and
+`force`.
 """
 
 from __future__ import annotations
@@ -10,18 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.gauge import (
-    GaugeBase,
-    Motion,
-    Reference,
-    Vector,
-    axis_vector,
-    distance,
-    point_of,
-    refuse_one_point,
-    unit_vector,
-)
-from geoident.io.case.gauges_of_force import (
+from geoident.io.case.gauges.force import (
     LoadCellSection,
     PiezometerSection,
     PressureCellSection,
@@ -29,7 +19,17 @@ from geoident.io.case.gauges_of_force import (
     StressGaugeSection,
     on_structures,
 )
-from geoident.io.case.gauges_of_motion import (
+from geoident.io.case.gauges.gauge import (
+    GaugeBase,
+    Motion,
+    Reference,
+    axis_vector,
+    distance,
+    point_of,
+    refuse_one_point,
+    unit_vector,
+)
+from geoident.io.case.gauges.motion import (
     InclinometerSection,
     LevellingSection,
     LineOfSightSection,
@@ -38,6 +38,7 @@ from geoident.io.case.gauges_of_motion import (
 )
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
+from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
 from geoident.model.structures import Structure
 

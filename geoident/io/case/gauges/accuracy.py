@@ -200,6 +200,8 @@ ForceAccuracy = Annotated[
     Annotated[Given, SpreadOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 AnyAccuracy = Given | ErrorsSection
+FORCES = ("force", "line load", "moment per length")
+"""Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
 EstimatedKinds = Annotated[
     Annotated[Literal["estimate"], Tag("text")]
