@@ -171,3 +171,15 @@ def test_beam_of_three_spans_with_hinges_bears_what_statics_say():
     moments = np.append(found.first, found.second[-1])
     expected = np.interp(x, [0, 3, 4, 5, 6, 7, 10], [0, -5e3, 0, 5e3, 0, -5e3, 0])
     np.testing.assert_allclose(moments, expected, atol=1e-5)
+
+
+def test_hinge_at_a_clamped_node_turns():
+    """A beam whose one end is clamped and hinged at once stands on two hinges."""
+    x = np.linspace(0, 4, 5)
+    mesh, edges = _meridian(np.stack([x, np.zeros(5)], axis=1))
+    forces = np.zeros((5, 2))
+    forces[2, 1] = 1e4
+    members = beams(mesh, edges, x == 0.0, x == 0.0)
+    u, found = _solve(members, forces.ravel(), [0, 1, 9], 3e9, 2e7)
+    assert found.first[0] == pytest.approx(0.0, abs=1e-5)
+    assert u[2, 1] == pytest.approx(1e4 * 4**3 / (48 * 2e7), rel=1e-9)

@@ -27,7 +27,7 @@ from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
-from geoident.model.gauges import Channel
+from geoident.model.gauges import Channel, Reads
 from geoident.model.mesh import Mesh
 
 _SNAPPED = 1e-6
@@ -207,10 +207,16 @@ def point_fault(
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
+    when, hint = "is never there", "correct the point"
+    if channel.reads is Reads.VIRGIN:
+        when = "is not there before the first stage, when it is read"
+    elif channel.is_zeroed:
+        when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
+        hint = "set 'zero' to a stage at which that ground is present, or correct the point"
     return on_mesh.case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
-        f"is not there at stage '{channel.zero}', where the gauge is zeroed",
-        hint="set 'zero' to a stage at which that ground is present, or correct the point",
+        + when,
+        hint=hint,
     )

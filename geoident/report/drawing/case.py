@@ -37,6 +37,17 @@ _SUPPORT: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "none", "mec": "black", "m
 _MOST_MARKS = 25
 _MOST_LABELS = 40
 _EDGE = (0.35, 0.35, 0.35)
+_MOVES: dict[str, Any] = {"marker": "o", "ms": 2.5}
+_GAUGE_MARKS: dict[str, dict[str, Any]] = {
+    "stress": {"marker": "P", "ms": 5.0},
+    "pressure-cell": {"marker": "D", "ms": 4.0},
+    "piezometer": {"marker": "v", "ms": 5.0},
+    "load-cell": {"marker": "s", "ms": 4.0},
+    "strain": {"marker": ".", "ms": 4.0},
+}
+"""Marks of gauges that read something else than motions."""
+_FIBRE = 20
+"""Channels of a gauge above which their marks are small."""
 _SHOWN = ("stages in their order, and gauges", "stages in their order, structures and gauges")
 _HALO = [withStroke(linewidth=2.0, foreground="white")]
 
@@ -191,14 +202,25 @@ def _some(nodes: Ints, mesh: Mesh) -> Ints:
 
 
 def _draw_gauges(axes: Any, case: Case) -> None:
-    lines = gauge_lines(case)
-    for k, (name, ends) in enumerate(lines.items()):
+    for k, (name, ends) in enumerate(gauge_lines(case).items()):
+        kind = next(channel.kind for channel in case.channels if channel.gauge == name)
+        style = _GAUGE_MARKS.get(kind, _MOVES) | ({"ms": 1.0} if len(ends) > _FIBRE else {})
         for line in ends:
-            axes.plot(*line.T, "-o", color=MEASURED, lw=1.0, ms=2.5, zorder=6)
+            axes.plot(*line.T, color=MEASURED, lw=1.0, zorder=6, **style)
         if k < _MOST_LABELS:
             far = np.vstack([line[-1:] for line in ends])
             axes.text(*far[-1], f" {short(name)}", fontsize=SMALL, color="#7a3300", zorder=7,
                       clip_on=True, path_effects=_HALO)  # fmt: skip
+
+
+def _gauge_keys(case: Case) -> list[Any]:
+    """What the marks of gauges mean, one for every kind of mark in the case."""
+    kinds = {channel.kind for channel in case.channels}
+    special = [kind for kind in _GAUGE_MARKS if kind in kinds]
+    styles = {kind: _GAUGE_MARKS[kind] for kind in special}
+    if kinds - set(special):
+        styles = {"gauge": _MOVES, **styles}
+    return [key(name, color=MEASURED, lw=1.0, **style) for name, style in styles.items()]
 
 
 def _draw_marks(axes: Any, mesh: Mesh, parts: tuple[Part, ...]) -> None:
@@ -223,8 +245,7 @@ def _finish(figure: Figure, case: Case, parts: tuple[Part, ...], supports: list[
         Patch(facecolor=part.colour, edgecolor=_EDGE, lw=0.4, label=short(part.label, 34))
         for part in parts
     ]
-    gauges = [key("gauge", marker="o", color=MEASURED, lw=1.0, ms=2.5)]
-    handles = [*colours, *supports, *(gauges if case.channels else [])]
+    handles = [*colours, *supports, *_gauge_keys(case)]
     figure.legend(handles=handles, loc="outside right upper", fontsize=SMALL, frameon=False,
                   ncols=1 + len(handles) // 36)  # fmt: skip
     figure.suptitle(short(case.title, 90), x=0.01, ha="left", fontsize=11)

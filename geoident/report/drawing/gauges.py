@@ -99,8 +99,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     caption = (
         "Dots: measured, with error bars of 1.96 times their accuracy; hollow: not used. Solid "
         "lines: computed; dashed lines with 95 % bands: predicted. Positive: the points move "
-        "apart, or the motion follows the direction of the gauge. Of instruments with many "
-        "channels, some."
+        "apart, or the motion follows the direction of the gauge; of stresses and forces what "
+        "the axis says. Of instruments with many channels, some."
     )
     return paged(
         _few_channels(result),

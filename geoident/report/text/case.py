@@ -56,10 +56,12 @@ def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> 
     along = f" {component}" if isinstance(component, str) else ""
     other = f"displacement{along}" if of == "length" else of
     name, direction = _QUANTITIES.get((str(given.get("kind", "")), of), (other, ""))
-    if given.get("positive") in ("away", "compression"):
-        direction = {"away": "away from the sensor", "compression": "compression"}[
-            str(given["positive"])
-        ]
+    if given.get("positive") == "away":
+        direction = "away from the sensor"
+    if given.get("kind") in _OF_FORCE:
+        structure = _mapping(_mapping(_case(result.case_resolved), "structures"),
+                             str(given.get("structure", "")))  # fmt: skip
+        name, direction = _force_quantity(given, structure)
     what = ", ".join(word for word in (unit, direction) if word)
     return f"{name} ({what})" if what else name
 
@@ -73,12 +75,41 @@ _QUANTITIES = {
     ("levelling", "length"): ("settlement", "downwards"),
     ("levelling", "angle"): ("angular distortion", "second point down"),
     ("line-of-sight", "length"): ("motion along the sight", "towards the sensor"),
-    ("stress", "pressure"): ("stress", "tension"),
-    ("pressure-cell", "pressure"): ("total pressure", "compression"),
-    ("piezometer", "pressure"): ("pore pressure", ""),
-    ("strain", "strain"): ("strain", "elongation"),
 }
 """Kind of a gauge and dimension of a channel: what it measures, and what counts as positive."""
+
+_OF_FORCE = {
+    "stress": "stress",
+    "pressure-cell": "total pressure",
+    "piezometer": "pore pressure",
+    "strain": "strain",
+    "load-cell": "force",
+}
+_FORCES = {"N": "axial force", "M": "bending moment", "Q": "shear force"}
+
+
+def _force_quantity(given: Mapping[str, Any], structure: Mapping[str, Any]) -> tuple[str, str]:
+    """What a gauge of stresses or forces measures, and which sign is positive."""
+    kind = given["kind"]
+    name, direction = _OF_FORCE[kind], ""
+    if kind == "load-cell":
+        quantity = given.get("quantity", "N")
+        name = _FORCES.get(quantity, name)
+        strut = structure.get("kind") == "strut"
+        counts = given.get("sign", "compression" if strut else "tension")
+        direction = {"N": counts, "M": "tension inside"}.get(quantity, "")
+    elif kind == "stress":
+        direction = given.get("positive", "tension")
+    elif kind != "piezometer":
+        direction = "elongation" if kind == "strain" else "compression"
+    since = "change of " if "zero" in given and kind != "strain" else ""
+    return since + name, str(direction)
+
+
+def _mapping(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """What a key of a case holds, if it is a mapping; else an empty one."""
+    found = given.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 def _unit_of_gauge(gauges: GaugeTable, gauge: str, dimension: str | None) -> tuple[str, str]:
@@ -161,7 +192,9 @@ def _gauges(summary: CaseSummary) -> str:
     units = [shown_unit(g.unit, g.dimension) for g in summary.gauges]
     unit = units[0] if len(set(units)) == 1 else ""
     accuracies = [
-        number(in_unit(g.accuracy, g.unit, g.dimension)) + ("" if unit else f" {own}".rstrip())
+        "estimate"
+        if g.estimated
+        else number(in_unit(g.accuracy, g.unit, g.dimension)) + ("" if unit else f" {own}".rstrip())
         for g, own in zip(summary.gauges, units, strict=True)
     ]
     rows = [

@@ -624,7 +624,8 @@ def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None
 
 def _refuse_no_direction(key: str, given: list[Given] | None, faults: SectionFaults) -> None:
     if given is not None and not any(x.factor for x in given):
-        faults.add((key,), "zero-direction", "the direction has length zero")
+        message = "the direction has length zero"
+        faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
