@@ -143,7 +143,11 @@ class InclinometerSection(GaugeBase):
             reference = end if axis == "S" else self._reference(depth, depths, end)
             motion, terms = casing.motion(self.kind, reference, depth, vectors)
             channel = self.reads(f"{name}.{axis}{_metres(depth)}", name, motion, place.path, terms)
-            found.append(replace(channel, run=f"{name}.{axis}", along=abs(depth - end)))
+            # cumulated readings share what adds up from the end on; an increment has its own length
+            # only, and rings are read one by one
+            cumulated = self.reads_as == "cumulated" and axis != "S"
+            length = 0.0 if axis == "S" else abs(depth - reference)
+            found.append(replace(channel, run=f"{name}.{axis}" * cumulated, along=length))
         return found
 
     def _reference(self, depth: float, depths: Sequence[float], end: float) -> float:
