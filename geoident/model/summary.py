@@ -75,6 +75,7 @@ class GaugeSummary:
         unused: how many do not.
         dimension: of its readings, a key of `geoident.units.DIMENSIONS`.
         unit: in which people want to see them.
+        estimated: the accuracy is to be estimated, beginning with what stands here.
     """
 
     name: str
@@ -85,6 +86,7 @@ class GaugeSummary:
     unused: int
     dimension: str = "length"
     unit: str = "mm"
+    estimated: bool = False
 
 
 @dataclass(frozen=True)

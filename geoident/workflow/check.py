@@ -149,6 +149,7 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
             unused=unused[channel.name],
             dimension=channel.dimension,
             unit=channel.unit,
+            estimated=channel.errors is not None and bool(channel.errors.estimated),
         )
         for channel in case.channels
     )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from support.array_model import ArrayModel
 from support.cases import displacement
 from support.footings import TRUTH, two_layers
@@ -16,12 +17,20 @@ from geoident.errors import InputError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem import methods
+from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.full_space import full_space
 from geoident.identify.yield_limits.implicit import certificate_at
-from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, StudentOptions
+from geoident.model.methods import (
+    ComplementarityOptions,
+    GaussNewtonOptions,
+    HuberOptions,
+    LossOptions,
+    SquaredOptions,
+    StudentOptions,
+)
 from geoident.model.parameter import Parameter, Prior, Scalar
 from geoident.model.result import Iteration
 
@@ -177,6 +186,22 @@ def test_losses_and_priors_are_those_of_the_discrepancy() -> None:
     found = full_space(problem, FULL, history.append)  # type: ignore[arg-type]
     last = [entry for entry in history if entry.note.startswith("smoothing")][-1]
     assert last.objective == pytest.approx(found.objective, rel=1e-6)
+    assert found.status == "converged"
+
+
+@pytest.mark.parametrize("loss", [SquaredOptions(), StudentOptions(3.0), HuberOptions()])
+def test_the_program_knows_what_readings_share_as_phi_does(loss: LossOptions) -> None:
+    given = two_layers((3, 2), (4.5,), start=(1.2, 1.3))
+    numbers = np.arange(len(given.measured))
+    columns = given.sd[:, None] * np.stack([np.full(len(numbers), 2.0), numbers % 2], axis=1)
+    wrong = given.measured + np.where(numbers == 1, 9.0, 0.0) * given.sd
+    shared = SharedErrors(sp.csr_array(columns))
+    problem = replace(given, measured=wrong, shared=shared, loss=loss)
+    history: list[Iteration] = []
+    found = full_space(problem, FULL, history.append)  # type: ignore[arg-type]
+    last = [entry for entry in history if entry.note.startswith("smoothing")][-1]
+    assert last.objective == pytest.approx(found.objective, rel=1e-6)
+    assert found.objective == pytest.approx(Discrepancy(problem).objective(found.values))
     assert found.status == "converged"
 
 

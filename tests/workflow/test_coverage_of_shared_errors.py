@@ -198,14 +198,9 @@ def test_trench_with_zeros_heads_and_surveys(tmp_path):
             inside[name].append((known.lower95 < truth) & (truth < known.upper95))
             at = model.survey(p, fields=False)
             errors = KnownErrors(case, problem, v, J, tuple(rows[:g]))
-            later = predict_stages(
-                at.computed,
-                known,
-                sensitivity=at.sensitivity,
-                accuracy=np.stack([total, total], axis=1),
-                stages=np.array([False, True]),
-                known=errors if name == "shared" else None,
-            )
+            accuracy, stages = np.stack([total, total], axis=1), np.array([False, True])
+            shares = errors if name == "shared" else None
+            later = predict_stages(at, known, accuracy, stages, shares)
             read = y[g:]
             bands[name].append((later.lower95[:, 1] < read) & (read < later.upper95[:, 1]))
     figures = {n: (np.mean(inside[n]), np.mean(bands[n])) for n in inside}

@@ -139,6 +139,53 @@ def nearest(ends: Floats, point: Floats) -> _PlaceOnBeam:
     )
 
 
+class BeamTilts:
+    """Rotations of beams, rad, in which the top leans towards the direction of the channel.
+
+    With the curvatures k_1 and k_2 at the ends of the piece that holds the place and psi the
+    rotation of its chord, the rotation of the cubic beam at the part xi of its length L is
+
+        theta = psi - L (2 k_1 + k_2) / 6 + L (k_1 xi + (k_2 - k_1) xi^2 / 2)
+
+    Args:
+        channels: what is read, each of one beam.
+    """
+
+    rows = None  # rotations of beams are no unknowns
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = channels
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, rad."""
+        rows = [self._read(channel, state) for channel in self._channels]
+        return np.array(rows).reshape(len(rows), state.end.u.shape[1])
+
+    def _read(self, channel: Channel, state: MarchState) -> Floats:
+        members = state.structures.part(channel.structure).members
+        place = nearest(members.ends, np.array(channel.second))
+        bent = section_forces(members, members.operator @ state.end.u)  # of unit stiffness
+        assert members.nodes is not None
+        found = []
+        for piece, xi in zip(place.pieces, place.along, strict=True):
+            first, second = (state.end.u.reshape(-1, 2, state.end.u.shape[1])[node]
+                             for node in members.nodes[piece])  # fmt: skip
+            length = members.length[piece]
+            (x1, y1), (x2, y2) = members.ends[piece]
+            psi = np.array([y1 - y2, x2 - x1]) @ (second - first) / length**2
+            k1, k2 = bent.bent_first[piece], bent.bent_second[piece]
+            found.append(psi + length * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6))
+        return np.asarray(-np.sign(channel.direction[0]) * np.mean(found, axis=0))
+
+
+def tilts_of_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read the rotation of a beam, while it stands."""
+    faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
+    readable = [_standing(channel, on_mesh) for channel in channels]
+    when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
+    return Placed(BeamTilts(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
+
+
 def _of_beam(
     part: StructureMembers,
     place: _PlaceOnBeam,
@@ -304,6 +351,9 @@ _QUANTITIES = {
 }
 """What a channel on a structure reads, by its quantity."""
 
+_BY_KIND = {"pressure-cell": "pressure", "tilt": "angle"}
+"""Kinds that read the same of every structure."""
+
 _MakesFault = Callable[..., Fault]
 
 
@@ -311,8 +361,8 @@ def _dimension(channel: Channel, structure: Structure) -> str:
     """The dimension of what a channel reads of a structure."""
     if channel.kind == "strain":
         return "strain"
-    if channel.kind == "pressure-cell":
-        return "pressure"
+    if channel.kind in _BY_KIND:
+        return _BY_KIND[channel.kind]
     return "force" if isinstance(structure, Bars) else DIMENSIONS[channel.quantity]
 
 
@@ -323,6 +373,9 @@ def _bar_faults(
     if channel.kind == "pressure-cell":
         message = f"{named} reads a pressure on {of}, whose bars the ground does not press on"
         yield fault("wrong-structure", message, "name a beam, or give a point and a normal")
+    elif channel.kind == "tilt":
+        message = f"{named} reads a rotation of {of}, whose bars have none of their own"
+        yield fault("wrong-structure", message, "name a beam, or give the two points of 'between'")
     elif channel.quantity not in ("N", "", "axis"):
         message = f"{named} reads '{channel.quantity}' of {of}; its bars bear only N"
         yield fault("wrong-structure", message, "remove the key, or name a beam")

@@ -9,7 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
-from geoident.forward.gauges.members import member_readings, pressures_on_beams
+from geoident.forward.gauges.members import (
+    member_readings,
+    pressures_on_beams,
+    tilts_of_beams,
+)
 from geoident.forward.gauges.observable import (
     MarchState,
     Observable,
@@ -49,6 +53,7 @@ ON_STRUCTURES: Mapping[str, Placing] = {
     "load-cell": member_readings,
     "strain": member_readings,
     "pressure-cell": pressures_on_beams,
+    "tilt": tilts_of_beams,
 }
 """What they read on a structure."""
 

@@ -44,7 +44,13 @@ from geoident.identify.problem.problem import (
 from geoident.identify.yield_limits.condensed_system import determined_unknowns, sizes_of_kinds
 from geoident.identify.yield_limits.implicit import certificate_at
 from geoident.model.arrays import Floats
-from geoident.model.methods import ComplementarityOptions, HuberOptions, LossOptions, StudentOptions
+from geoident.model.methods import (
+    ComplementarityOptions,
+    HuberOptions,
+    LossOptions,
+    SquaredOptions,
+    StudentOptions,
+)
 from geoident.model.parameter import Parameter
 from geoident.model.response import Bilinear, BilinearSystem
 
@@ -66,13 +72,14 @@ class Program:
     """Minimise f(z) subject to g(z, mu) = 0 and bounds on z; all of the order of one.
 
     Args:
-        variables: z, (n + N,); the n parameters first.
+        variables: z, (n + N + K,); the n parameters first, last the shared errors of the readings
+            (theory 7) where the loss is robust.
         mu: the smoothing.
         objective: f, the discrepancy.
         constraints: g, (N,): the equations, then the complementarity of every pair.
-        lower: (n + N,) bounds on z.
-        upper: (n + N,).
-        start: (n + N,) the elastic answer at the start.
+        lower: (n + N + K,) bounds on z.
+        upper: (n + N + K,).
+        start: (n + N + K,) the elastic answer at the start.
         reference: (n,) p = reference times the first n variables, SI.
     """
 
@@ -120,16 +127,19 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
     paired = a + b - ca.sqrt(a**2 + b**2 + 2.0 * mu)
     one = np.ones(len(problem.measured))
     endless = np.full(len(x), np.inf)
+    robust = problem.shared is not None and not isinstance(problem.loss, SquaredOptions)
+    free = np.full(len(problem.shared) if problem.shared is not None and robust else 0, np.inf)
+    z_s = ca.SX.sym("s", len(free))
     return Program(
-        ca.vertcat(z_p, z_x),
+        ca.vertcat(z_p, z_x, z_s),
         mu,
-        _objective(ca, problem, values(system.readings, one), p),
+        _objective(ca, problem, values(system.readings, one), p, z_s),
         ca.vertcat(
             values(system.equations, _sizes_of_equations(system, size, start, unit)), paired
         ),
-        np.append(lower / reference, -endless),
-        np.append(upper / reference, endless),
-        np.append(start / reference, x / unit),
+        np.concatenate([lower / reference, -endless, -free]),
+        np.concatenate([upper / reference, endless, free]),
+        np.concatenate([start / reference, x / unit, np.zeros(len(free))]),
         reference,
     )
 
@@ -162,12 +172,26 @@ def _matrix(ca: Any, matrix: sp.csr_array, unit: Floats, by: Floats) -> Expressi
     return ca.DM(sp.csc_matrix(scaled))
 
 
-def _objective(ca: Any, problem: Problem, readings: Expression, p: Expression) -> Expression:
-    """Phi with the priors' part, for readings (g,) and parameters (n,) as expressions."""
-    r = (readings - problem.measured) / problem.sd
-    if problem.shared is not None:
-        r = ca.DM(problem.whiten(np.eye(len(problem.sd)))) @ (readings - problem.measured)
-    total = ca.sum1(_loss(ca, problem.loss, r))
+def _objective(
+    ca: Any, problem: Problem, readings: Expression, p: Expression, z: Expression
+) -> Expression:
+    """Phi with the priors' part, as an expression.
+
+    Args:
+        ca: casadi.
+        problem: the measured readings.
+        readings: (g,) those of the model, as expressions.
+        p: (n,) parameters.
+        z: (K,) shared errors, unknowns of the program where the loss is robust; else none.
+    """
+    gap = readings - problem.measured
+    if problem.shared is None:
+        total = ca.sum1(_loss(ca, problem.loss, gap / problem.sd))
+    elif z.numel() == 0:
+        total = ca.sumsqr(ca.DM(problem.whiten(np.eye(len(problem.sd)))) @ gap)
+    else:
+        own = (gap - ca.DM(problem.shared.columns.toarray()) @ z) / problem.sd
+        total = ca.sum1(_loss(ca, problem.loss, own)) + ca.sumsqr(z)
     for i, q in enumerate(problem.parameters):
         if q.prior is not None and q.prior.kind == "normal":
             total += ((p[i] - q.prior.mean) / q.prior.sd) ** 2

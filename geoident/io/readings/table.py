@@ -253,7 +253,8 @@ class Table:
         try:
             quantity = read_quantity(text)
         except UnitError as error:
-            hint = self._if_blank(text) or error.hint
+            finite = "finite" not in error.message
+            hint = (self._if_blank(text) if finite else "") or error.hint
             if "," in text and self.layout.delimiter != ",":
                 hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
             self.refuse((number, cell.column), "bad-number", error.message, hint)

@@ -192,7 +192,9 @@ def _gauges(summary: CaseSummary) -> str:
     units = [shown_unit(g.unit, g.dimension) for g in summary.gauges]
     unit = units[0] if len(set(units)) == 1 else ""
     accuracies = [
-        number(in_unit(g.accuracy, g.unit, g.dimension)) + ("" if unit else f" {own}".rstrip())
+        "estimate"
+        if g.estimated
+        else number(in_unit(g.accuracy, g.unit, g.dimension)) + ("" if unit else f" {own}".rstrip())
         for g, own in zip(summary.gauges, units, strict=True)
     ]
     rows = [

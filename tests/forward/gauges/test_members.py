@@ -270,3 +270,46 @@ def test_a_structure_that_is_never_built_carries_no_gauge():
         fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
         for fault in error.value.faults
     )
+
+
+def _tilt(name, y, zero="build", towards=1.0):
+    return gauge(
+        "tilt", name, (1.0, y), structure="wall", dimension="angle", zero=zero,
+        direction=(towards, 0.0),
+    )  # fmt: skip
+
+
+def test_tilt_of_a_wall_is_that_of_a_cantilever():
+    """theta = q (h^2 y - h y^2 + y^3 / 3) / (2 E I), the top leaning to the right."""
+    places = (0.4, 1.5, 3.1, 4.0)
+    channels = [_tilt(f"t{k}", y) for k, y in enumerate(places)]
+    channels.append(_tilt("back", 1.5, towards=-1.0))
+    found = _cantilever(*channels).survey(P, fields=False).computed[:, 1]
+    y, stiffness = np.array(places), E_WALL * THICKNESS**3 / 12
+    expected = LOAD * (HEIGHT**2 * y - HEIGHT * y**2 + y**3 / 3) / (2 * stiffness)
+    np.testing.assert_allclose(found[:4], expected, rtol=5e-3)
+    assert found[4] == -found[1]
+
+
+def test_tilt_of_a_wall_is_differentiated_exactly():
+    response = _cantilever(_tilt("t", 1.6)).response([("t", "pull")])
+    assert_exact(response, P, ("E", "t"))
+    assert response.obstacle() == "gauge 't' reads something else than displacements"
+
+
+def test_tilt_before_the_wall_stands_and_of_a_bar_are_refused():
+    with pytest.raises(InputError) as error:
+        _cantilever(_tilt("t", 1.5, zero="virgin"), _tilt("off", 9.0))
+    early, off = error.value.faults
+    assert early.message == (
+        "gauge 't' reads zero at stage 'virgin', at which the structure 'wall' does not stand; it "
+        "stands at: build, pull"
+    )
+    assert off.code == "not-on-structure"
+    bolt = gauge("tilt", "b", ENDS[0][0], structure="nails", dimension="angle", zero="bolt",
+                 direction=(1.0, 0.0))  # fmt: skip
+    with pytest.raises(InputError) as error:
+        nailed(bolt)
+    assert error.value.faults[0].message == (
+        "gauge 'b' reads a rotation of the structure 'nails', whose bars have none of their own"
+    )

@@ -259,3 +259,13 @@ def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
     )
     alone = np.sqrt(np.sum(later[:, 2:] ** 2, axis=1) + sd**2)  # as if nothing were known of them
     assert np.all(found.sd < alone)
+
+
+def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):
+    """Where the loss is that of squares everywhere, curvature is that of whitened rows."""
+    wide = Discrepancy(replace(problem, loss=HuberOptions(1e6)))
+    p = np.array([1.6, 0.8])
+    curvature = [each.jacobian.T @ each.jacobian for each in (
+        wide.linearize(p), Discrepancy(problem).linearize(p)
+    )]  # fmt: skip
+    np.testing.assert_allclose(*curvature, rtol=1e-9)

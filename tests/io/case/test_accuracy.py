@@ -1,10 +1,13 @@
 """How accurate a gauge is: what may be written, what it is built into, and what is refused."""
 
+import numpy as np
 import pytest
 
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
 from geoident.io.case.gauges.accuracy import TYPICAL
+from geoident.model.gauges import Reading
+from geoident.workflow.running.errors import error_structure
 from tests.support.trench import CASE, write_case
 
 X = "anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm"
@@ -81,6 +84,26 @@ def test_kinds_are_estimated_by_a_common_factor():
     assert some["X.a"].errors.zero == 2e-3
     everything = read(text.replace("fit: {", "fit: {accuracies: estimate, "))
     assert dict(everything["CV"].errors.estimated) == {"reading": "convergence"}
+
+
+CASING = "[[1 m, 4 m], [1 m, 1 m]]"
+
+
+@pytest.mark.parametrize("reads_as", ["cumulated", "incremental"])
+def test_errors_of_an_inclinometer_add_up_along_what_is_cumulated(reads_as):
+    gauge = f"I: {{kind: inclinometer, casing: {CASING}, depths: [0, 1, 2.5 m], "
+    gauge += f"reads_as: {reads_as}, accuracy: {{zero: 0 mm, along: 0.2 mm/sqrt(m)}}}}"
+    found = read(
+        CASE.replace("readings: readings.csv\n", "").replace("gauges:", "gauges:\n  " + gauge)
+    )
+    rows = [(found[f"I.A{d}"], Reading(f"I.A{d}", "first", 0.0)) for d in ("0", "1", "2.5")]
+    structure = error_structure(rows)
+    B = structure.columns.toarray()
+    length = [3.0, 2.0, 0.5] if reads_as == "cumulated" else [1.0, 1.5, 0.5]
+    walk = np.minimum.outer(length, length) if reads_as == "cumulated" else np.diag(length)
+    np.testing.assert_allclose(structure.sd, TYPICAL["inclinometer"].reading)
+    np.testing.assert_allclose(B @ B.T, 4e-8 * walk, atol=1e-20)
+    assert found["I.A0"].accuracy == pytest.approx((1e-8 + 4e-8 * length[0]) ** 0.5)
 
 
 @pytest.mark.parametrize(

@@ -313,3 +313,12 @@ def test_what_is_refused_in_a_plane(project, changed, gauge, message, hint):
 def test_what_is_refused_in_space(project, gauge, message):
     (fault,) = project.faults(SOLID.replace("GAUGE", gauge))
     assert fault.message == message
+
+
+def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
+    gauge = "{kind: tilt, on: «wall, point: [1, 0 m], accuracy: 0.1 mrad}"
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "there is no structure 'wall'"
+    gauge = "{kind: tilt, on: «wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "'on' goes with a point: two points have a rotation without it"

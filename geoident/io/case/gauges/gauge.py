@@ -7,9 +7,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
 from geoident.io.case.gauges.accuracy import (
     ESTIMATE,
@@ -80,6 +87,14 @@ class GaugeBase(Section):
             message = "found drift and drift_per_stage; one of them is expected"
             refuse((), "wrong-pair", message, "Give exactly one of them.")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:
+        """As it is read again: a zero that is not given would change what is read."""
+        found = dump(self)
+        if "zero" not in self.model_fields_set:
+            found.pop("zero", None)
+        return found
 
     @property
     def kind_name(self) -> str:

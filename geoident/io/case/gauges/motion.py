@@ -143,7 +143,11 @@ class InclinometerSection(GaugeBase):
             reference = end if axis == "S" else self._reference(depth, depths, end)
             motion, terms = casing.motion(self.kind, reference, depth, vectors)
             channel = self.reads(f"{name}.{axis}{_metres(depth)}", name, motion, place.path, terms)
-            found.append(replace(channel, run=f"{name}.{axis}", along=abs(depth - end)))
+            # cumulated readings share what adds up from the end on; an increment has its own length
+            # only, and rings are read one by one
+            cumulated = self.reads_as == "cumulated" and axis != "S"
+            length = 0.0 if axis == "S" else abs(depth - reference)
+            found.append(replace(channel, run=f"{name}.{axis}" * cumulated, along=length))
         return found
 
     def _reference(self, depth: float, depths: Sequence[float], end: float) -> float:
@@ -512,7 +516,7 @@ class _AngleGauge(GaugeBase):
 
 
 class TiltSection(_AngleGauge):
-    """Rotation of a point of the ground or of a pair of points, in a vertical plane.
+    """Rotation of a point of the ground, of a beam or of a pair of points, in a vertical plane.
 
     Positive where the top leans towards a direction. At a point it is the rotation of the ground
     there, without its distortion; of two points that of the line from one to the other.
@@ -520,6 +524,9 @@ class TiltSection(_AngleGauge):
 
     kind: Literal["tilt"]
     point: Coordinates | None = Field(None, description="The point whose rotation is read.")
+    on: Name | None = Field(
+        None, description="Beam (a wall, a lining) whose rotation is read at the point."
+    )
     between: Line | None = Field(None, description="In place of it, two points.")
     towards: DirectionVector | None = Field(
         None,
@@ -527,12 +534,20 @@ class TiltSection(_AngleGauge):
         "if missing: x in a plane model.",
     )
 
+    @property
+    def structure(self) -> str | None:
+        """The beam on which it sits, if it does."""
+        return self.on
+
     @model_validator(mode="after")
     def _one_place(self) -> TiltSection:
         if (self.point is None) == (self.between is None):
             found = "neither" if self.point is None else "both"
             message = f"found {found}; either point or between is expected"
             refuse((), "wrong-pair", message, "Give exactly one of them.")
+        if self.on is not None and self.point is None:
+            message = "'on' goes with a point: two points have a rotation without it"
+            refuse(("on",), "wrong-pair", message, "Give 'point', or remove 'on'.")
         return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
@@ -545,6 +560,8 @@ class TiltSection(_AngleGauge):
             if point is None:
                 return []
             motion = (self.kind, None, point, towards)
+            if self.on is not None:
+                return [replace(self.reads(name, name, motion, context.path), structure=self.on)]
             return [replace(self.reads(name, name, motion, context.path), turns=_leaning(towards))]
         return self._pair(name, towards, context)
 

@@ -1,0 +1,134 @@
+"""Shared errors and estimated accuracies through the commands: result file, text, JSON, CSV."""
+
+import csv
+import io
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.support.trench import CASE
+
+GAUGES = """\
+gauges:
+  CV: {kind: convergence, between: [[2 m, 3.5 m], [4 m, 3.5 m]], accuracy: A, survey: tape}
+  CW: {kind: convergence, between: [[2 m, 4 m], [4 m, 4 m]], accuracy: A, survey: tape}
+  S1: {kind: settlement, point: [1 m, 4 m], accuracy: A, survey: level}
+  S2: {kind: settlement, point: [5 m, 4 m], accuracy: A, survey: level}
+  S3: {kind: settlement, point: [0.5 m, 4 m], accuracy: A, survey: level}
+  S4: {kind: settlement, point: [1.5 m, 4 m], accuracy: A, survey: level}
+  S5: {kind: settlement, point: [4.5 m, 4 m], accuracy: A, survey: level}
+  X: {kind: extensometer, head: [2 m, 3 m], anchors: {a: [1 m, 3 m], b: [0.5 m, 3 m]}, accuracy: A}
+  Y: {kind: extensometer, head: [4 m, 3 m], anchors: {a: [5 m, 3 m], b: [5.5 m, 3 m]}, accuracy: A}
+"""
+SHARED = "{reading: 2 um, zero: 4 um, head: 3 um, epoch: 4 um}"
+ROOMY = "{reading: 6 um, zero: 12 um, head: 9 um, epoch: 12 um}"  # three times as much
+
+
+@pytest.fixture
+def site(trench, run):
+    """Readings of both stages with shared errors; only the first is used."""
+
+    def write(accuracy, *, read="readings: readings.csv"):
+        head, _, _ = CASE.partition("gauges:")
+        end = f"{read}\nfit: {{method: gauss-newton, stages: [first]}}\n"
+        (trench / "case.yaml").write_text(head + GAUGES.replace("y: A", f"y: {accuracy}") + end)
+
+    write(ROOMY, read="readings: []")
+    truth = ["--set", "parameters.E.start=5 GPa", "--set", "parameters.K0.start=1.5"]
+    made = run("simulate", "case.yaml", *truth, "--noise", "--seed", "4")
+    (trench / "readings.csv").write_text(made.stdout)
+    return write
+
+
+def test_noise_of_simulated_readings_is_shared(site, run):
+    """The mean of all settlements of one survey varies by much more than the root of their number
+    would let it."""
+    site(ROOMY, read="readings: []")
+    means = []
+    for seed in range(12):
+        text = run("simulate", "case.yaml", "--noise", "--seed", str(seed)).stdout
+        rows = list(csv.DictReader(io.StringIO(text)))
+        read = [float(r["value"]) for r in rows if r["gauge"][0] == "S" and r["stage"] == "first"]
+        means.append(1e3 * np.mean(read))
+    independent = ROOMY_TOTAL / 5**0.5
+    assert np.std(means, ddof=1) > 1.3 * independent
+
+
+ROOMY_TOTAL = float(np.hypot.reduce([6.0, 12.0, 9.0, 12.0]))  # um
+
+
+def test_a_fit_knows_what_is_shared_and_a_prediction_from_it_knows_the_same(site, run, run_json):
+    site(ROOMY)
+    (found,) = run_json("fit", "case.yaml")
+    (again,) = run_json("predict", "case.fit.h5")
+    for name in ("mean", "sd"):
+        one, other = ([p[name] for p in each["predictions"]] for each in (found, again))
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    with h5py.File("case.fit.h5") as file:
+        np.testing.assert_allclose(file["gauges/error_sd"][0], [6e-6, 12e-6, 9e-6, 12e-6, 0.0])
+        assert [t.decode() for t in file["gauges/error_part"]] == [
+            "reading", "zero", "head", "epoch", "along",
+        ]  # fmt: skip
+        assert file["gauges/survey"].asstr()[0] == "tape"
+        np.testing.assert_allclose(file["readings/own_sd"][()], 6e-6)
+        np.testing.assert_allclose(file["readings/sd"][()], 1e-6 * ROOMY_TOTAL)
+    # the error of a zero is known in part: a band is narrower than the accuracy of the gauge
+    sd = {p["gauge"]: p["sd"] for p in found["predictions"]}
+    assert sd["S1"] < 1e-6 * ROOMY_TOTAL
+    assert "accuracies" not in found
+
+
+def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
+    site(SHARED)
+    (stated,) = run_json("fit", "case.yaml")
+    (finding,) = [text for text in stated["findings"] if "stated accuracies" in text]
+    assert "write 'accuracies: estimate' under 'fit'" in finding
+    (found,) = run_json("fit", "case.yaml", "--force", "--set", "fit.accuracies=estimate",
+                        "--set", "fit.stages=[first, second]")  # fmt: skip
+    factors = {entry["errors"]: entry for entry in found["accuracies"]}
+    assert set(factors) == {"convergence", "settlement", "extensometer"}
+    one = factors["settlement"]
+    assert one["lower95"] < 3.0 < one["upper95"]
+    assert one["lower95"] < one["factor"] < one["upper95"]
+    assert not [text for text in found["findings"] if "as large as the stated" in text]
+    assert found["parameters"]["E"]["sd"] > 1.5 * stated["parameters"]["E"]["sd"]
+    for name, truth in (("E", 5e9), ("K0", 1.5)):
+        assert found["parameters"][name]["lower95"] < truth < found["parameters"][name]["upper95"]
+    shown = run("show", "case.fit.h5").stdout
+    assert "Accuracies estimated from the residuals" in shown
+    assert "times what is stated" in shown
+    assert json.loads(run("show", "--json", "case.fit.h5").stdout)["accuracies"]
+    with h5py.File("case.fit.h5") as file:
+        np.testing.assert_allclose(
+            sorted(file["accuracies/values"]), sorted(e["factor"] for e in found["accuracies"])
+        )
+        sized = file["gauges/error_sd"][2]
+        np.testing.assert_allclose(sized[:4], one["factor"] * np.array([2e-6, 4e-6, 3e-6, 4e-6]))
+    text = run("export", "case.fit.h5", "--table", "accuracies").stdout
+    assert text.startswith("errors,sd,factor,lower95,upper95,unit,determined")
+    assert run("report", "case.fit.h5").exit_code == 0
+
+
+def test_one_accuracy_for_a_kind_from_scratch(site, run, run_json):
+    site("estimate")
+    assert "estimate" in run("check", "case.yaml").stdout
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.stages=[first, second]")
+    names = [entry["errors"] for entry in found["accuracies"]]
+    assert names == ["convergence: reading", "settlement: reading", "extensometer: reading"]
+    for entry in found["accuracies"]:
+        assert entry["part"] == "reading"
+        assert entry["unit"] == "m"
+        assert 2e-6 < entry["sd"] < 100e-6
+
+
+def test_too_few_readings_to_estimate_are_refused(site, run, trench):
+    site("estimate")
+    (trench / "readings.csv").write_text(
+        "gauge,stage,value,unit\nCV,first,-0.6,mm\nS1,first,-0.12,mm\n"
+    )
+    done = run("fit", "case.yaml")
+    assert done.exit_code == 3
+    said = " ".join(done.stderr.split())
+    assert "2 usable readings cannot determine 2 parameters (E, K0) and how accurate" in said
