@@ -12,6 +12,7 @@ import pytest
 
 from geoident import fit, load_case
 from geoident.io.case.file import read_case
+from tests.support.commands import run_command
 
 CASE = Path(__file__).parents[2] / "cases" / "braced-pit" / "case.yaml"
 
@@ -60,6 +61,13 @@ def test_heights_become_settlements_since_the_zero(readings):
     lost = heights["2025-03-04"] - heights["2025-03-17"]
     assert of["L1.P2", "dig 1"] == pytest.approx(lost, abs=1e-9)
     assert 0 < lost < 0.01  # m
+
+
+def test_a_date_that_is_a_few_days_late_is_found_by_check():
+    done = run_command("check", str(CASE), "--set", "dates.dig 2=2025-04-10")
+    said = " ".join(done.stdout.split())
+    assert "The stage 'dig 2' has no reading since it was complete" in said
+    assert "most LC1: +245 kN from 2025-03-24 to 2025-04-09" in said
 
 
 def test_load_cells_determine_the_stress_that_displacements_hardly_see(found, as_shipped):

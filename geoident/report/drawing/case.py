@@ -36,6 +36,7 @@ _MARKERS = {"x": ">", "y": "^", "z": "v"}
 _SUPPORT: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "none", "mec": "black", "mew": 0.7}
 _MOST_MARKS = 25
 _MOST_LABELS = 40
+_RIM = 0.03  # around the part that is drawn, of its larger side
 _EDGE = (0.35, 0.35, 0.35)
 _MOVES: dict[str, Any] = {"marker": "o", "ms": 2.5}
 _GAUGE_MARKS: dict[str, dict[str, Any]] = {
@@ -78,8 +79,9 @@ def _plane_figure(case: Case, mesh: Mesh) -> Figure:
     supports = _draw_supports(whole, case, mesh)
     frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
     whole.plot(*frame.T, color="black", lw=0.8, ls=":")
-    near.set_xlim(low[0], high[0])
-    near.set_ylim(low[1], high[1])
+    rim = _RIM * float((high - low).max())  # what stands on the edge of the mesh is shown whole
+    near.set_xlim(low[0] - rim, high[0] + rim)
+    near.set_ylim(low[1] - rim, high[1] + rim)
     built = draw_structures(near, case, mesh)
     _draw_gauges(near, case)
     _draw_marks(near, mesh, parts)
