@@ -20,6 +20,7 @@ from geoident.report.drawing.parameters import (
 )
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
+from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import Picture, image
@@ -57,7 +58,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
     found = (
         overview_pictures(result, scene),
         (*parameter_pictures(result), *scan_pictures(result)),
-        (*reading_pictures(result), *profile_pictures(result)),
+        (*reading_pictures(result), *profile_pictures(result), *sign_pictures(result)),
         fields,
         quality_pictures(result),
         structure_pictures(result),
