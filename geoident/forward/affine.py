@@ -372,7 +372,7 @@ def _support_of(
     yield lambda point: march.in_situ.columns(point)[:, mine]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
     start = ParameterPoint(case.start, ())
-    if base or march.virgin(start)[1] > NEGLIGIBLE_IMBALANCE:
+    if base or march.virgin(start)[1].max() > NEGLIGIBLE_IMBALANCE:
         made_of = [sequence.states[n].materials.get(group) for n in (0, *way)]
         for name in dict.fromkeys(name for name in made_of if name is not None):
             yield stiffness_part(case.materials[name], section=case.analysis.dim == 2).columns

@@ -112,7 +112,7 @@ class _Exporter:
         virgin, imbalance = self.march.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
-        first = 1 if imbalance <= NEGLIGIBLE_IMBALANCE else 0
+        first = 1 if imbalance.max() <= NEGLIGIBLE_IMBALANCE else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
         return StagedSystem(
             self.point.names,

@@ -125,7 +125,7 @@ class StagedModel:
         _, imbalance = self.march.virgin(ParameterPoint(start, ()))
         return (
             *overburden_notes(self.march, start),
-            *imbalance_notes(imbalance),
+            *imbalance_notes(float(imbalance[0])),
             *(self._contradiction_notes(start) if self.case.imbalance_accepted else ()),
         )
 

@@ -13,6 +13,7 @@ from geoident.model.in_situ import GeostaticStress
 from tests.support.trench import write_mesh
 
 MESHLESS = ("opening",)
+WITH_TUTORIAL = ("twin-tunnels",)
 
 
 @pytest.fixture
@@ -27,6 +28,7 @@ class TestTemplate:
         folder = files("geoident") / "templates" / name
         expected = {"case.yaml", "readings.csv"}
         expected |= set() if name in MESHLESS else {f"{name}.geo", f"{name}.msh"}
+        expected |= {"TUTORIAL.md"} if name in WITH_TUTORIAL else set()
         assert {item.name for item in folder.iterdir()} == expected
 
     def test_its_fit_converges_and_predicts_the_stage_that_was_left_out(self, here, run, name):

@@ -134,8 +134,10 @@ def test_references_within_the_theory_lead_somewhere():
 
 def test_sections_are_numbered_without_gaps():
     numbers = [tuple(map(int, number.split("."))) for number in HEADING.findall(TEXT)]
-    assert [n for n in numbers if len(n) == 1] == [(k,) for k in range(1, 8)]
-    for (chapter,) in [n for n in numbers if len(n) == 1]:
+    chapters = [n for n in numbers if len(n) == 1]
+    assert chapters == [(k,) for k in range(1, len(chapters) + 1)]
+    assert len(chapters) >= 7
+    for (chapter,) in chapters:
         inside = [n[1] for n in numbers if len(n) == 2 and n[0] == chapter]
         assert inside == list(range(1, len(inside) + 1))
 

@@ -83,7 +83,7 @@ NOWHERE = ParameterPoint({}, ())
 
 def imbalance(staged: StagedModel) -> float:
     """Of the in-situ stress of a case without parameters, relative to the forces at work."""
-    return staged.march.virgin(NOWHERE)[1]
+    return float(staged.march.virgin(NOWHERE)[1][0])
 
 
 def virgin(staged: StagedModel) -> StageEnd:

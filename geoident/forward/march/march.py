@@ -130,14 +130,17 @@ class March:
         here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
         return bool(np.mean(here.sum(axis=0) > 0.0) > 0.5)
 
-    def virgin(self, point: ParameterPoint) -> tuple[Floats, float]:
-        """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance."""
+    def virgin(self, point: ParameterPoint) -> tuple[Floats, Floats]:
+        """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance.
+
+        The second is that of the stress and of each of its derivatives (1 + n,), see `imbalance`.
+        """
         system, stress = self.systems[0], self.in_situ.columns(point)
         stress[:, ~system.present] = 0.0
         return stress, self.imbalance(stress, self.actions.forces(0, point))
 
-    def imbalance(self, stress: Floats, forces: Floats) -> float:
-        """Largest out-of-balance force of a free unknown relative to the forces at work.
+    def imbalance(self, stress: Floats, forces: Floats) -> Floats:
+        """Largest out-of-balance force (k,) of a free unknown relative to the forces at work.
 
         Args:
             stress: (n_strain, n_points, k) of the virgin state.
@@ -147,7 +150,7 @@ class March:
         internal = self.systems.discretization.points.forces(stress, system.volume)
         rest = np.abs(forces - internal)[system.pattern.dofs].max(axis=0, initial=0.0)
         scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
-        return float(np.max(rest / np.where(scale > 0, scale, 1.0)))
+        return np.asarray(rest / np.where(scale > 0, scale, 1.0))
 
 
 class Run:
@@ -277,9 +280,10 @@ class Run:
         system, stress = self._systems[0], carried.stress
         stress[..., : self._point.n_columns] = self._march.in_situ.columns(self._point)
         stress[:, ~system.present] = 0.0
-        self._imbalance = self._march.imbalance(stress, forces)
+        imbalance = self._march.imbalance(stress, forces)
+        self._imbalance = float(imbalance[0])
         task = self._task(0, carried, forces)
-        if self._imbalance > NEGLIGIBLE_IMBALANCE:
+        if imbalance.max() > NEGLIGIBLE_IMBALANCE:  # a balanced stress may lose it as K0 changes
             elastic_step(task, self._systems, self._factor)
         self._plastic.refuse_virgin(task)
 

@@ -10,6 +10,7 @@ TEMPLATES: Mapping[str, str] = {
     "tunnel": "four rounds with shotcrete, in three dimensions",
     "squeezing": "a tunnel in rock that yields, released in parts, plane strain",
     "opening": "a circular tunnel in rock that yields, by formulas, without a mesh",
+    "twin-tunnels": "two shallow tunnels in soft ground, with a tutorial, plane strain",
     "dam": "four lifts of rockfill with a core, settlement cells, plane strain",
 }
 """Name to what it is about."""

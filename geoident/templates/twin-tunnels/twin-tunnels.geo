@@ -2,7 +2,7 @@
 SetFactory("Built-in");
 DefineConstant[ size = 1.0 ];
 R = 3; axis = -15; apart = 9; edge = 60;
-fine = 1.0 * size; near = 3 * size; coarse = 7 * size;
+fine = 1.15 * size; near = 3.5 * size; coarse = 9 * size;
 
 // the two rings, anticlockwise from the right
 For t In {0:1}

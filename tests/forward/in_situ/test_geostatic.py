@@ -346,6 +346,23 @@ def test_a_slope_is_out_of_balance_by_the_same_part_on_every_mesh(kind, expected
     assert imbalance(fine) < imbalance(coarse) / 4
 
 
+def test_what_is_told_is_the_imbalance_of_the_stress_and_not_of_its_derivatives():
+    """A K0 of the clay alone: its derivative is that of one dipping layer, far out of balance."""
+
+    def dip(points):
+        x, z = points.T
+        return np.column_stack([x, z + np.interp(z, [0, 4, 8, 12], [0, 1, 1, 0]) * x / 12])
+
+    ratios = {"sand": Scalar(0.5), "clay": Scalar(1.0, "K0"), "rock": Scalar(0.5)}
+    parameter = Parameter("K0", 0.55, 0.1, 2.0)
+    staged = heavy(layered("tri6", warp=dip), GeostaticStress(K0=ratios), parameters=(parameter,))
+    _, (stress, derivative) = staged.march.virgin(ParameterPoint({"K0": 0.55}, ("K0",)))
+    assert derivative > 2 * stress
+    run = staged.at(np.array([0.55]))
+    next(run.states())
+    assert run.findings.imbalance == pytest.approx(stress)
+
+
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad8"])
 @pytest.mark.parametrize("part", [-0.019, 0.019])
 def test_a_wrong_weight_is_out_of_balance_by_half_its_part_at_most(kind, part):

@@ -1,0 +1,81 @@
+"""The tutorial of the twin tunnels: every command works, and says what the text quotes."""
+
+import re
+import shlex
+from importlib.resources import files
+
+import pytest
+
+TEXT = (files("geoident") / "templates" / "twin-tunnels" / "TUTORIAL.md").read_text("utf-8")
+DIFFERENT = 1  # of diff
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+def blocks():
+    """Commands, each with the lines that the text quotes after it."""
+    found = []
+    for line in TEXT.splitlines():
+        if line.startswith("    geoident "):
+            found.append((shlex.split(line)[1:], []))
+        elif line.startswith("    ") and not line.startswith("    name "):
+            found[-1][1].append(line.split())
+    return found
+
+
+def numbers(words):
+    return [float(word) for word in words if NUMBER.fullmatch(word)]
+
+
+def test_every_command_of_the_tutorial_says_what_is_quoted(tmp_path, monkeypatch, run):
+    monkeypatch.chdir(tmp_path)
+    quoted = 0
+    for command, lines in blocks():
+        done = run(*command)
+        assert done.exit_code == (DIFFERENT if command[0] == "diff" else 0), done.output
+        said = {}
+        for words in filter(None, map(str.split, done.output.splitlines())):
+            said.setdefault(words[0], words)
+        for words in lines:
+            expected = numbers(words)
+            found = numbers(said[words[0]])[: len(expected)]
+            assert found == pytest.approx(expected, rel=0.02), (command, words)
+            quoted += 1
+    assert quoted == 9
+    assert (tmp_path / "tunnels" / "case.fit.html").exists()
+    check_what_is_told(run)
+
+
+def check_what_is_told(run):
+    """What the text says in words, of results that stand by now."""
+    shown = run("show", "tunnels/case.predict.h5").output
+    (street,) = (line.split() for line in shown.splitlines() if re.match(r"S\.P8 +B lined", line))
+    assert numbers(street)[:3] == pytest.approx([5.7, 4.5, 6.9], abs=0.06)
+
+    fitted = run("show", "tunnels/case.fit.h5").output
+    axial, moment = zip(*map(lining_of_a(fitted).get, ("A lined", "B lined")), strict=True)
+    assert axial[1] == pytest.approx(axial[0], rel=0.02)
+    assert moment[1] == pytest.approx(4 / 3 * moment[0], rel=0.05)
+
+    other = run("show", "tunnels/independent.h5").output
+    assert part_inside(shown) > 0.93
+    assert part_inside(other) < part_inside(shown)
+
+
+def lining_of_a(text):
+    """Stage to the largest axial force and moment of the lining of tunnel A."""
+    rows = re.findall(r"lining-a +([AB] \w+) +(-[\d.]+) +-[\d.]+ +([\d.]+)", text)
+    return {stage: (float(axial), float(moment)) for stage, axial, moment in rows}
+
+
+def part_inside(text):
+    """Part of the readings of predicted stages that lie in their bands."""
+    counts = re.findall(r"(\d+) of (\d+) readings inside", text)
+    return sum(int(a) for a, _ in counts) / sum(int(b) for _, b in counts)
+
+
+def test_the_commands_are_those_of_the_whole_way():
+    names = [command[0] for command, _ in blocks()]
+    assert names == [
+        "init", "check", "check", "check", "fit", "show", "fit", "diff", "predict", "show",
+        "report", "export",
+    ]  # fmt: skip
