@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -10,7 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geoident.model.result import Result
-from geoident.report.drawing.style import COMPUTED, FAINT, MEASURED, SMALL, Picture, panel_grid
+from geoident.report.drawing.style import (
+    COMPUTED,
+    FAINT,
+    MEASURED,
+    SMALL,
+    Picture,
+    image,
+    panel_grid,
+)
 from geoident.report.text.case import gauge_entry
 
 _ARROW = {"arrowstyle": "-|>", "color": MEASURED, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
@@ -19,7 +28,7 @@ _SKY, _GROUND = 0.75, (0.95, 0.93, 0.88)
 
 def sign_pictures(result: Result) -> tuple[Picture, ...]:
     """One figure for the kinds of gauges that a result has; none where it has no known kind."""
-    given = [gauge_entry(result, gauge).get("kind") for gauge in result.gauges.gauges]
+    given = (str(gauge_entry(result, gauge).get("kind")) for gauge in result.gauges.gauges)
     kinds = tuple(kind for kind in dict.fromkeys(given) if kind in SIGNS)
     if not kinds:
         return ()
@@ -193,3 +202,13 @@ SIGNS: Mapping[str, tuple[Callable[[Axes], None], str]] = {
     "piezometer": (_piezometer, "pressure"),
 }
 """Kind of a gauge: its drawing, and what is positive."""
+
+
+def _main() -> None:
+    """Write the drawings of all kinds, for the page of instruments."""
+    drawn = image(Picture("signs", "", "", partial(signs_figure, tuple(SIGNS))), "svg")
+    sys.stdout.buffer.write(drawn)
+
+
+if __name__ == "__main__":
+    _main()
