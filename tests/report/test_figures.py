@@ -15,6 +15,7 @@ from geoident.report.drawing import album as album_module
 from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields import bands
 from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import drawing_style, image
 from geoident.report.page.svg import inline_svg
 from geoident.report.text.case import gauge_quantity
@@ -251,3 +252,11 @@ def test_inlined_figures_lose_styles_and_keep_references(plane):
 
 def test_stages_are_those_of_the_result(plane):
     assert plane.gauges.stages == STAGES
+
+
+def test_signs_are_drawn_for_the_gauges_of_forces_that_there_are(plane):
+    assert sign_pictures(plane) == ()
+    text = f"gauges: {{{plane.gauges.gauges[0]}: {{kind: load-cell, structure: nails}}}}"
+    (picture,) = sign_pictures(replace(plane, case_resolved=text))
+    titles = [axes.get_title() for axes in picture.draw().axes if axes.get_title()]
+    assert titles == ["bolt, anchor: tension", "strut: compression", "beam: N, M, Q"]

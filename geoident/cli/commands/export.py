@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
-    "parameters", "accuracies", "gauges", "diagnostics", "prediction", "history", "correlation",
-    "sensitivity", "structures", "grid", "readings",
+    "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
+    "structures", "grid", "readings", "accuracies",
 )  # fmt: skip
 
 EPILOG = """\b

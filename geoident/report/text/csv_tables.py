@@ -312,7 +312,6 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
 
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
-    "accuracies": _accuracies,
     "gauges": _gauges,
     "diagnostics": _diagnostics,
     "prediction": _prediction,
@@ -322,6 +321,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "structures": _structures,
     "grid": _grid,
     "readings": _readings,
+    "accuracies": _accuracies,
 }
 
 CSV_TABLES = tuple(_TABLES)
