@@ -217,7 +217,7 @@ class _Rows:
         flat = array.constant.ravel()
         rows = slice(row, row + len(flat))
         self.constant[rows] += flat
-        self.by_p[rows] += array.slopes.reshape(len(flat), -1)
+        self.by_p[rows] += array.slopes.reshape(len(flat), self.by_p.shape[1])
 
     def bilinear(self, n_unknowns: int) -> Bilinear:
         """All that was added."""
