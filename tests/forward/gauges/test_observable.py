@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from support.cases import displacement
 from support.derivatives import assert_exact
 from support.load_cells import GAUGES, VALUES, P, cell, nailed
 
@@ -49,3 +52,15 @@ def test_a_cell_between_points_without_a_bolt_is_a_fault():
     assert fault.code == "no-bolt"
     assert fault.path == "gauges.x"
     assert "from (1.1, 2.1) m to (3.6, 0.7) m" in fault.message
+
+
+def test_every_point_outside_the_mesh_and_every_missing_bolt_is_said_at_once():
+    far = replace(displacement("far", (9.0, 6.0), (1.0, 0.0)), first=(7.0, 8.0))
+    wide = replace(displacement("wide", (1.0, 1.5), (1.0, 0.0)), first=(-3.0, 2.0))
+    cells = (cell("x", (1.1, 2.1), (3.6, 0.7)), cell("y", (1.2, 0.4), (3.4, 3.2)))
+    with pytest.raises(InputError) as error:
+        nailed(far, wide, *cells)
+    said = "\n".join(fault.message for fault in error.value.faults)
+    assert len(error.value.faults) == 5
+    for place in ("(7, 8) m", "(9, 6) m", "(-3, 2) m", "'x'", "'y'"):
+        assert place in said, said

@@ -340,6 +340,9 @@ def test_divided_differences_against_their_definition() -> None:
     both = exp_divided(a, b)
     assert float(both.value) == pytest.approx((second - first) / 2.0, rel=1e-13)
     assert float(exp_divided(b).value) == pytest.approx(second, rel=1e-14)
+    for x in (-1.3, 0.7):
+        alone = exp_divided(Dual(np.array([x, 1.0]))).columns[1]  # (e^x - 1) / x
+        assert alone == pytest.approx((np.exp(x) * (x - 1.0) + 1.0) / x**2, rel=1e-13)
     for x in (-0.6, -1e-12, 0.0, 1e-9, 0.4999, 0.5001, 7.0):
         dual = log_divided(Dual(np.array([x, 1.0])))
         exact = np.log1p(x) / x if x else 1.0

@@ -7,6 +7,8 @@ next, beginning with a quarter of F / E.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -15,6 +17,8 @@ from support.array_model import DenseFactor, Operators
 from support.plastic import Planes, polyhedral
 
 from geoident.forward.march.collapse import limit_of
+from geoident.forward.march.equilibrium import Balance
+from geoident.forward.march.plastic_derivatives import _SAME_TANGENT, _exact_factor
 from geoident.forward.march.stage_equations import Ground, StageEquations
 
 
@@ -63,3 +67,24 @@ def test_ground_hardens_where_its_law_does():
     assert ground.hardens is True
     assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
     assert Ground("elastic", slice(0, 1), np.eye(1)).hardens is False
+
+
+def test_the_last_factor_serves_again_where_the_pieces_are_the_same():
+    """Beyond k at 0.5 and 0.7 alike; below it at 0.05."""
+    equations = bar(0.9, 0.1, 0.1)
+    end, beyond, below = (equations.at(np.array([u])) for u in (0.5, 0.7, 0.05))
+    factor, _ = equations.factor(end)
+    for made_at, again in ((end, True), (beyond, True), (below, False), (None, False)):
+        found = _exact_factor(equations, Balance(end, 1, factor, made_at))
+        assert (found is factor) == again
+        assert found.solve(np.ones((1, 1))) == pytest.approx(np.array([[1.0 / 0.1]]))
+
+
+@pytest.mark.parametrize(("off", "again"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)])
+def test_and_where_the_tangent_differs_by_rounding_only(off, again):
+    equations = SimpleNamespace(
+        changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * _SAME_TANGENT * trial])),
+        factor=lambda trial: ("new", 0),
+    )
+    found = _exact_factor(equations, Balance(0.0, 1, "last", off))
+    assert found == ("last" if again else "new")
