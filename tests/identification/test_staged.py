@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import spsolve
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
@@ -224,3 +225,16 @@ def test_young_modulus_and_stress_scale_together_is_said():
     (finding,) = [f for f in known.findings if "E" in f and "sv" in f]
     assert "ratio" in finding or "/" in finding
     assert outcome.values[1] / outcome.values[0] == pytest.approx(7e6 / 14e9, rel=0.02)
+
+
+def test_equations_of_ground_that_never_yields_answer_with_the_readings_of_the_march(bulk):
+    """The system has no complementary pairs, and its equations determine all unknowns."""
+    response = bulk.response(_pairs(bulk))
+    system = response.system()
+    assert system.n_pairs == 0
+    rest, operator = system.equations.at(BULK_TRUTH)
+    x = spsolve(operator.tocsc(), -rest)
+    added, read = system.readings.at(BULK_TRUTH)
+    np.testing.assert_allclose(
+        added + read @ x, response.readings(BULK_TRUTH), rtol=1e-8, atol=1e-12
+    )

@@ -211,7 +211,9 @@ class ArrayModel:
             own = np.einsum("yi,ijc,yj->yc", law.normals, E.columns, law.normals)
             H = H + Dual(self.ratio * own) * np.eye(law.n_planes)
         normals = Dual.constant(law.normals, len(p))
-        return YieldPlanes(normals, _dual(law.distances, p), hardening=H if H.value.any() else None)
+        return YieldPlanes(
+            normals, _dual(law.distances, p), hardening=H if H.columns.any() else None
+        )
 
     def _stiffness(self, grounds: list[Ground], volume: Floats) -> Floats:
         E = np.zeros((self.s, self.s, self.operators.n_points))

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.deck import write_deck
 from support.meshes import opening
 
-from geoident.api import fit
+from geoident.api import fit, predict
 from geoident.workflow.simulate import Noise, simulate
 
 TRUE = {"E": 6e9, "sigma_v": 9e6, "K0": 0.7}
@@ -107,3 +108,20 @@ def test_a_few_stresses_beside_them_determine_all_to_ten_percent(tmp_path, more,
         assert estimate.value == pytest.approx(true, rel=0.1)
         assert 1.96 * estimate.sd < 0.1 * true
         assert abs(estimate.value - true) < 3.5 * estimate.sd + 0.01 * true
+
+
+def test_later_stages_are_predicted_as_values_with_bands(tmp_path):
+    """What a result is read again from keeps that cells have no zero."""
+    found = _identified(tmp_path, CELLS, 3)
+    later = predict(found, stages=("s4", "s5")).result
+    gauges, row = later.gauges, later.gauges.channels.index("P1")
+    columns = [gauges.stages.index(stage) for stage in ("s4", "s5")]
+    fitted = found.result.gauges
+    own = fitted.computed[fitted.channels.index("P1")]
+    computed = own[[fitted.stages.index(stage) for stage in ("s4", "s5")]]
+    np.testing.assert_allclose(gauges.computed[row, columns], computed, rtol=1e-9)
+    assert np.all(computed > 3e6)
+    band = later.prediction
+    assert np.all(band.sd[row, columns] > 0)
+    assert np.all(band.lower95[row, columns] < computed)
+    assert np.all(computed < band.upper95[row, columns])
