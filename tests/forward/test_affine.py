@@ -124,6 +124,12 @@ def test_places_of_a_logarithmic_parameter_are_those_of_its_logarithm():
     assert parts == pytest.approx([0.013, 0.518, 0.987], abs=0.005)
 
 
+def test_whether_a_point_is_inside_the_domain_is_asked_once():
+    asked = []
+    trial_points([Parameter("a", 0.25, 0.0, 1.0)], lambda values: asked.append(values) is None)
+    assert len(asked) == 3
+
+
 def test_points_outside_the_domain_are_halved_towards_the_start_twenty_times():
     asked = []
 

@@ -59,6 +59,7 @@ def form(system):
 def test_a_box_is_cut_across_its_longest_edge():
     whole = ParameterBox(np.array([0.0, 1.0]), np.array([1.0, 4.0]), 7.0, np.array([3, 5]))
     assert whole.size == 3.0
+    assert ParameterBox(np.zeros(0), np.zeros(0), 0.0, ONE).size == 0.0
     below, above = whole.halves()
     assert (below.lower.tolist(), below.upper.tolist()) == ([0.0, 1.0], [1.0, 2.5])
     assert (above.lower.tolist(), above.upper.tolist()) == ([0.0, 2.5], [1.0, 4.0])
@@ -149,6 +150,20 @@ def test_a_tangent_of_the_discrepancy():
     relaxed._add = lambda row, lower, upper: rows.append((row.tolist(), lower, upper))
     assert relaxed._cut(np.array([3.0, 0.0, -3.0, 8.0]))
     assert rows == [([0.0, 0.0, -6.0, -1.0], -relaxed.lp.infinity(), 9.0)]
+
+
+def test_a_box_whose_edge_touches_a_plane_has_no_energy_to_speak_of():
+    """At k = 4, W q is zero: the row of the energy is empty, and a plane may just be reached."""
+    system = bar()
+    found = examined(system, form(system), box(4.0, 5.0), best=20.0)
+    assert found is not None
+    assert found.bound == pytest.approx(16.0, rel=1e-3)
+
+
+def test_a_form_without_pairs_is_convex():
+    nothing = form_of(np.zeros((0, 0)))
+    assert nothing.convex
+    assert nothing.root.shape == nothing.carried.shape == (0, 0)
 
 
 def test_a_box_without_anything_below_the_best_is_empty():
