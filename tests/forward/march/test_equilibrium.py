@@ -250,6 +250,12 @@ def test_a_hundredth_of_the_load_may_stay_unbalanced(left, carried):
             solve(given, [ZERO])
 
 
+def test_the_bold_way_crosses_a_hill_behind_which_there_is_equilibrium():
+    given = Given(lambda u: 1.0 if u == 0.0 else 2.0 if u < 8.0 else 0.0)
+    found = solve(given, [ZERO])
+    assert (found.trial.du[0], found.unbalanced, found.steps) == (8.0, 0.0, 8)
+
+
 def test_the_cautious_way_is_the_answer_where_both_leave_something():
     """The bold way comes to 0.002 beyond a hill that the cautious one does not cross."""
     given = Given(lambda u: 1.0 if u == 0.0 else 0.005 if u <= 1.0 else 0.006 if u < 9.0 else 0.002)

@@ -81,7 +81,8 @@ def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound, unit):
     assert found is not None
     assert found.kept.tolist() == [0]
     assert found.bound <= bound * (1 + 1e-9)
-    if lower > 2.8:  # one pair: the energy says all that complementarity does
+    # one pair: above 2.8 the energy says all that complementarity does, below it the slack
+    if (lower, upper) != (1.0, 5.0):
         assert found.bound == pytest.approx(bound, rel=1e-3)
 
 
@@ -225,6 +226,18 @@ def test_nor_where_a_part_is_not_or_where_there_is_none(M):
     )
     energy = EnergyInequality(two, None, np.zeros(1), np.ones(1))
     assert np.isneginf(energy.lowest()).all()
+
+
+def test_nothing_follows_for_rows_that_the_form_does_not_carry():
+    """M = diag(1, 0, 0) and a turning part that does no work: rows 1 and 3 are more than S."""
+    M = np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    three = replace(
+        bar(), slack=np.ones(3), slack_by_p=np.zeros((3, 1)), slack_by_lam=M, work=np.ones(3)
+    )
+    energy = EnergyInequality(three, None, np.zeros(1), np.ones(1))
+    assert energy.convex
+    assert energy.lowest() == pytest.approx([-np.inf, 1.0, 1.0], abs=1e-8)
+    assert energy.reachable().tolist() == [True, False, False]
 
 
 def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
