@@ -101,7 +101,7 @@ def test_axes_of_an_inclined_casing_in_space(project):
     """A is the part of its horizontal direction across the casing, B a quarter turn clockwise."""
     gauge = (
         "{kind: inclinometer, casing: [[0, 0, 0 m], [0, 6, -8 m]], depths: [2 m], axes: [A, B],"
-        " A: [0, 1, 0], rings: [5 m], accuracy: 0.2 mm}"
+        " A: [0, 1, 0], rings: [5 m], ring_accuracy: 1 mm, accuracy: 0.2 mm}"
     )
     found = channels(project, SOLID.replace("GAUGE", gauge))
     assert list(found) == ["G.A2", "G.B2", "G.S5"]
@@ -346,3 +346,16 @@ def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
     gauge = "{kind: tilt, on: «wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
     assert fault.message == "'on' goes with a point: two points have a rotation without it"
+
+
+def test_rings_are_read_by_another_probe(project, changed):
+    gauge = (
+        "«{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], rings: [3 m],"
+        " accuracy: 1 mm}"
+    )
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "found one of rings and ring_accuracy; both or none are expected"
+    assert fault.hint == "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
+    sound = gauge.replace("«", "").replace("accuracy: 1 mm", "accuracy: 1 mm, ring_accuracy: 4 mm")
+    found = channels(project, plane(changed, sound))
+    assert (found["G.A2"].accuracy, found["G.S3"].accuracy) == (1e-3, 4e-3)
