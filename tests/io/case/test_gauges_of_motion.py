@@ -1,6 +1,7 @@
 """Instruments of several points: the channels that they become, and what is refused."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,6 +172,29 @@ def test_levelling_and_distortion(project, changed):
     assert [motion(c, field) for c in found.values()] == pytest.approx([2.0, 12.0, 10.0 / 5.0])
     pair = found["G.P2-P3"]
     assert (pair.dimension, pair.accuracy, pair.zero) == ("angle", 1e-4, "heading")
+
+
+@pytest.mark.parametrize(
+    ("layout", "text"),
+    [
+        ("long", "gauge,stage,value,unit\nG.P2-P3,bench 1,0.44,mm/m\n"),
+        ("wide", "stage,G.P2-P3\n,mm/m\nbench 1,0.44\n"),
+    ],
+)
+def test_a_distortion_is_read_as_an_angle_with_its_own_accuracy(project, changed, layout, text):
+    gauge = (
+        "  G: {kind: levelling, points: {P2: [4, 0 m], P3: [9, 1 m]}, accuracy: 0.3 mm,"
+        " zero: heading, distortions: {pairs: [[P2, P3]], accuracy: 0.1 mm/m}}"
+    )
+    Path(project.file).with_name("tilt.csv").write_text(text)
+    keys = "layout: wide, unit_row: true" if layout == "wide" else "layout: long"
+    found = changed(PLANE, gauge).replace(
+        "readings: readings.csv", f"readings: {{file: tilt.csv, {keys}}}"
+    )
+    case = project.read(found).case
+    (reading,) = case.readings
+    assert (reading.channel, reading.value) == ("G.P2-P3", pytest.approx(0.44e-3))
+    assert reading.accuracy in {None, 1e-4}
 
 
 def test_line_of_sight(project, changed):

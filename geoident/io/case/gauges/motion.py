@@ -674,6 +674,15 @@ class LevellingSection(GaugeBase):
         pairs = self.distortions.pairs if self.distortions else []
         return read + [f"{name}.{a}-{b}" for a, b in pairs]
 
+    def sections(self, name: str) -> dict[str, GaugeBase]:
+        """Distortions are angles with errors of their own; they share the zero unless they say."""
+        found, pairs = super().sections(name), self.distortions
+        if pairs is not None:
+            own_zero = "zero" in pairs.model_fields_set
+            own = pairs if own_zero else pairs.model_copy(update={"zero": self.zero})
+            found |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
+        return found
+
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
         places = {key: context.at("points", key) for key in self.points}
