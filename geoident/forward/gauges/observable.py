@@ -198,6 +198,14 @@ def point_fault(
         sites: elements that hold the point.
     """
     place, sequence = format_point(point), on_mesh.sequence
+    if not sites and channel.structure:
+        return on_mesh.case.source.fault(
+            (*channel.key, "point"),
+            code="no-ground-behind",
+            message=f"gauge '{channel.name}' finds no ground at {place} that presses on the "
+            f"outside of '{channel.structure}' as long as that stands",
+            hint="'towards' is a point on its inside, where ground is excavated",
+        )
     if not sites:
         low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
         return on_mesh.case.source.fault(

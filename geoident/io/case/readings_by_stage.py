@@ -16,7 +16,8 @@ from functools import cached_property
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges.accuracy import error_parts
-from geoident.io.case.gauges.kinds import GaugeSection, sections_of_channels
+from geoident.io.case.gauges.gauge import GaugeBase
+from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.case.readings import ReadingSection, entries
 from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
@@ -214,7 +215,7 @@ class Calendar:
 
     stages: tuple[str, ...]
     dates: Mapping[str, float]
-    channels: Mapping[str, GaugeSection]
+    channels: Mapping[str, GaugeBase]
 
     @cached_property
     def zeros(self) -> dict[str, str]:

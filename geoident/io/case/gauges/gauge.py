@@ -122,6 +122,10 @@ class GaugeBase(Section):
         """Names of the channels of a gauge of this name."""
         return [name]
 
+    def sections(self, name: str) -> dict[str, GaugeBase]:
+        """Names of the channels with what the case says of each: its dimension, errors and zero."""
+        return dict.fromkeys(self.channel_names(name), self)
+
     @abstractmethod
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The channels of a gauge of this name; none, with a fault, where they cannot be."""
