@@ -39,7 +39,7 @@ from geoident.io.schema.values import (
 )
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel, ErrorParts, MovingPoint
+from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
 
 GivenLength = Annotated[Given, Of("length", above=0.0)]
 Motion = tuple[str, Vector | None, Vector, Vector]
@@ -107,6 +107,11 @@ class GaugeBase(Section):
         if isinstance(self.accuracy, Given) and self.accuracy.text != ESTIMATE:
             return self.accuracy.dimension
         return dimension_read(type(self)) or "length"
+
+    @property
+    def made_of(self) -> Reads:
+        """Which states a reading is made of."""
+        return Reads.CHANGE
 
     @property
     def states_zero(self) -> bool:
