@@ -224,6 +224,7 @@ NUMBER_PATTERN = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({NUMBER_PATTERN})\s*(.*)")
 _COMMA = re.compile(r"[-+]?[0-9]+(?:[.,'_ ][0-9]+)*,[0-9]+")
 _THOUSANDS = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:,[0-9]{3})+(?![0-9])")
+_COMMA_AFTER = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:[.'_ ][0-9]{3})+,[0-9]+")
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)\b", re.IGNORECASE)
 _SPELLINGS = str.maketrans(
     {"²": "2", "³": "3", "µ": "u", "μ": "u", "^": "", "·": "", "*": "", " ": "", "ε": "strain"}
@@ -454,7 +455,11 @@ def _nearest(unit: str, dimension: str) -> str:
 def _not_a_quantity(text: str) -> UnitError:
     shown = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
     if len(text) <= _LONGEST and _COMMA.match(text):
-        hint = f"Write '{text.replace(',', '.', 1)}' with a decimal point"
+        if grouped := _COMMA_AFTER.match(text):
+            plain = re.sub("[.'_ ]", "", grouped[0]) + text[grouped.end() :]
+        else:
+            plain = text
+        hint = f"Write '{plain.replace(',', '.', 1)}' with a decimal point"
         if _THOUSANDS.match(text):
             hint += f", or '{text.replace(',', '')}' without separators"
         return UnitError(f"'{shown}' has a comma, which can be read in two ways", f"{hint}.")

@@ -47,6 +47,9 @@ class StageSummary:
         base: the stage on which it builds, where that is not the one before.
         warmed: groups whose temperature changes.
         water: whether the water in the pores changes.
+        built: names of structures that are built.
+        dismantled: names of structures that are removed.
+        stressed: names of structures whose bars are stressed anew.
     """
 
     name: str
@@ -60,6 +63,9 @@ class StageSummary:
     base: str | None = None
     warmed: tuple[str, ...] = ()
     water: bool = False
+    built: tuple[str, ...] = ()
+    dismantled: tuple[str, ...] = ()
+    stressed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class GaugeSummary:
     Args:
         name: of the channel.
         kind: of the gauge.
-        zero: stage at whose end it reads zero.
+        zero: stage at whose end it reads zero; empty where it reads a value, not a change.
         accuracy: standard deviation of one reading, SI.
         used: how many readings take part in the fit.
         unused: how many do not.

@@ -129,6 +129,9 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             base=None if state.base == n else case.stage_names[state.base],
             warmed=tuple(stage.temperature),
             water=stage.water is not None,
+            built=stage.build,
+            dismantled=stage.dismantle,
+            stressed=tuple(name for name in stage.prestress if name not in stage.build),
         )
         for n, (stage, state, dofs) in enumerate(
             zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
@@ -143,7 +146,7 @@ def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:
         GaugeSummary(
             name=channel.name,
             kind=channel.kind,
-            zero=channel.zero,
+            zero=channel.zero if channel.is_zeroed else "",
             accuracy=channel.accuracy,
             used=used[channel.name],
             unused=unused[channel.name],

@@ -323,7 +323,9 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
             f"{named} reads zero at stage '{channel.zero}', at which {of} does not stand; "
             f"it stands at: {', '.join(standing)}"
         )
-        hint = "zero it at one of these stages, or remove 'zero' to read what there is since then"
+        hint = "zero it at one of these stages"
+        if channel.kind != "tilt":
+            hint += ", or remove 'zero' to read what there is since then"
         yield fault("zero-before-structure", message, hint, "zero")
     if isinstance(structure, Bars):
         yield from _bar_faults(channel, structure, fault, named, of)

@@ -16,7 +16,8 @@ from functools import cached_property
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges.accuracy import error_parts
-from geoident.io.case.gauges.kinds import GaugeSection, sections_of_channels
+from geoident.io.case.gauges.gauge import GaugeBase
+from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.case.readings import ReadingSection, entries
 from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
@@ -28,7 +29,7 @@ from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading, StageReadings
+from geoident.model.gauges import Reading, Reads, StageReadings
 from geoident.units import UnitError, read_quantity, require_dimension, with_article
 
 DAY = 86400.0
@@ -214,12 +215,18 @@ class Calendar:
 
     stages: tuple[str, ...]
     dates: Mapping[str, float]
-    channels: Mapping[str, GaugeSection]
+    channels: Mapping[str, GaugeBase]
 
     @cached_property
     def zeros(self) -> dict[str, str]:
         """Channel to the stage at whose end it reads zero."""
         return {name: gauge.zero for name, gauge in self.channels.items()}
+
+    @cached_property
+    def zeroed(self) -> dict[str, str]:
+        """The same without channels that read a value: these have no zero."""
+        changes = (name for name, g in self.channels.items() if g.made_of is Reads.CHANGE)
+        return {name: self.zeros[name] for name in changes}
 
     @cached_property
     def dimensions(self) -> dict[str, str]:
@@ -240,6 +247,17 @@ class Calendar:
         """The last stage that was complete at a time; the virgin state before all."""
         done = [s for s in self.stages if s in self.dates and self.dates[s] <= time]
         return done[-1] if done else VIRGIN
+
+    def stage_of(self, reading: Reading) -> str:
+        """The stage of a dated reading.
+
+        What reads the stress of the virgin ground is read before the first stage, too, and counts
+        with it.
+        """
+        found = self.stage_at(reading.time) if reading.time is not None else reading.stage
+        gauge = self.channels.get(reading.channel)
+        of_virgin = gauge is not None and gauge.made_of is Reads.VIRGIN
+        return self.stages[1] if found == VIRGIN and of_virgin and len(self.stages) > 1 else found
 
     def before_zero(self, channel: str, stage: str) -> bool:
         """Whether a stage comes before the zero of a channel."""
@@ -280,7 +298,7 @@ def assign(
     staged = [
         reading
         if reading.time is None or reading.stage
-        else replace(reading, stage=calendar.stage_at(reading.time))
+        else replace(reading, stage=calendar.stage_of(reading))
         for reading in readings
     ]
     found = Assigned(staged)
@@ -339,13 +357,16 @@ def _mean(good: list[Reading]) -> Reading:
 
 def _take_zeros(found: Assigned, calendar: Calendar, several: str) -> dict[str, Reading]:
     """Channel to what was read at its zero; these readings say nothing more."""
-    at_zero = [r for r in found.readings if calendar.zeros.get(r.channel) == r.stage]
+    at = calendar.zeroed
+    at_zero = [r for r in found.readings if at.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
     which = several if several in {"first", "last"} else "mean"
     zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
-    found.readings = [r for r in found.readings if calendar.zeros.get(r.channel) != r.stage]
+    found.readings = [r for r in found.readings if at.get(r.channel) != r.stage]
     lacking = {
-        r.channel: r for r in found.readings if r.channel not in zeros and r.value is not None
+        r.channel: r
+        for r in found.readings
+        if r.channel in at and r.channel not in zeros and r.value is not None
     }
     found.unzeroed = list(lacking.values())
     return zeros
@@ -398,7 +419,8 @@ class _Check:
     """What readings are held against.
 
     ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``measured_zeros`` channels to what was read there and subtracted.
+    ``measured_zeros`` channels to what was read there and subtracted; ``unknown`` holds files and
+    the names in them that are no channels: each is said once, not for every row.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -410,6 +432,7 @@ class _Check:
         self.order = {name: n for n, name in enumerate(calendar.stages)}
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
+        self.unknown: set[tuple[str, str]] = set()
         self.measured_zeros: dict[str, Reading] = {}
         self.dated: list[DatedReading] = []
 
@@ -463,10 +486,16 @@ class _Check:
         name = placed.channel
         if name in self.zeros:
             return
+        if not placed.key and (placed.location.file, name) in self.unknown:
+            return
+        self.unknown.add((placed.location.file, name))
         gauge = self.section.gauges.get(name)
         if gauge is not None and gauge.kind == "extensometer":
             anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
             hint = f"An extensometer has one reading per anchor: {anchors}."
+        elif gauge is not None:
+            channels = listing(gauge.channel_names(name))
+            hint = f"It has readings of its own for each of its channels: {channels}."
         else:
             hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
         self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)

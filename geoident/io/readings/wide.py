@@ -15,6 +15,15 @@ from geoident.model.gauges import Reading
 
 _WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
 
+_USUAL = {
+    "pressure": "kPa",
+    "force": "kN",
+    "line load": "kN/m",
+    "moment per length": "kNm/m",
+    "angle": "mm/m",
+    "strain": "microstrain",
+}
+
 
 @dataclass(frozen=True)
 class _Column:
@@ -110,7 +119,9 @@ class WideReader:
             dimension = self.table.layout.dimension(channel)
             return self.table.scale(number, Cell(unit, cell.column), dimension, origin)
         message = f"the column '{name}' has no unit"
-        hint = f"Write '{name} (mm)' in the header, or 'unit: mm' in the case."
+        unit = _USUAL.get(self.table.layout.dimension(channel), "mm")
+        hint = f"Write '{name} ({unit})' in the header, or 'unit: {unit}' in the case, or "
+        hint += "'unit_row: true' where the next row has the units."
         if not self.table.layout.channels:
             hint += f" If it is no gauge: ignore: [{name}], or columns: {{remarks: {name}}}."
         self.table.refuse((number, cell.column), "unit", message, hint)

@@ -180,6 +180,9 @@ def _events(stage: StageSummary) -> str:
     events += [f"-{name}" for name in stage.leaves]
     events += [f"+{name}: {material}" for name, material in stage.enters]
     events += [f"{name} becomes {material}" for name, material in stage.changes]
+    events += [f"builds {name}" for name in stage.built]
+    events += [f"dismantles {name}" for name in stage.dismantled]
+    events += [f"stresses {name}" for name in stage.stressed]
     events += [f"load {name}" for name in stage.loads]
     events += [f"end of load {name}" for name in stage.removed]
     events += [f"temperature of {name}" for name in stage.warmed]
@@ -198,7 +201,7 @@ def _gauges(summary: CaseSummary) -> str:
         for g, own in zip(summary.gauges, units, strict=True)
     ]
     rows = [
-        [g.name, g.kind, g.zero, accuracy, str(g.used), str(g.unused)]
+        [g.name, g.kind, g.zero or "-", accuracy, str(g.used), str(g.unused)]
         for g, accuracy in zip(summary.gauges, accuracies, strict=True)
     ]
     header = ("name", "kind", "zero", f"accuracy {unit}".rstrip(), "used", "not used")

@@ -66,44 +66,55 @@ class _Table:
 
     steps: Mapping[str, tuple[float, ...]]
     sources: dict[ErrorSource, int] = field(default_factory=dict)
-    components: dict[str, int] = field(default_factory=dict)
-    of_source: list[int] = field(default_factory=list)
+    components: dict[str, None] = field(default_factory=dict)
+    of_source: list[str] = field(default_factory=list)
     entries: list[tuple[int, int, float]] = field(default_factory=list)
     sd: list[float] = field(default_factory=list)
-    component: list[int] = field(default_factory=list)
+    component: list[str] = field(default_factory=list)
 
     def add(self, number: int, row: ChannelReading) -> None:
         """Takes a reading."""
         channel, reading = row
         self.sd.append(own_sd(channel, reading))
         estimated = channel.errors is not None and reading.accuracy is None
-        self.component.append(self._component(channel, "reading") if estimated else -1)
+        self.component.append(self._component(channel, "reading") if estimated else "")
         if channel.errors is None:
             return
         for part, source, size in _shared(channel, reading, self.steps):
             if size <= 0.0:
                 continue
-            if source not in self.sources:
-                self.sources[source] = len(self.sources)
-                self.of_source.append(self._component(channel, part))
-            self.entries.append((number, self.sources[source], size))
+            place = self.sources.setdefault(source, len(self.sources))
+            name = self._component(channel, part)
+            if place == len(self.of_source):
+                self.of_source.append(name)
+            # Kinds of gauges that share a set-up need not say the same of its error: that it is
+            # estimated counts, whichever row of a file comes first.
+            known = (self.of_source[place], name)
+            self.of_source[place] = min(filter(None, known), default="")
+            self.entries.append((number, place, size))
 
     def structure(self) -> ErrorStructure:
         """All of it."""
         at = np.array([(i, k) for i, k, _ in self.entries], dtype=np.int64).reshape(-1, 2)
         size = np.array([size for _, _, size in self.entries], dtype=np.float64)
         shape = (len(self.sd), len(self.sources))
+        taken = {*self.component, *self.of_source}
+        names = tuple(name for name in self.components if name in taken)
+        numbers = {"": -1} | {name: number for number, name in enumerate(names)}
         return ErrorStructure(
             sd=np.array(self.sd, dtype=np.float64),
-            component=np.array(self.component, dtype=np.int64),
+            component=np.array([numbers[name] for name in self.component], dtype=np.int64),
             columns=sp.csr_array((size, (at[:, 0], at[:, 1])), shape=shape),
-            column_component=np.array(self.of_source, dtype=np.int64),
-            names=tuple(self.components),
+            column_component=np.array([numbers[name] for name in self.of_source], dtype=np.int64),
+            names=names,
         )
 
-    def _component(self, channel: Channel, part: str) -> int:
+    def _component(self, channel: Channel, part: str) -> str:
+        """The component of a part of the error of a channel; empty where its size is given."""
         name = channel.errors.component(part) if channel.errors else None
-        return -1 if name is None else self.components.setdefault(name, len(self.components))
+        if name is not None:
+            self.components.setdefault(name)
+        return name or ""
 
 
 def _shared(

@@ -213,6 +213,23 @@ def test_in_the_middle_of_ground_the_inside_must_be_said():
         "gauge 'M' reads the structure 'wall' at (2, 1.5) m, where there is ground on both sides "
         "of it or on none: which side is its inside is not known"
     )
+    wrong = gauge("pressure-cell", "cell", (2.0, 2.5), structure="wall", compression=True,
+                  towards=(4.0, 2.5))  # fmt: skip
+    with pytest.raises(InputError) as error:
+        model(mesh, **settings, channels=(wrong,))
+    (fault,) = error.value.faults
+    assert fault.code == "no-ground-behind"
+    assert fault.message == (
+        "gauge 'cell' finds no ground at (2, 2.5) m that presses on the outside of 'wall' as long "
+        "as that stands"
+    )
+    assert fault.hint == "'towards' is a point on its inside, where ground is excavated"
+    lean = gauge("tilt", "lean", high, structure="wall", zero="virgin", dimension="angle")
+    with pytest.raises(InputError) as error:
+        model(mesh, **settings, channels=(lean,))
+    assert [(f.code, f.hint) for f in error.value.faults] == [
+        ("zero-before-structure", "zero it at one of these stages")
+    ]
     pressures = [
         gauge("pressure-cell", "behind", high, structure="wall", compression=True),
         gauge("pressure-cell", "right", deep, structure="wall", compression=True,

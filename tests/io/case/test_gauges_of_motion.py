@@ -1,9 +1,12 @@
 """Instruments of several points: the channels that they become, and what is refused."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from geoident.errors import InputError
 
 PLANE = (
     "  CV1: {kind: convergence, between: [[-1, 0 m], [1, 0 m]], accuracy: 0.2 mm, zero: heading}"
@@ -100,7 +103,7 @@ def test_axes_of_an_inclined_casing_in_space(project):
     """A is the part of its horizontal direction across the casing, B a quarter turn clockwise."""
     gauge = (
         "{kind: inclinometer, casing: [[0, 0, 0 m], [0, 6, -8 m]], depths: [2 m], axes: [A, B],"
-        " A: [0, 1, 0], rings: [5 m], accuracy: 0.2 mm}"
+        " A: [0, 1, 0], rings: [5 m], ring_accuracy: 1 mm, accuracy: 0.2 mm}"
     )
     found = channels(project, SOLID.replace("GAUGE", gauge))
     assert list(found) == ["G.A2", "G.B2", "G.S5"]
@@ -171,6 +174,29 @@ def test_levelling_and_distortion(project, changed):
     assert [motion(c, field) for c in found.values()] == pytest.approx([2.0, 12.0, 10.0 / 5.0])
     pair = found["G.P2-P3"]
     assert (pair.dimension, pair.accuracy, pair.zero) == ("angle", 1e-4, "heading")
+
+
+@pytest.mark.parametrize(
+    ("layout", "text"),
+    [
+        ("long", "gauge,stage,value,unit\nG.P2-P3,bench 1,0.44,mm/m\n"),
+        ("wide", "stage,G.P2-P3\n,mm/m\nbench 1,0.44\n"),
+    ],
+)
+def test_a_distortion_is_read_as_an_angle_with_its_own_accuracy(project, changed, layout, text):
+    gauge = (
+        "  G: {kind: levelling, points: {P2: [4, 0 m], P3: [9, 1 m]}, accuracy: 0.3 mm,"
+        " zero: heading, distortions: {pairs: [[P2, P3]], accuracy: 0.1 mm/m}}"
+    )
+    Path(project.file).with_name("tilt.csv").write_text(text)
+    keys = "layout: wide, unit_row: true" if layout == "wide" else "layout: long"
+    found = changed(PLANE, gauge).replace(
+        "readings: readings.csv", f"readings: {{file: tilt.csv, {keys}}}"
+    )
+    case = project.read(found).case
+    (reading,) = case.readings
+    assert (reading.channel, reading.value) == ("G.P2-P3", pytest.approx(0.44e-3))
+    assert reading.accuracy in {None, 1e-4}
 
 
 def test_line_of_sight(project, changed):
@@ -322,3 +348,28 @@ def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
     gauge = "{kind: tilt, on: «wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
     assert fault.message == "'on' goes with a point: two points have a rotation without it"
+
+
+def test_rings_are_read_by_another_probe(project, changed):
+    gauge = (
+        "«{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], rings: [3 m],"
+        " accuracy: 1 mm}"
+    )
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "found one of rings and ring_accuracy; both or none are expected"
+    assert fault.hint == "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
+    sound = gauge.replace("«", "").replace("accuracy: 1 mm", "accuracy: 1 mm, ring_accuracy: 4 mm")
+    found = channels(project, plane(changed, sound))
+    assert (found["G.A2"].accuracy, found["G.S3"].accuracy) == (1e-3, 4e-3)
+
+
+def test_a_reading_of_a_gauge_of_several_channels_names_them(project, changed):
+    gauge = "  G: {kind: levelling, points: {P2: [4, 0 m], P3: [9, 1 m]}, accuracy: 0.3 mm}"
+    text = changed(PLANE, gauge).replace(
+        "readings: readings.csv", "readings: [{gauge: G, stage: bench 1, value: 1 mm}]"
+    )
+    with pytest.raises(InputError) as error:
+        project.read(text)
+    assert [fault.hint for fault in error.value.faults] == [
+        "It has readings of its own for each of its channels: G.P2, G.P3."
+    ]

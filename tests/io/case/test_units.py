@@ -68,7 +68,7 @@ def test_quantities_become_si(text, dimension, value):
         ("12 furlong", "length", "there is no unit 'furlong'", ""),
         ("1,5 mm", "length", "has a comma", "Write '1.5 mm'"),
         ("1,000 m", "length", "has a comma", "'1000 m' without separators"),
-        ("1.000,5 m", "length", "has a comma", ""),
+        ("1.000,5 m", "length", "has a comma", "Write '1000.5 m' with"),
         ("nan m", "length", "not a finite number", ""),
         (".inf", "length", "not a finite number", ""),
         ("-Infinity m", "length", "not a finite number", ""),

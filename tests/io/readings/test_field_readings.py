@@ -213,6 +213,31 @@ def test_what_was_read_at_zero_is_subtracted_if_asked_for(read):
     ]
 
 
+def test_gauges_that_read_a_value_have_no_zero_to_subtract(read):
+    gauges = (
+        "  PC: {kind: pressure-cell, point: [15, 3 m], normal: [1, 0], accuracy: 10 kPa}\n"
+        "  PZ: {kind: pressure-cell, point: [15, 3 m], normal: [0, 1], accuracy: 10 kPa, "
+        "zero: virgin}\n"
+        "  O: {kind: stress, point: [20, 3 m], components: [yy], state: virgin, "
+        "accuracy: 0.1 MPa}\n"
+    )
+    text = (
+        "gauge,date,value,unit\nPC,2024-02-28,7,MPa\nPC,2024-03-05,4,MPa\nPZ,2024-02-28,8,MPa\n"
+        "PZ,2024-03-05,9,MPa\nO.yy,2024-02-20,-8,MPa\nEX1.a5,2024-02-28,1,mm\n"
+        "EX1.a5,2024-03-05,3,mm\n"
+    )
+    case = read(gauges + DATES + "{file: r.csv, rezero: true}", files={"r.csv": text})
+    assert [(r.channel, r.stage, pytest.approx(r.value)) for r in case.readings] == [
+        ("PC", "heading", 4e6),
+        ("PZ", "heading", 1e6),
+        ("O.yy", "heading", -8e6),
+        ("EX1.a5", "heading", 2e-3),
+    ]
+    shared = {c.name: c.errors is not None and c.errors.zero for c in case.channels}
+    assert shared["PZ"] == pytest.approx(1e4)
+    assert not shared["PC"]
+
+
 def test_a_mean_of_differences_has_the_error_of_the_zero_once(read):
     text = "gauge,date,value,unit,accuracy\nEX1.a5,2024-02-28,0,mm,0.3\n"
     text += "".join(f"EX1.a5,2024-03-0{day},2,mm,0.4\n" for day in range(1, 5))

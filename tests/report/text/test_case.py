@@ -31,9 +31,13 @@ def summary(**changes):
         "stages": (
             StageSummary("heading", ("top",), (("lining", "concrete"),), (("rock", "weak"),),
                          ("lake",), ("jack",), 11062, 4, warmed=("dam",), water=True),
-            StageSummary("bench", (), (), (), (), (), 10900, 13, base="heading"),
+            StageSummary("bench", (), (), (), (), (), 10900, 13, base="heading", built=("wall",),
+                         dismantled=("shell",), stressed=("anchors",)),
         ),
-        "gauges": (GaugeSummary("EX.a2", "extensometer", "drift", 1.5e-4, 3, 2),),
+        "gauges": (
+            GaugeSummary("EX.a2", "extensometer", "drift", 1.5e-4, 3, 2),
+            GaugeSummary("EX.a5", "extensometer", "", 1.5e-4, 3, 2),
+        ),
         "places": (
             PlaceSummary(("EX.a2", "EX.a5", "CV"), (12.5, -32.123456), 77, "rock", 1.236),
             PlaceSummary(("ST",), (0.0, 1.0), 78, "rock", None),
@@ -88,12 +92,14 @@ def test_stages_have_unknowns_readings_and_all_that_happens(words):
         "temperature of dam, water in the pores"
     )
     assert ["name", "unknowns", "readings", "what", "happens"] in words
-    assert ["bench", "10900", "13", "builds", "on", "heading"] in words
+    events = "builds on heading, builds wall, dismantles shell, stresses anchors"
+    assert ["bench", "10900", "13", *events.split()] in words
 
 
 def test_gauges_have_their_accuracy_in_mm_and_their_readings(words):
     assert ["name", "kind", "zero", "accuracy", "mm", "used", "not", "used"] in words
     assert ["EX.a2", "extensometer", "drift", "0.15", "3", "2"] in words
+    assert ["EX.a5", "extensometer", "-", "0.15", "3", "2"] in words
 
 
 def test_points_of_gauges_have_coordinates_element_and_distance(words):

@@ -74,7 +74,7 @@ class _ForceGauge(GaugeBase):
         return self
 
     @property
-    def reads_as(self) -> Reads:
+    def made_of(self) -> Reads:
         """Whether a value is read, or a change since a zero that the case gives."""
         return Reads.CHANGE if "zero" in self.model_fields_set else Reads.VALUE
 
@@ -84,7 +84,7 @@ class _ForceGauge(GaugeBase):
         """One channel at a point; `part` is the quantity that it reads, empty for the only one."""
         motion = (str(getattr(self, "kind", "")), None, point, direction)
         found = self.reads(f"{name}.{part}" if part else name, name, motion, key.path)
-        return replace(found, reads=self.reads_as, quantity=part)
+        return replace(found, reads=self.made_of, quantity=part)
 
 
 class StressGaugeSection(_ForceGauge):
@@ -146,9 +146,9 @@ class StressGaugeSection(_ForceGauge):
         return self
 
     @property
-    def reads_as(self) -> Reads:
+    def made_of(self) -> Reads:
         """A value, a change, or the value of the virgin state."""
-        return Reads.VIRGIN if self.state == "virgin" else super().reads_as
+        return Reads.VIRGIN if self.state == "virgin" else super().made_of
 
     @property
     def parts(self) -> Sequence[str]:
@@ -378,9 +378,9 @@ class StrainSection(_ForceGauge):
         return self
 
     @property
-    def reads_as(self) -> Reads:
+    def made_of(self) -> Reads:
         """A change of the ground since the zero; of a structure its value, if no zero is given."""
-        return Reads.CHANGE if self.structure is None else super().reads_as
+        return Reads.CHANGE if self.structure is None else super().made_of
 
     def channel_names(self, name: str) -> list[str]:
         """One name; along a line one for every station."""

@@ -39,7 +39,7 @@ from geoident.io.schema.values import (
 )
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel, ErrorParts, MovingPoint
+from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
 
 GivenLength = Annotated[Given, Of("length", above=0.0)]
 Motion = tuple[str, Vector | None, Vector, Vector]
@@ -109,6 +109,11 @@ class GaugeBase(Section):
         return dimension_read(type(self)) or "length"
 
     @property
+    def made_of(self) -> Reads:
+        """Which states a reading is made of."""
+        return Reads.CHANGE
+
+    @property
     def states_zero(self) -> bool:
         """Whether the case itself says how accurate the zero is."""
         return not isinstance(self.accuracy, Given) and self.accuracy.zero is not None
@@ -116,6 +121,10 @@ class GaugeBase(Section):
     def channel_names(self, name: str) -> list[str]:
         """Names of the channels of a gauge of this name."""
         return [name]
+
+    def sections(self, name: str) -> dict[str, GaugeBase]:
+        """Names of the channels with what the case says of each: its dimension, errors and zero."""
+        return dict.fromkeys(self.channel_names(name), self)
 
     @abstractmethod
     def channels(self, name: str, context: Context) -> list[Channel]:

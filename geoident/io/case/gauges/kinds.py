@@ -159,10 +159,12 @@ GaugeSection = Annotated[
 Gauges = Mapping[str, GaugeSection]
 
 
-def sections_of_channels(gauges: Gauges) -> dict[str, GaugeSection]:
-    """Names of all channels with what the case says of the gauge of each."""
+def sections_of_channels(gauges: Gauges) -> dict[str, GaugeBase]:
+    """Names of all channels with what the case says of each."""
     return {
-        channel: gauge for name, gauge in gauges.items() for channel in gauge.channel_names(name)
+        channel: section
+        for name, gauge in gauges.items()
+        for channel, section in gauge.sections(name).items()
     }
 
 

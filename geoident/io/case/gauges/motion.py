@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from geoident.io.case.gauges.accuracy import AngleAccuracy
+from geoident.io.case.gauges.accuracy import AngleAccuracy, LengthAccuracy
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
     GivenLength,
@@ -87,6 +87,12 @@ class InclinometerSection(GaugeBase):
     rings: DepthList = Field(
         [], description="Depths of magnetic rings, whose settlement along the casing is read."
     )
+    ring_accuracy: LengthAccuracy | None = Field(
+        None,
+        description="Accuracy of the settlement of a ring, which another probe reads than that "
+        "across the casing; needed with rings.",
+        examples=["1 mm"],
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> InclinometerSection:
@@ -95,6 +101,10 @@ class InclinometerSection(GaugeBase):
             found = "neither" if self.depths is None else "both"
             message = f"found {found}; either depths or interval is expected"
             faults.add((), "wrong-pair", message, "Give exactly one of them.")
+        if (self.ring_accuracy is None) == bool(self.rings):
+            message = "found one of rings and ring_accuracy; both or none are expected"
+            hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
+            faults.add((), "wrong-pair", message, hint)
         if len(set(self.axes)) < len(self.axes):
             message = f"axis {self.axes[0]} is listed twice"
             faults.add(("axes", 1), "duplicate", message, "Remove one.")
@@ -135,6 +145,8 @@ class InclinometerSection(GaugeBase):
         key = "rings" if axis == "S" else "interval" if self.depths is None else "depths"
         depths = [ring.factor for ring in self.rings] if axis == "S" else self._read_depths()
         end = casing.length if self.relative_to == "bottom" else 0.0
+        rings = axis == "S" and self.ring_accuracy is not None
+        read_by = self.model_copy(update={"accuracy": self.ring_accuracy}) if rings else self
         found = []
         for n, depth in enumerate(depths):
             place = context.at(key) if key == "interval" else context.at(key, n)
@@ -142,7 +154,8 @@ class InclinometerSection(GaugeBase):
                 continue
             reference = end if axis == "S" else self._reference(depth, depths, end)
             motion, terms = casing.motion(self.kind, reference, depth, vectors)
-            channel = self.reads(f"{name}.{axis}{_metres(depth)}", name, motion, place.path, terms)
+            channel_name = f"{name}.{axis}{_metres(depth)}"
+            channel = read_by.reads(channel_name, name, motion, place.path, terms)
             # cumulated readings share what adds up from the end on; an increment has its own length
             # only, and rings are read one by one
             cumulated = self.reads_as == "cumulated" and axis != "S"
@@ -660,6 +673,15 @@ class LevellingSection(GaugeBase):
         read = [f"{name}.{point}" for point in self.points if point != self.relative_to]
         pairs = self.distortions.pairs if self.distortions else []
         return read + [f"{name}.{a}-{b}" for a, b in pairs]
+
+    def sections(self, name: str) -> dict[str, GaugeBase]:
+        """Distortions are angles with errors of their own; they share the zero unless they say."""
+        found, pairs = super().sections(name), self.distortions
+        if pairs is not None:
+            own_zero = "zero" in pairs.model_fields_set
+            own = pairs if own_zero else pairs.model_copy(update={"zero": self.zero})
+            found |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
+        return found
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
