@@ -186,13 +186,23 @@ def _rows(
             faults.extend(error.faults)
     if len(paths) == 1:
         return tuple(rows)
-    once = {(r.channel, r.stage, r.time, r.value): r for r in reversed(rows)}
-    kept = {id(row) for row in once.values()}
+    once: dict[tuple[object, ...], Reading] = {}
+    # twice in one file it was read twice, which `several` or a fault deals with
+    kept = [row for row in rows if _same_file(once.setdefault(_what_was_read(row), row), row)]
+    why = {_what_was_read(row): row.bad for row in rows if row.bad}
     repeated = len(rows) - len(kept)
     if repeated:
         readings = "reading stands" if repeated == 1 else "readings stand"
         notes.append(f"{repeated} {readings} in several files alike, and count once.")
-    return tuple(row for row in rows if id(row) in kept)
+    return tuple(replace(row, bad=row.bad or why.get(_what_was_read(row), "")) for row in kept)
+
+
+def _what_was_read(row: Reading) -> tuple[object, ...]:
+    return row.channel, row.stage, row.time, row.value
+
+
+def _same_file(one: Reading, other: Reading) -> bool:
+    return one.location.file == other.location.file
 
 
 def _bad_reason(section: CaseSection, row: Reading) -> str:
@@ -419,8 +429,9 @@ class _Check:
     """What readings are held against.
 
     ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``measured_zeros`` channels to what was read there and subtracted; ``unknown`` holds files and
-    the names in them that are no channels: each is said once, not for every row.
+    ``owners`` channels to their gauges, ``measured_zeros`` channels to what was read at their zero
+    and subtracted; ``unknown`` holds files and the names in them that are no channels: each is said
+    once, not for every row.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -430,6 +441,11 @@ class _Check:
         self.dimensions = calendar.dimensions
         self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
+        self.owners = {
+            channel: name
+            for name, gauge in section.gauges.items()
+            for channel in gauge.channel_names(name)
+        }
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
         self.unknown: set[tuple[str, str]] = set()
@@ -519,9 +535,8 @@ class _Check:
 
     def _drift(self, placed: Reading) -> None:
         """The times of a gauge that drifts are known."""
-        gauge = placed.channel if placed.channel in self.section.gauges else ""
-        gauge = gauge or placed.channel.rpartition(".")[0]
-        if gauge not in self.section.gauges or self.section.gauges[gauge].drift is None:
+        gauge = self.owners.get(placed.channel, "")
+        if not gauge or self.section.gauges[gauge].drift is None:
             return
         needed = {self.zeros.get(placed.channel, VIRGIN)}
         needed |= {placed.stage or VIRGIN} if placed.time is None else set()

@@ -373,3 +373,63 @@ def test_a_reading_of_a_gauge_of_several_channels_names_them(project, changed):
     assert [fault.hint for fault in error.value.faults] == [
         "It has readings of its own for each of its channels: G.P2, G.P3."
     ]
+
+
+def test_the_sizes_of_errors_of_rings_are_checked(project, changed):
+    gauge = (
+        "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], rings: [3 m],"
+        " accuracy: 1 mm, ring_accuracy: {reading: «5 kPa}}"
+    )
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "'5 kPa' is a pressure; a length is expected"
+
+
+def test_a_casing_is_not_read_at_a_million_depths(project, changed):
+    gauge = "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], interval: «1 nm, accuracy: 1 mm}"
+    gauge = gauge.replace("1 nm", "1e-6 mm")
+    fault = project.only_fault(plane(changed, gauge))
+    assert fault.message == "more than 10000 depths in a casing of 9 m"
+
+
+def test_the_drift_of_an_inclinometer_needs_the_dates_of_its_stages(project, changed):
+    gauge = (
+        "  G: {kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2.5 m], accuracy: 1 mm,"
+        " zero: heading, drift: 1 mm/month}"
+    )
+    text = changed(PLANE, gauge).replace(
+        "readings: readings.csv", "readings: [{gauge: G.A2.5, stage: bench 1, value: 1 mm}]"
+    )
+    with pytest.raises(InputError) as error:
+        project.read(text)
+    assert "'G' drifts in time, but the stage 'bench 1' has no date" in [
+        fault.message for fault in error.value.faults
+    ]
+
+
+def test_estimated_accuracies_of_distortions_begin_at_what_is_usual_for_them(project, changed):
+    gauge = (
+        "{kind: levelling, points: {P2: [4, 0 m], P3: [9, 1 m]}, accuracy: 0.3 mm,"
+        " distortions: {pairs: [[P2, P3]], accuracy: estimate}}"
+    )
+    pair = channels(project, plane(changed, gauge))["G.P2-P3"]
+    assert (pair.errors.reading, pair.unit) == (5e-5, "mrad")
+    assert dict(pair.errors.estimated) == {"reading": "distortion: reading"}
+
+
+def test_rings_and_distortions_take_the_accuracy_of_their_own_zero(project, changed):
+    """Root of 0.4^2 + 0.4^2 mm where the gauge itself states its zero and the rings do not."""
+    gauge = (
+        "  G: {kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], rings: [3 m],"
+        " accuracy: {reading: 1 mm, zero: 2 mm, along: 0 mm/sqrt(m)}, ring_accuracy: 0.4 mm,"
+        " zero: heading}"
+    )
+    rows = "gauge,date,value,unit\nG.S3,2024-03-02,1,mm\nG.S3,2024-04-02,3,mm\n"
+    Path(project.file).with_name("rings.csv").write_text(rows)
+    text = changed(PLANE, gauge).replace(
+        "readings: readings.csv",
+        "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\n"
+        "readings: {file: rings.csv, rezero: true}",
+    )
+    found = {c.name: c for c in project.read(text).case.channels}
+    assert found["G.S3"].errors.zero == pytest.approx(4e-4)
+    assert found["G.A2"].errors.zero == 2e-3

@@ -294,7 +294,7 @@ def test_what_a_sensor_gives_needs_its_calibration(refused, unit):
         ("{reads: digits, polynomial: [1 mm, 1 mm]}", "'Hz' is not what the calibration is for"),
         (
             "{reads: Hz, polynomial: [1 mm, 1 mm], thermal: 1 mm, temperature: t, "
-            "zero_temperature: 1 K}",
+            "zero_temperature: 1 degC}",
             "there is no column 't', the temperature of 'EX1.a5'",
         ),
     ],
@@ -498,3 +498,42 @@ def test_a_turned_motion_keeps_its_length(azimuth, moved, plane, scale):
     turned = SurveyGrid(axes_of_azimuth(azimuth, plane=plane), scale).turned(moved)
     assert math.hypot(*turned) == pytest.approx(scale * math.hypot(*moved), rel=1e-12)
     assert turned[1 if plane else 2] == scale * moved[2]
+
+
+def test_what_is_read_twice_in_one_file_counts_twice_and_a_later_flag_holds(read):
+    march = "gauge,stage,value,unit,bad\nEX1.a5,heading,1,mm,\nEX1.a5,heading,1,mm,\n"
+    march += "EX1.a5,heading,4,mm,\nCV1,bench 1,5,mm,\n"
+    april = "gauge,stage,value,unit,bad\nCV1,bench 1,5,mm,hit by blast\n"
+    case = read(
+        "readings: {file: [m.csv, a.csv], several: mean}", files={"m.csv": march, "a.csv": april}
+    )
+    assert values(case) == [("EX1.a5", "heading", 2.0), ("CV1", "bench 1", 5.0)]
+    assert [r.bad for r in case.readings] == ["", "hit by blast"]
+
+
+def test_ags_files_have_no_temperature_for_a_calibration(refused):
+    wire = WIRE.replace("}", ", thermal: 0.05 mm, temperature: T, zero_temperature: 10 degC}")
+    (fault,) = refused(
+        f"{DATES}{{file: m.ags, channels: {{EX1.a5: {{MONG_ID: VW1, {wire}}}}}}}",
+        files={"m.ags": AGS},
+    )
+    assert fault.message == (
+        "an AGS file has no column with the temperature of the sensor of 'EX1.a5'"
+    )
+    assert fault.path == "readings.channels.EX1.a5.calibration.thermal"
+
+
+def test_a_zero_temperature_is_that_of_the_column(refused):
+    wire = WIRE.replace("}", ", thermal: 0.05 mm, temperature: T, zero_temperature: 283 K}")
+    (fault,) = refused(
+        f"{DATES}{{file: r.csv, layout: wide, channels: {{EX1.a5: {{{wire}}}}}}}",
+        files={"r.csv": "date,EX1.a5 (Hz),T\n2024-03-02,2900,10\n"},
+    )
+    assert fault.message == "'283 K' is in kelvin; the column is in degrees Celsius"
+
+
+def test_coordinates_of_a_point_are_no_motion_against_another(refused):
+    gauges = GAUGES.replace("components:", "relative_to: [0 m, 9 m], components:")
+    (fault,) = refused(SURVEY, files={"p.csv": POINTS}, changes=[("gauges:\n", gauges)])
+    assert fault.path == "gauges.T.relative_to"
+    assert fault.message == "'T' is read relative to a point; coordinates are of its own point"

@@ -59,6 +59,7 @@ TYPICAL: Mapping[str, Typical] = {
     "levelling": Typical(3e-4, epoch=3e-4, unit="mm"),
     "displacement": Typical(1e-3, epoch=0.5e-3, unit="mm"),
     "target": Typical(1e-3, epoch=0.5e-3, unit="mm"),
+    "distortion": Typical(5e-5, unit="mrad"),
     "line-of-sight": Typical(2e-3, epoch=1e-3, unit="mm"),
     "inclinometer": Typical(1e-4, along=2e-4, unit="mm"),
     "tilt": Typical(5e-5, unit="mrad"),
@@ -74,8 +75,9 @@ Extensometers: rods with dial or displacement gauges read to some hundredths of 
 are good to 0.1 mm; the head moves with its seat and its temperature by about half of that, for all
 anchors at once. Tape extensometers repeat to 0.1 to 0.2 mm, and the temperature of one tape is
 wrong for all lines of a day: 1 K on 10 m is 0.1 mm. Precise levelling: 0.3 mm a point, and as much
-for the set-up and the benchmark. Total stations and GNSS: 1 mm a target over 100 m, half of it
-refraction and orientation that a set-up shares. Inclinometers: 0.16 mm of a single interval adds up
+for the set-up and the benchmark, which a distortion does not feel: 0.3 mm of two points 8 m apart
+is 0.05 mm/m. Total stations and GNSS: 1 mm a target over 100 m, half of it refraction and
+orientation that a set-up shares. Inclinometers: 0.16 mm of a single interval adds up
 like a random walk to 1.24 mm in 30 m of casing (Mikkelsen, FMGM 2003): 0.2 mm/sqrt(m). Of kinds
 that are not here nobody but the user knows it.
 """
@@ -226,13 +228,14 @@ def _dimension(marks: Iterable[object]) -> str | None:
     return None
 
 
-def check_parts(given: AnyAccuracy, dimension: str, kind: str) -> None:
+def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accuracy") -> None:
     """Refuse sizes of another dimension, and a reading without an error of its own.
 
     Args:
         given: of a gauge.
         dimension: of what it reads.
         kind: of the gauge.
+        key: under which they stand.
     """
     if isinstance(given, Given):
         return
@@ -242,13 +245,13 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str) -> None:
         if part is not None and part.text != ESTIMATE and part.dimension != dimension:
             message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
             message += f"{with_article(dimension)} is expected"
-            faults.add(("accuracy", name), "unit", message, f"Its units: {unit_list(dimension)}.")
+            faults.add((key, name), "unit", message, f"Its units: {unit_list(dimension)}.")
     if given.reading is None and kind not in TYPICAL:
         hint = f"Write 'reading: ...' in a unit of {dimension}."
-        faults.add(("accuracy",), "missing-key", "'reading' is missing", hint)
+        faults.add((key,), "missing-key", "'reading' is missing", hint)
     elif given.reading is not None and given.reading.factor == 0.0:
         message = "a reading without an error of its own would fix the answer alone"
-        faults.add(("accuracy", "reading"), "out-of-range", message, "Write one above zero.")
+        faults.add((key, "reading"), "out-of-range", message, "Write one above zero.")
     faults.raise_any()
 
 
@@ -313,10 +316,13 @@ def described_channels(
         faults: is told what cannot be estimated.
     """
     kinds = section.fit.accuracies
+    said = {
+        channel: own
+        for name, gauge in section.gauges.items()
+        for channel, own in gauge.sections(name).items()
+    }
     channels = tuple(
-        _with_zero(c, zeros[c.name], stated=section.gauges[c.gauge].states_zero)
-        if c.name in zeros
-        else c
+        _with_zero(c, zeros[c.name], stated=said[c.name].states_zero) if c.name in zeros else c
         for c in case.channels
     )
     if isinstance(kinds, dict):

@@ -46,6 +46,7 @@ from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, MovingPoint, Reads
 from geoident.model.structures import Bars, Beam, Structure, Struts
+from geoident.units import unit_list, with_article
 
 StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
@@ -301,6 +302,11 @@ class LoadCellSection(_ForceGauge):
             if given.dimension not in FORCES:
                 message = f"'{given.text}' is no force, line load or moment per length"
                 hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
+                faults.add((key,), "unit", message, hint)
+            elif given.dimension != self.dimension and self.dimension in FORCES:
+                message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says "
+                message += f"that {with_article(self.dimension)} is read"
+                hint = f"Its units: {unit_list(self.dimension)}."
                 faults.add((key,), "unit", message, hint)
         if self.sign is not None and self.quantity != "N":
             message = f"'sign' is that of the axial force; {self.quantity} is read"

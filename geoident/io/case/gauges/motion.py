@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from geoident.io.case.gauges.accuracy import AngleAccuracy, LengthAccuracy
+from geoident.io.case.gauges.accuracy import AngleAccuracy, LengthAccuracy, check_parts
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
     GivenLength,
@@ -46,6 +46,8 @@ AngleOffset = Annotated[Given, Of("angle", tied=True)]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""
+
+_MOST_DEPTHS = 10_000
 
 
 class InclinometerSection(GaugeBase):
@@ -118,16 +120,41 @@ class InclinometerSection(GaugeBase):
         faults.raise_any()
         return self
 
+    @model_validator(mode="after")
+    def _sizes_of_ring_errors(self) -> InclinometerSection:
+        if self.ring_accuracy is not None:
+            check_parts(self.ring_accuracy, self.dimension, self.kind, "ring_accuracy")
+        return self
+
+    def sections(self, name: str) -> dict[str, GaugeBase]:
+        """Rings have an accuracy of their own."""
+        rings = dict.fromkeys(self._ring_names(name), self._of_rings())
+        return super().sections(name) | rings
+
+    def _of_rings(self) -> InclinometerSection:
+        """What is said of the rings, as of a gauge of their own."""
+        if self.ring_accuracy is None:
+            return self
+        return self.model_copy(update={"accuracy": self.ring_accuracy})
+
+    def _ring_names(self, name: str) -> list[str]:
+        return [f"{name}.S{_metres(ring.factor)}" for ring in self.rings]
+
     def channel_names(self, name: str) -> list[str]:
         """One name for every axis and depth, then one for every ring."""
         depths = self._read_depths()
         names = [f"{name}.{axis}{_metres(depth)}" for axis in self.axes for depth in depths]
-        return names + [f"{name}.S{_metres(ring.factor)}" for ring in self.rings]
+        return names + self._ring_names(name)
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every axis and depth, then one for every ring."""
         casing = self._casing(context)
         if casing is None:
+            return []
+        if len(self._read_depths()) > _MOST_DEPTHS:
+            message = f"more than {_MOST_DEPTHS} depths in a casing of {casing.length:.6g} m"
+            place = context.at("interval" if self.depths is None else "depths")
+            place.refuse("too-many-depths", message, "Let them be farther apart.")
             return []
         found: list[Channel] = []
         for axis in self.axes:
@@ -145,8 +172,7 @@ class InclinometerSection(GaugeBase):
         key = "rings" if axis == "S" else "interval" if self.depths is None else "depths"
         depths = [ring.factor for ring in self.rings] if axis == "S" else self._read_depths()
         end = casing.length if self.relative_to == "bottom" else 0.0
-        rings = axis == "S" and self.ring_accuracy is not None
-        read_by = self.model_copy(update={"accuracy": self.ring_accuracy}) if rings else self
+        read_by = self._of_rings() if axis == "S" else self
         found = []
         for n, depth in enumerate(depths):
             place = context.at(key) if key == "interval" else context.at(key, n)
@@ -197,9 +223,9 @@ class InclinometerSection(GaugeBase):
         length = sum(math.dist(a, b) for a, b in pairwise(points))
         step, small = self.interval.factor, _ON_LINE * length
         if self.relative_to == "bottom":
-            count = math.ceil((length - small) / step)
+            count = min(math.ceil((length - small) / step), _MOST_DEPTHS + 1)
             return [round(n * step, 9) for n in range(count)]
-        count = math.floor((length + small) / step)
+        count = min(math.floor((length + small) / step), _MOST_DEPTHS + 1)
         return [round(n * step, 9) for n in range(1, count + 1)]
 
     def _casing(self, context: Context) -> _Casing | None:
@@ -628,6 +654,11 @@ class DistortionSection(_AngleGauge):
     pairs: list[list[Name]] = Field(
         min_length=1, description="Names of two points each.", examples=[[["P1", "P2"]]]
     )
+
+    @property
+    def kind_name(self) -> str:
+        """What is usual for them is not what is usual for settlements."""
+        return "distortion"
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """None: they are made with the points of the line."""

@@ -158,11 +158,23 @@ class ReadingsFileSection(Section):
             message = f"'channels' is missing: {many} has readings of many instruments"
             hint = "Write channels: {CHANNEL: {MONG_ID: ..., MONG_DIS: ...}}."
             faults.add((), "missing-key", message, hint)
+        if many:
+            self._check_sensors(many, faults)
         self._check_format(formats, faults)
         self._check_rows(faults)
         self._check_coordinates(faults)
         faults.raise_any()
         return self
+
+    def _check_sensors(self, many: str, faults: SectionFaults) -> None:
+        """Rows of one instrument each have no column with the temperature of their sensor."""
+        for name, value in self.channels.items():
+            calibration = None if isinstance(value, str) else value.calibration
+            if calibration is not None and calibration.thermal is not None:
+                message = f"{many} has no column with the temperature of the sensor of '{name}'"
+                hint = "Correct the readings in the file, or leave out 'thermal'."
+                path = ("channels", name, "calibration", "thermal")
+                faults.add(path, "contradiction", message, hint)
 
     def _check_format(self, formats: list[Format], faults: SectionFaults) -> None:
         """Keys of workbooks belong to workbooks, keys of texts to texts."""

@@ -81,6 +81,11 @@ class CalibrationSection(Section):
         if any(key is None for key in warmth) and any(key is not None for key in warmth):
             message = "thermal, temperature and zero_temperature belong together"
             faults.add((), "wrong-pair", message, "Give all three of them, or none.")
+        if self.zero_temperature is not None and self.zero_temperature.unit == "K":
+            message = (
+                f"'{self.zero_temperature.text}' is in kelvin; the column is in degrees Celsius"
+            )
+            faults.add(("zero_temperature",), "unit", message, "Write it like 20 degC.")
         self._one_dimension(faults)
         faults.raise_any()
         return self

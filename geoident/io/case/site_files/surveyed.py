@@ -36,7 +36,13 @@ def surveyed(
         if name in known:
             at = Context(("gauges", name), analysis, Faults(faults.places))
             channels = section.gauges[name].channels(name, at)  # faults are said where it is built
-            if channels:
+            relative = bool(channels) and channels[0].first is not None
+            if relative and described.channels:
+                message = f"'{name}' is read relative to a point; coordinates are of its own point"
+                hint = "Remove 'relative_to', or give differences of both points as readings."
+                key = ("gauges", name, "relative_to")
+                faults.add(key, "contradiction", message, hint)
+            if channels and (described.channels or not relative):
                 directions = {c.name: _solid(c.direction) for c in channels}
                 targets[name] = SurveyTarget(directions, channels[0].second)
         elif described.channels:
