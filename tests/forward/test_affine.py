@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoident.forward.affine import EquationPart, first_obstacle, trial_points
+from geoident.forward.affine import EquationPart, _Slopes, first_obstacle, trial_points
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Parameter, Scalar
 
@@ -86,3 +86,79 @@ def test_trial_points_are_admissible_and_inside_the_bounds():
         assert 1e8 < point.values["k"] < 5e10
         assert 0.0 < point.values["t"] < 1.0
     assert len({point.values["h"] for point in points}) == 3
+
+
+def test_each_parameter_is_once_low_once_between_and_once_high_in_an_order_of_its_own():
+    names = "abcdef"
+    points = trial_points([Parameter(name, 0.5, 0.0, 1.0) for name in names], lambda _: True)
+    found = np.array([[point.values[name] for name in names] for point in points])
+    places = np.array([0.013, 0.518, 0.987])
+    assert np.sort(found, axis=0) == pytest.approx(np.tile(places[:, None], 6), abs=0.005)
+    orders = {tuple(np.argsort(column)) for column in found.T}
+    assert len(orders) == 6
+    # the thousandths are those of the multiples of the golden ratio
+    golden = np.add.outer(7 * np.arange(3), 1 + np.arange(6)) * (np.sqrt(5.0) - 1.0) / 2.0 % 1.0
+    nearest = places[np.abs(found[..., None] - places).argmin(axis=-1)]
+    assert found - nearest == pytest.approx(0.01 * (golden - 0.5), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "lower", "upper", "low", "high"),
+    [
+        (4.0, -np.inf, np.inf, 2.0, 6.0),
+        (-4.0, -np.inf, np.inf, -6.0, -2.0),
+        (0.0, -np.inf, np.inf, -0.5, 0.5),
+        (4.0, 3.0, np.inf, 3.0, 6.0),
+        (4.0, -np.inf, 5.0, 2.0, 5.0),
+    ],
+)
+def test_without_bounds_the_points_lie_half_the_start_around_it(start, lower, upper, low, high):
+    points = trial_points([Parameter("a", start, lower, upper)], lambda _: True)
+    parts = sorted((point.values["a"] - low) / (high - low) for point in points)
+    assert parts == pytest.approx([0.013, 0.518, 0.987], abs=0.005)
+
+
+def test_places_of_a_logarithmic_parameter_are_those_of_its_logarithm():
+    points = trial_points([Parameter("k", 1e3, 1e2, 1e6, scale="log")], lambda _: True)
+    parts = sorted(np.log10(point.values["k"] / 1e2) / 4.0 for point in points)
+    assert parts == pytest.approx([0.013, 0.518, 0.987], abs=0.005)
+
+
+def test_whether_a_point_is_inside_the_domain_is_asked_once():
+    asked = []
+    trial_points([Parameter("a", 0.25, 0.0, 1.0)], lambda values: asked.append(values) is None)
+    assert len(asked) == 3
+
+
+def test_points_outside_the_domain_are_halved_towards_the_start_twenty_times():
+    asked = []
+
+    def never(values):
+        asked.append(values["a"])
+        return False
+
+    points = trial_points([Parameter("a", 0.25, 0.0, 1.0)], never)
+    assert len(asked) == 60
+    first = np.array(asked).reshape(3, 20)
+    steps = (first[:, :1] - 0.25) * 0.5 ** np.arange(21)
+    assert first == pytest.approx(0.25 + steps[:, :-1], rel=1e-12)
+    assert [p.values["a"] for p in points] == pytest.approx(0.25 + steps[:, -1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("slope", "value", "differs"),
+    [
+        (1.0 + 0.9e-9, 0.0, False),
+        (1.0 + 1.1e-9, 0.0, True),
+        (1.0 - 1.1e-9, 0.0, True),
+        (1.0 + 1e-5, -3.9e8, True),  # a value v at 4 rounds the derivative by 1e-13 |v| / 4
+        (1.0 + 1e-5, -4.1e8, False),
+        (1.0 - 1e-5, 3.9e8, True),
+        (1.0 - 1e-5, 4.1e8, False),
+    ],
+)
+def test_derivatives_differ_by_more_than_rounding(slope, value, differs):
+    at = {4.0: 1.0, 5.0: slope}
+    part = EquationPart("it", lambda point: np.array([[0.0, 0.5], [value, at[point.values["a"]]]]))
+    here, there = (ParameterPoint({"a": x}, ("a",)) for x in at)
+    assert _Slopes(part, here).differ(part, there).tolist() == [differs]

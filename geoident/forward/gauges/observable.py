@@ -104,6 +104,7 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
     kinematics, mesh, rows, readable = on_mesh.kinematics, on_mesh.mesh, [], []
     snapped: list[str] = []
     faults: list[Fault] = []
+    nowhere: set[tuple[str, tuple[float, ...], str]] = set()
     for channel in channels:
         ends, stays = [], [from_zero(on_mesh, channel)]
         for point, vector in channel.motions:
@@ -111,7 +112,10 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
             sites = on_mesh.locator.sites(place)
             site, there = best_site(sites, on_mesh.sequence, on_mesh.case.zero_of(channel))
             if site is None:
-                faults.append(point_fault(on_mesh, channel, point, sites))
+                refused = (channel.gauge, point, channel.zero)
+                if refused not in nowhere:  # said once of the end of a casing that all refer to
+                    faults.append(point_fault(on_mesh, channel, point, sites))
+                nowhere.add(refused)
                 continue
             moved = np.outer(site.shapes, turned * np.array(vector))
             if channel.turns:

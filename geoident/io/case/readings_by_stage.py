@@ -419,7 +419,8 @@ class _Check:
     """What readings are held against.
 
     ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``measured_zeros`` channels to what was read there and subtracted.
+    ``measured_zeros`` channels to what was read there and subtracted; ``unknown`` holds files and
+    the names in them that are no channels: each is said once, not for every row.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -431,6 +432,7 @@ class _Check:
         self.order = {name: n for n, name in enumerate(calendar.stages)}
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
+        self.unknown: set[tuple[str, str]] = set()
         self.measured_zeros: dict[str, Reading] = {}
         self.dated: list[DatedReading] = []
 
@@ -484,10 +486,16 @@ class _Check:
         name = placed.channel
         if name in self.zeros:
             return
+        if not placed.key and (placed.location.file, name) in self.unknown:
+            return
+        self.unknown.add((placed.location.file, name))
         gauge = self.section.gauges.get(name)
         if gauge is not None and gauge.kind == "extensometer":
             anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
             hint = f"An extensometer has one reading per anchor: {anchors}."
+        elif gauge is not None:
+            channels = listing(gauge.channel_names(name))
+            hint = f"It has readings of its own for each of its channels: {channels}."
         else:
             hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
         self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)

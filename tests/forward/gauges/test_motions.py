@@ -10,6 +10,7 @@ from support.cases import as_scalar, displacement, material, model, rollers
 from support.derivatives import assert_exact
 from support.meshes import box, regroup
 
+from geoident.errors import InputError
 from geoident.model.case import Analysis, Stage
 from geoident.model.gauges import Channel
 from geoident.model.in_situ import ConstantStress
@@ -98,3 +99,19 @@ def test_derivatives_are_exact_and_condensation_takes_tilts():
     response = staged.response([("t", "open"), ("d", "open")])
     assert_exact(response, np.array(list(values.values())), tuple(values))
     assert response.obstacle() is None
+
+
+def test_the_end_of_a_casing_outside_the_mesh_is_said_once():
+    """All depths refer to it; what is wrong of another gauge is said all the same."""
+    mesh, end = box("quad4", (4, 4)), (0.5, -3.0)
+    first, other, single = (
+        replace(displacement(name, (0.5, y), (1.0, 0.0)), first=end)
+        for name, y in (("I.A0", 1.0), ("I.A1", 0.5), ("D", 0.7))
+    )
+    channels = (replace(first, gauge="I"), replace(other, gauge="I"), single)
+    with pytest.raises(InputError) as error:
+        readings(mesh, lambda x: x, *channels)
+    assert [fault.message for fault in error.value.faults] == [
+        "point (0.5, -3) m of gauge 'I.A0' lies outside the mesh",
+        "point (0.5, -3) m of gauge 'D' lies outside the mesh",
+    ]

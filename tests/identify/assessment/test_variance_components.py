@@ -6,9 +6,17 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
     RestrictedLikelihood,
+    _descended,
+    _inverse,
+    _minimised,
+    _Terms,
+    _upper_end,
+    _vanished,
     estimate_components,
+    likelihood_at,
 )
 from geoident.identify.problem.errors import ErrorStructure
+from geoident.model.parameter import Parameter, Prior
 
 A, N = 8, 5
 GROUPS = sp.csr_array(np.kron(np.eye(A), np.ones((N, 1))))
@@ -133,3 +141,198 @@ def test_intervals_cover(y):
         inside += (found.lower <= truth) & (truth <= found.upper)
     assert np.all(inside / 200 >= 0.91)
     assert np.all(inside / 200 <= 0.99)
+
+
+# The rules of the estimate one by one, on likelihoods that are given
+
+
+class Given:
+    """-2 l by its value, half of its slope and the information; minima of parabolas by default."""
+
+    def __init__(self, curvature, minimum, *, value=None, information=None):
+        self.a, self.m = np.array(curvature, dtype=float), np.array(minimum, dtype=float)
+        self.information = np.diag(self.a) if information is None else np.array(information)
+        self.given, self.asked = value, []
+
+    def value(self, t):
+        return float(self.a @ (t - self.m) ** 2) if self.given is None else self.given(t)
+
+    def terms(self, t):
+        self.asked.append(t.tolist())
+        return _Terms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
+
+
+def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interval():
+    found = estimate_components(Given([4.0, 25.0], [1.5, -2.0]), np.zeros(2))
+    np.testing.assert_allclose(found.log_factor, [1.5, -2.0])
+    np.testing.assert_allclose(found.covariance, np.diag([0.25, 0.04]))
+    half = 1.959963984540054 * np.array([0.5, 0.2])
+    np.testing.assert_allclose(found.log_factor - found.lower, half)
+    np.testing.assert_allclose(found.upper - found.log_factor, half)
+    assert found.minus_two_l == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("half", "begins_at_zero"), [(3.99, False), (4.01, True)])
+def test_an_interval_wider_than_a_factor_of_seven_begins_at_zero(half, begins_at_zero):
+    """Its upper end is where -2 l has risen by 3.84: for a parabola the same place."""
+    likelihood = Given([(1.959963984540054 / half) ** 2, 9.0], [1.0, 0.0])
+    found = estimate_components(likelihood, np.zeros(2))
+    assert np.isneginf(found.lower[0]) == begins_at_zero
+    assert 0.0 <= found.upper[0] - (1.0 + half) + 1e-9 <= 1e-3
+    assert np.isfinite(found.lower[1])
+
+
+@pytest.mark.parametrize(
+    ("information", "rise", "vanishes"),
+    [(0.9e-3, 0.9e-3, True), (1.1e-3, 0.9e-3, False), (0.9e-3, 1.1e-3, False)],
+)
+def test_what_the_residuals_show_nothing_of_is_at_its_lowest(information, rise, vanishes):
+    def value(t):
+        return 7.0 + rise * (t[0] == -18.0) + t[1] ** 2
+
+    likelihood = Given([0.0, 1.0], [2.0, 3.0], value=value, information=np.diag([information, 1.0]))
+    found = _vanished(likelihood, np.array([2.0, 3.0]))
+    assert found.tolist() == [-18.0 if vanishes else 2.0, 3.0]
+
+
+def test_factors_end_at_their_bounds():
+    found = estimate_components(Given([1.0, 1.0], [-30.0, 30.0]), np.zeros(2))
+    assert found.log_factor.tolist() == [-18.0, 18.0]
+    assert found.lower.tolist() == [-np.inf, 18.0]
+    np.testing.assert_array_equal(found.covariance, np.zeros((2, 2)))
+    # -2 l of the first has risen by 3.84 above that at -18 where its parabola says so
+    assert 0.0 <= found.upper[0] - (-30.0 + np.sqrt(144.0 + 1.959963984540054**2)) <= 1e-3
+    assert found.upper[1] == np.inf
+    likelihood = Given([1.0, 1.0], [-30.0, 30.0])
+    assert _minimised(likelihood, np.array([-40.0, 40.0])).tolist() == [-18.0, 18.0]
+    assert likelihood.asked == [[-18.0, 18.0]]  # both are held there by their slopes
+    inwards = _minimised(Given([1.0, 1.0], [-17.0, 17.0]), np.array([-18.0, 18.0]))
+    np.testing.assert_allclose(inwards, [-17.0, 17.0])
+
+
+def test_steps_are_three_long_at_most():
+    likelihood = Given([2.0, 5.0], [10.0, -4.0])
+    np.testing.assert_allclose(_minimised(likelihood, np.zeros(2)), [10.0, -4.0])
+    expected = [[0.0, 0.0], [3.0, -3.0], [6.0, -4.0], [9.0, -4.0], [10.0, -4.0]]
+    np.testing.assert_allclose(likelihood.asked, expected, atol=1e-12)
+
+
+def test_a_hundred_steps_are_made_at_most():
+    """With a hundred times the information, a step makes a hundredth of what is left."""
+    likelihood = Given([1.0], [1.0], information=[[100.0]])
+    assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0 - 0.99**100])
+    assert len(likelihood.asked) == 100
+
+
+def test_a_step_of_a_ten_millionth_is_the_last():
+    """Steps of 0.9 of what is left: 0.9, 0.09, ...; the eighth is 0.9e-7."""
+    likelihood = Given([1.0], [1.0], information=[[1.0 / 0.9]])
+    assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0], abs=2e-8)
+    assert len(likelihood.asked) == 8
+
+
+@pytest.mark.parametrize(("rise", "taken"), [(0.9e-12, 1.0), (1.1e-12, 0.5)])
+@pytest.mark.parametrize("before", [8.0, -8.0])
+def test_a_step_is_halved_until_nothing_rises_but_by_rounding(rise, taken, before):
+    def value(t):
+        return before + 8.0 * rise * (t[0] > 0.6)
+
+    found = _descended(value, np.zeros(1), np.ones(1), before)
+    assert found.tolist() == [taken]
+
+
+def test_a_step_that_always_rises_is_none():
+    asked = []
+
+    def value(t):
+        asked.append(t[0])
+        return 2.0
+
+    assert _descended(value, np.array([1.0]), np.ones(1), 1.0).tolist() == [1.0]
+    assert asked == [1.0 + 0.5**k for k in range(30)]
+    asked.clear()
+    _descended(value, np.array([17.5, -17.5]), np.array([1.0, -1.0]), 1.0)
+    assert asked[:2] == [18.0, 18.0]
+
+
+@pytest.mark.parametrize(("apart", "unseen"), [(0.9e-6, True), (1.1e-6, False)])
+def test_components_of_nearly_one_effect_are_not_told_apart(apart, unseen):
+    scale = np.array([2.0, 10.0])
+    rho = 1.0 - apart
+    inverse, found = _inverse(np.outer(scale, scale) * np.array([[1.0, rho], [rho, 1.0]]))
+    assert found.tolist() == [unseen, unseen]
+    together = np.full((2, 2), 0.5) / (1.0 + rho)
+    difference = np.array([[0.5, -0.5], [-0.5, 0.5]]) / apart
+    expected = together if unseen else together + difference
+    np.testing.assert_allclose(inverse * np.outer(scale, scale), expected, rtol=1e-6)
+
+
+def test_a_component_without_information_is_not_seen():
+    inverse, unseen = _inverse(np.diag([4.0, 0.0]))
+    np.testing.assert_allclose(inverse, np.diag([0.25, 0.0]))
+    assert unseen.tolist() == [False, True]
+    small, seen = _inverse(np.diag([4.0, 1e-12]))
+    np.testing.assert_allclose(small, np.diag([0.25, 1e12]))
+    assert seen.tolist() == [False, False]
+
+
+@pytest.mark.parametrize("part", [0.06, 0.070, 0.072, 0.09])
+def test_a_tenth_of_what_is_not_seen_counts(part):
+    """Null direction v of the information, in the scaling w = v sqrt(1 - v^2)."""
+    v = np.array([part, *[np.sqrt((1.0 - part**2) / 2.0)] * 2])
+    w = v * np.sqrt(1.0 - v**2)
+    _, unseen = _inverse(np.eye(3) - np.outer(v, v))
+    assert unseen.tolist() == [w[0] / np.linalg.norm(w) > 0.1, True, True]
+    assert unseen[0] == (part > 0.071)
+
+
+def test_an_upper_end_that_is_never_reached_is_infinite():
+    flat = Given([0.0, 1.0], [0.0, 0.0], value=lambda t: 1.0 + (t[0] >= 17.0) + t[1] ** 2)
+    t = np.array([-18.0, 2.0])
+    assert _upper_end(flat, t, 0, 6.1) == np.inf
+    assert 17.0 <= _upper_end(flat, t, 0, 5.9) <= 17.001
+    assert _upper_end(flat, t, 0, 6.0) == pytest.approx(17.0, abs=1e-3)
+    assert t.tolist() == [-18.0, 2.0]
+
+
+# The model linearised at the estimate
+
+
+@pytest.mark.parametrize(("part", "directions"), [(0.9e-8, 1), (1.1e-8, 2)])
+def test_directions_that_the_readings_hardly_see_are_left_out(make_problem, part, directions):
+    parameters = [Parameter(name, 0.0, -9.0, 9.0) for name in "ab"]
+    problem = make_problem(lambda p: np.array([0.5 * p[0], 0.25 * p[1] * part, 0.0]),
+                           parameters, np.zeros(3), np.array([0.5, 0.25, 1.0]))  # fmt: skip
+    readings, J = problem.response.evaluate(np.zeros(2))
+    found = likelihood_at(problem, OWN, np.zeros(2), readings, J)
+    assert found.jacobian.shape == (3, directions)
+    assert found.prior_rows.shape == (0, directions)
+
+
+@pytest.mark.parametrize(("values", "directions"), [(0.0, 2), (-9.0, 1), (9.0, 1)])
+def test_parameters_on_a_bound_are_left_out(make_problem, values, directions):
+    parameters = [
+        Parameter("a", 0.0, -9.0, 9.0, prior=Prior(mean=1.0, sd=2.0)),
+        Parameter("b", 0.0, -9.0, 9.0),
+    ]
+    problem = make_problem(lambda p: np.array([p[0], 3.0 * p[1], p[0]]),
+                           parameters, np.ones(3), np.ones(3))  # fmt: skip
+    at = np.array([2.0, values])
+    readings, J = problem.response.evaluate(at)
+    found = likelihood_at(problem, OWN, at, readings, J)
+    assert found.jacobian.shape == (3, directions)
+    np.testing.assert_allclose(found.gap, [-1.0, 1.0 - 3.0 * values, -1.0])
+    np.testing.assert_allclose(found.prior @ found.prior, 0.25)
+    # what is kept spans the same normal matrix
+    scale = 2.0  # of a, if any: the rows of readings are twice those of the prior
+    free = found.jacobian @ found.jacobian.T
+    expected = J[:, :directions] @ J[:, :directions].T
+    ratio = np.trace(free) / np.trace(expected)
+    np.testing.assert_allclose(free, ratio * expected, atol=1e-9)
+    rows = found.prior_rows @ found.prior_rows.T
+    np.testing.assert_allclose(rows, ratio / scale**2)
+
+
+OWN = ErrorStructure(
+    np.ones(3), np.zeros(3, dtype=int), sp.csr_array((3, 0)), np.zeros(0, int), ("own",)
+)

@@ -10,7 +10,15 @@ import pytest
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.direct.simplex import SimplexMove, first_simplex, minimise, simplex
+from geoident.identify.direct.simplex import (
+    SimplexMove,
+    _clearly_better,
+    _Simplex,
+    _steps,
+    first_simplex,
+    minimise,
+    simplex,
+)
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
@@ -177,6 +185,52 @@ def test_inadmissible_neighbours_of_the_start_are_avoided() -> None:
     assert np.all(np.isfinite(values))
     found = minimise(objective, np.zeros(2), options=SimplexOptions(restarts=2))
     assert found.x == pytest.approx([-0.01, 0.7], abs=1e-4)
+
+
+def test_steps_go_there_and_back_and_are_halved_twenty_times() -> None:
+    found = list(_steps(-3.0))
+    assert len(found) == 40
+    assert found[0::2] == [-3.0 / 2**k for k in range(20)]
+    assert found[1::2] == [3.0 / 2**k for k in range(20)]
+
+
+@pytest.mark.parametrize(
+    ("best", "worst", "size", "rests"),
+    [
+        (0.5, 0.5 + 0.9e-6, 0.9e-3, True),
+        (0.5, 0.5 + 1.1e-6, 0.9e-3, False),
+        (0.5, 0.5 + 0.9e-6, 1.1e-3, False),
+        (20.0, 20.0 + 19e-6, 0.9e-3, True),
+        (20.0, 20.0 + 21e-6, 0.9e-3, False),
+        (-20.0, -20.0 + 19e-6, -0.9e-3, True),
+        (-20.0, -20.0 + 21e-6, -1.1e-3, False),
+    ],
+)
+def test_the_search_rests_when_values_and_simplex_are_both_small(
+    best: float, worst: float, size: float, rests: bool
+) -> None:
+    search = _Simplex(rosenbrock, SimplexOptions(delta=1e-6), None)
+    search.x = np.array([[7.0, 1.0], [7.0, 1.0 + 0.5 * size], [7.0 + size, 1.0]])
+    search.values = np.array([best, best, worst])
+    assert search.size == pytest.approx(abs(size))
+    assert search.rests == rests
+
+
+@pytest.mark.parametrize(
+    ("value", "before", "better"),
+    [
+        (0.5 - 1.1e-3, 0.5, True),
+        (0.5 - 0.9e-3, 0.5, False),
+        (20.0 - 0.021, 20.0, True),
+        (20.0 - 0.019, 20.0, False),
+        (-20.021, -20.0, True),
+        (-20.019, -20.0, False),
+    ],
+)
+def test_a_restart_is_clearly_better_by_the_root_of_the_tolerance(
+    value: float, before: float, better: bool
+) -> None:
+    assert _clearly_better(value, before, 1e-6) == better
 
 
 def test_nan_is_inadmissible() -> None:

@@ -17,6 +17,7 @@ from geoident.identify.yield_limits.mixed_program import _energy, solve_box
 from geoident.identify.yield_limits.parameter_boxes import (
     EnergyInequality,
     ParameterBox,
+    _Relaxation,
     examined,
     form_of,
     shortest,
@@ -58,6 +59,7 @@ def form(system):
 def test_a_box_is_cut_across_its_longest_edge():
     whole = ParameterBox(np.array([0.0, 1.0]), np.array([1.0, 4.0]), 7.0, np.array([3, 5]))
     assert whole.size == 3.0
+    assert ParameterBox(np.zeros(0), np.zeros(0), 0.0, ONE).size == 0.0
     below, above = whole.halves()
     assert (below.lower.tolist(), below.upper.tolist()) == ([0.0, 1.0], [1.0, 2.5])
     assert (above.lower.tolist(), above.upper.tolist()) == ([0.0, 2.5], [1.0, 4.0])
@@ -65,17 +67,22 @@ def test_a_box_is_cut_across_its_longest_edge():
     assert below.kept.tolist() == above.kept.tolist() == [3, 5]
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(
     ("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (2.9, 3.0, 1.0 / 9.0), (1.0, 2.2, 4.0)]
 )
-def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound):
-    """At k = 3.4, lam is 0.5 and v = 2.2; at 2.9, v = 2.367; at 2.2, lam is 1.5 and v = 2.6."""
-    system = bar()
+def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound, unit):
+    """At k = 3.4, lam is 0.5 and v = 2.2; at 2.9, v = 2.367; at 2.2, lam is 1.5 and v = 2.6.
+
+    It does not depend on the unit of work.
+    """
+    system = replace(bar(), work=np.array([2.0 * unit]))
     found = examined(system, form(system), box(lower, upper), best=20.0)
     assert found is not None
     assert found.kept.tolist() == [0]
     assert found.bound <= bound * (1 + 1e-9)
-    if lower > 2.8:  # one pair: the energy says all that complementarity does
+    # one pair: above 2.8 the energy says all that complementarity does, below it the slack
+    if (lower, upper) != (1.0, 5.0):
         assert found.bound == pytest.approx(bound, rel=1e-3)
 
 
@@ -96,6 +103,68 @@ def test_a_plane_that_is_reached_nowhere_in_a_box_is_dropped():
     reached = examined(system, form(system), box(3.99, 5.0), best=20.0)
     assert reached is not None
     assert reached.kept.tolist() == [0]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e13])
+def test_the_energy_alone_keeps_a_plane_from_its_multiplier(unit):
+    """With k >= 4.5, lam W q <= 0 leaves lam = 0 only, whatever the unit of work."""
+    system = replace(bar(), work=np.array([2.0 * unit]))
+    here = box(4.5, 5.0)
+    energy = EnergyInequality(system, None, here.lower, here.upper)
+    assert energy.reachable().tolist() == [False]
+    relaxed = _Relaxation(system, energy, here, np.array([True]), 20.0)
+    assert relaxed.bound() == pytest.approx(16.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(("broken", "cut"), [(0.9e-5, False), (1.1e-5, True)])
+def test_tangents_are_added_where_a_hundred_thousandth_is_broken(broken, cut):
+    """Energy 2.4 lam^2 - 2 lam (1 + e) at lam = 1 / 1.2; misfit r^2 over t."""
+    here = box(3.0, 5.0)
+    energy = EnergyInequality(bar(), None, here.lower, here.upper)
+    relaxed = _Relaxation(bar(), energy, here, np.array([True]), 20.0)
+    lam = 1.0 / 1.2 * (1.0 + 2.0 * broken)  # bent - |straight| is 2 broken of half the sum
+    assert relaxed._cut(np.array([3.0, lam, 0.0, 0.0])) == cut
+    for r, above in ((2.0, 4.0), (1e-4, 1e-6)):
+        assert relaxed._cut(np.array([3.0, 0.0, r, r * r - broken * above])) == cut
+
+
+def test_a_tangent_touches_the_energy_where_the_solution_leaves_it():
+    """At lam, the tangent in y = R lam drawn back to the surface: y |straight| / bent."""
+    here = box(3.0, 5.0)
+    energy = EnergyInequality(bar(), None, here.lower, here.upper)
+    relaxed = _Relaxation(bar(), energy, here, np.array([True]), 20.0)
+    rows = []
+    relaxed._add_for_lam = lambda row, upper: rows.append((float(row[0]), upper))
+    for lam, back in ((1.0, 1.0 / 1.2), (10.0, 1.0 / 12.0), (50.0, 0.05)):
+        relaxed._cut(np.array([3.0, lam, 0.0, 0.0]))
+        row, upper = rows.pop()
+        touched = lam * back
+        assert row == pytest.approx(-2.0 + 2.0 * 2.4 * touched)
+        assert upper == pytest.approx(2.4 * touched**2)
+
+
+def test_a_tangent_of_the_discrepancy():
+    here = box(3.0, 5.0)
+    energy = EnergyInequality(bar(), None, here.lower, here.upper)
+    relaxed = _Relaxation(bar(), energy, here, np.array([True]), 20.0)
+    rows = []
+    relaxed._add = lambda row, lower, upper: rows.append((row.tolist(), lower, upper))
+    assert relaxed._cut(np.array([3.0, 0.0, -3.0, 8.0]))
+    assert rows == [([0.0, 0.0, -6.0, -1.0], -relaxed.lp.infinity(), 9.0)]
+
+
+def test_a_box_whose_edge_touches_a_plane_has_no_energy_to_speak_of():
+    """At k = 4, W q is zero: the row of the energy is empty, and a plane may just be reached."""
+    system = bar()
+    found = examined(system, form(system), box(4.0, 5.0), best=20.0)
+    assert found is not None
+    assert found.bound == pytest.approx(16.0, rel=1e-3)
+
+
+def test_a_form_without_pairs_is_convex():
+    nothing = form_of(np.zeros((0, 0)))
+    assert nothing.convex
+    assert nothing.root.shape == nothing.carried.shape == (0, 0)
 
 
 def test_a_box_without_anything_below_the_best_is_empty():
@@ -159,6 +228,18 @@ def test_nor_where_a_part_is_not_or_where_there_is_none(M):
     assert np.isneginf(energy.lowest()).all()
 
 
+def test_nothing_follows_for_rows_that_the_form_does_not_carry():
+    """M = diag(1, 0, 0) and a turning part that does no work: rows 1 and 3 are more than S."""
+    M = np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    three = replace(
+        bar(), slack=np.ones(3), slack_by_p=np.zeros((3, 1)), slack_by_lam=M, work=np.ones(3)
+    )
+    energy = EnergyInequality(three, None, np.zeros(1), np.ones(1))
+    assert energy.convex
+    assert energy.lowest() == pytest.approx([-np.inf, 1.0, 1.0], abs=1e-8)
+    assert energy.reachable().tolist() == [True, False, False]
+
+
 def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
     """Two planes that share stresses: W s = W q + T R lam in the ball of diameter y."""
     system = CondensedSystem(
@@ -181,6 +262,27 @@ def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
     exact = energy.linear + 0.5 * (T @ y - np.linalg.norm(T, axis=1) * np.linalg.norm(y))
     assert energy.lowest() == pytest.approx(exact, rel=1e-6)
     assert energy.lowest()[1] <= 2.0 - 1.5  # lam is 1.5, which takes 1.5 from the second
+
+
+@pytest.mark.parametrize(("part", "some"), [(0.9e-10, 1), (1.1e-10, 2)])
+def test_directions_of_a_form_below_a_ten_billionth_are_left_out(part, some):
+    assert form_of(np.diag([5.0, 5.0 * part])).root.shape == (some, 2)
+
+
+@pytest.mark.parametrize(("off", "exact"), [(0.9e-8, True), (1.1e-8, False)])
+def test_a_form_is_exact_to_a_hundred_millionth(off, exact):
+    """Twisted by +- off / 2 the symmetric part is the same; the part beyond the root is lost."""
+    W = 3.0 * np.array([[1.0, off], [-off, 0.0]])
+    assert form_of(W).exact.tolist() == [exact, True]
+
+
+def test_a_reserve_allows_for_a_billionth_of_rounding():
+    """One plane: W s is at least W q + (W q - |W q|) / 2, less 1e-9 of what is added."""
+    for k, least in ((5.0, 2.0), (3.0, -2.0)):
+        energy = EnergyInequality(bar(), None, np.array([k]), np.array([5.0]))
+        reserve = 0.0 if k > 4.0 else 2.0
+        expected = least + 0.5 * (reserve - reserve) - 1e-9 * (2.0 + reserve)
+        assert energy.lowest() == pytest.approx([expected], rel=1e-13)
 
 
 def test_the_shortest_vector_above_bounds():

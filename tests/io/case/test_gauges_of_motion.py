@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geoident.errors import InputError
+
 PLANE = (
     "  CV1: {kind: convergence, between: [[-1, 0 m], [1, 0 m]], accuracy: 0.2 mm, zero: heading}"
 )
@@ -359,3 +361,15 @@ def test_rings_are_read_by_another_probe(project, changed):
     sound = gauge.replace("«", "").replace("accuracy: 1 mm", "accuracy: 1 mm, ring_accuracy: 4 mm")
     found = channels(project, plane(changed, sound))
     assert (found["G.A2"].accuracy, found["G.S3"].accuracy) == (1e-3, 4e-3)
+
+
+def test_a_reading_of_a_gauge_of_several_channels_names_them(project, changed):
+    gauge = "  G: {kind: levelling, points: {P2: [4, 0 m], P3: [9, 1 m]}, accuracy: 0.3 mm}"
+    text = changed(PLANE, gauge).replace(
+        "readings: readings.csv", "readings: [{gauge: G, stage: bench 1, value: 1 mm}]"
+    )
+    with pytest.raises(InputError) as error:
+        project.read(text)
+    assert [fault.hint for fault in error.value.faults] == [
+        "It has readings of its own for each of its channels: G.P2, G.P3."
+    ]

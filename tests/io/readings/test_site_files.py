@@ -111,6 +111,19 @@ def test_a_column_that_is_no_gauge_is_said_with_what_to_declare(refused):
     assert "If it is no gauge: ignore: [weather], or columns: {remarks: weather}." in fault.hint
 
 
+def test_a_name_that_is_no_gauge_is_said_once_and_not_for_every_row(refused):
+    names, stages = ("CV", "CV2", "EX1"), ("heading", "bench 1")
+    rows = [f"{name},{stage},1,mm\n" for stage in stages for name in names]
+    text = "gauge,stage,value,unit\n" + "".join(rows)
+    faults = refused("readings: {file: r.csv}", files={"r.csv": text})
+    assert [fault.message for fault in faults] == [
+        "there is no gauge 'CV' to read",
+        "there is no gauge 'CV2' to read",
+        "there is no gauge 'EX1' to read",
+    ]
+    assert [fault.location.line for fault in faults] == [2, 3, 4]
+
+
 def test_a_column_to_be_ignored_must_be_there(refused):
     (fault,) = refused(
         DATES + "{file: r.csv, layout: wide, ignore: [wether], channels: {CV1: CV1}}",

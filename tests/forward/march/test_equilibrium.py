@@ -1,0 +1,319 @@
+"""The rules of Newton's method one by one, on one unknown whose residual is given."""
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geoident.forward.march.equilibrium import (
+    _by_residual,
+    _lower,
+    _next_level,
+    _refuse_mechanism,
+    _shortened,
+    follow_slope,
+    solve,
+)
+from geoident.forward.march.stage_equations import ELASTIC_PARTS, NoEquilibrium, Trial
+
+
+class Given:
+    """One unknown u with the residual r(u); every step that a tangent gives is 1 long.
+
+    Attributes:
+        asked: where the residual was asked for.
+        levels: from which level on every tangent was made.
+    """
+
+    dofs = np.array([0])
+
+    def __init__(self, residual, *, associated=False, forces=1.0, needs=0):
+        self.residual, self.associated = residual, associated
+        self.forces, self.needs = np.array([forces]), needs
+        self.asked, self.levels = [], []
+
+    def at(self, du):
+        self.asked.append(float(du[0]))
+        found = np.array([float(self.residual(float(du[0])))])
+        return Trial(du, np.zeros((1, 1)), (), found, 1.0)
+
+    def distance(self, trial):
+        return trial.error
+
+    def factor(self, trial, *, least=0):
+        self.levels.append(least)
+        return SimpleNamespace(solve=np.ones_like), max(least, self.needs)
+
+    def spread(self, free):
+        return free
+
+
+ZERO = np.zeros(1)
+
+
+# --- how far along a step ---
+
+
+def shares(slope):
+    """Where along a step from 0 with this slope of -Pi the way is looked at, and where it ends."""
+    given = Given(slope)
+    following, share = follow_slope(given, given.at(ZERO), np.ones(1))
+    assert following.du[0] == share
+    return given.asked[1:], share
+
+
+@pytest.mark.parametrize("end", [0.5, 0.0, -0.29])
+def test_a_step_that_rises_little_is_taken_whole(end):
+    assert shares(lambda u: 1.0 + (end - 1.0) * u) == ([1.0], 1.0)
+
+
+def test_the_zero_of_a_straight_slope_is_found_at_once():
+    asked, share = shares(lambda u: 2.0 - 6.0 * u)
+    assert asked == pytest.approx([1.0, 1.0 / 3.0])
+    assert share == asked[-1]
+
+
+def test_a_slope_of_three_tenths_is_near_enough_on_both_sides():
+    """With -4 at the end the chord of 1 meets zero at 0.2."""
+    for found, steps in ((0.29, 2), (-0.29, 2), (0.31, 3), (-0.31, 3)):
+        values = {0.0: 1.0, 1.0: -4.0, 0.2: found}
+        asked, _ = shares(lambda u, values=values: values.get(round(u, 12), 0.0))
+        assert len(asked) == steps, found
+
+
+def test_a_chord_whose_one_end_stays_counts_it_half():
+    """The Illinois rule: after (0.2, 0.5) and (1, -4) comes the chord from 0.5 to -2."""
+    below, above = {0.0: 1.0, 1.0: -4.0, 0.2: 0.5}, {0.0: 1.0, 1.0: -4.0, 0.2: -1.5}
+    asked, _ = shares(lambda u: below.get(round(u, 12), 0.0))
+    assert asked == pytest.approx([1.0, 0.2, 0.2 + 0.8 * 0.5 / 2.5])
+    asked, _ = shares(lambda u: above.get(round(u, 12), 0.0))
+    assert asked == pytest.approx([1.0, 0.2, 0.2 * 0.5 / 2.0])
+
+
+def test_a_chord_keeps_a_fiftieth_from_both_ends():
+    asked, _ = shares(lambda u: 1.0 if u == 0.0 else -1e9 if u == 1.0 else 0.0)
+    assert asked == pytest.approx([1.0, 0.02])
+    asked, _ = shares(lambda u: {0.0: 1e9, 1.0: -0.31e9, 0.763359: 1e9}.get(round(u, 6), -0.4e9))
+    low = 1.0 / 1.31
+    # 1e9 against half of -0.31e9, then 0.5e9 against -0.4e9: nowhere near an end
+    assert asked[:3] == pytest.approx([1.0, low, low + (1.0 - low) * 1.0 / 1.155])
+    steep = shares(lambda u: 1e9 if u < 0.5 else -0.31e9 if u == 1.0 else 0.0)[0]
+    assert steep == pytest.approx([1.0, low])
+    high = shares(lambda u: {0.0: 1.0, 1.0: -0.301}.get(u, 1e6 if u < 0.9 else 0.0))[0]
+    low = 1.0 / 1.301
+    assert high == pytest.approx([1.0, low, 1.0 - 0.02 * (1.0 - low)])
+
+
+def test_a_slope_that_jumps_across_zero_is_enclosed():
+    """Forty turns at most; the ends close in on the jump at 0.3."""
+    asked, share = shares(lambda u: 1.0 if u < 0.3 else -1.0)
+    assert len(asked) == 41
+    assert share == pytest.approx(0.3, abs=1e-6)
+
+
+# --- a step that lowers the residual ---
+
+
+@pytest.mark.parametrize(
+    ("residual", "shortest", "expected"),
+    [
+        (lambda u: 1.0 - 1.1e-4 * u, 0.05, (1.0, True)),
+        (lambda u: 1.0 if u == 0.0 else 1.0 - 0.9e-4 * (u == 1.0), 0.05, (1.0, False)),
+        (lambda u: 1.0 if u in (0.0, 1.0) else 0.99994, 0.05, (0.5, True)),
+        (lambda u: 1.0 if u in (0.0, 1.0) else 0.99996, 0.05, (0.25, True)),
+        (lambda u: 1.0 + (u - 0.2) ** 2 * (u > 0.0), 0.05, (0.25, False)),
+    ],
+)
+def test_a_step_is_halved_until_the_residual_falls(residual, shortest, expected):
+    given = Given(residual)
+    following, share, lower = _shortened(given, given.at(ZERO), np.ones(1), shortest)
+    assert (share, lower) == expected
+    assert following.du[0] == share
+
+
+@pytest.mark.parametrize(("shortest", "halvings"), [(0.05, 5), (0.0625, 4), (1e-3, 10)])
+def test_a_step_is_halved_down_to_the_shortest(shortest, halvings):
+    given = Given(lambda u: 1.0)
+    given_start = given.at(ZERO)
+    assert _shortened(given, given_start, np.ones(1), shortest)[2] is False
+    assert given.asked[1:] == [0.5**k for k in range(halvings)]
+
+
+# --- how stiff the next tangent is ---
+
+
+@pytest.mark.parametrize(
+    ("level", "share", "following"),
+    [
+        *[(level, 0.29, max(6, min(level + 1, 9))) for level in range(10)],
+        *[(level, share, level) for level in (0, 5, 9) for share in (0.3, 0.89)],
+        *[(level, 0.9, 0) for level in range(7)],
+        *[(level, share, level - 1) for level in (7, 8, 9) for share in (0.9, 1.0)],
+    ],
+)
+def test_short_steps_make_tangents_stiffer_and_long_ones_softer(level, share, following):
+    assert len(ELASTIC_PARTS) == 11
+    assert _next_level(level, share) == following
+
+
+def test_parts_of_the_elastic_stiffness_rise_to_the_whole():
+    assert ELASTIC_PARTS[0] == 1e-10
+    assert ELASTIC_PARTS[6:] == (0.01, 0.03, 0.1, 0.3, 1.0)
+    assert all(0.0 < a < b for a, b in pairwise(ELASTIC_PARTS))
+
+
+# --- flow without potential ---
+
+
+def slowly(u):
+    """Falls by a hundredth of a per cent with every step, so that it is always lower."""
+    return (1.0 - 2e-4) ** u
+
+
+@pytest.mark.parametrize(("bold", "tangents"), [(True, 13), (False, 25)])
+def test_patience_ends_when_the_error_does_not_come_down_by_half(bold, tangents):
+    """Twelve steps after the last one that halved it, or twice as many on the cautious way."""
+    given = Given(slowly)
+    found = _lower(given, given.at(ZERO), bold=bold)
+    assert len(given.levels) == tangents
+    assert found.unbalanced == pytest.approx(slowly(tangents))
+    assert found.trial.du[0] == tangents
+    assert (found.factor, found.made_at, found.steps) == (None, None, 60)
+
+
+@pytest.mark.parametrize(("after", "tangents"), [(0.51, 13), (0.5, 24), (0.49, 23)])
+def test_patience_begins_anew_when_the_error_came_down_by_half(after, tangents):
+    """At the tenth step, or at the eleventh where the tenth leaves the half itself."""
+    given = Given(lambda u: (1.0 if u < 10.0 else after) * slowly(u) / slowly(min(u, 10.0)))
+    found = _lower(given, given.at(ZERO), bold=True)
+    assert len(given.levels) == tangents
+    assert found.unbalanced == pytest.approx(after * slowly(tangents - 10.0))
+
+
+def test_sixty_steps_are_taken_at_most():
+    given = Given(lambda u: 0.9**u)
+    found = _lower(given, given.at(ZERO), bold=True)
+    assert len(given.levels) == 60
+    assert found.unbalanced == pytest.approx(0.9**59)  # the best of those at the head of a step
+
+
+def test_the_cautious_way_stays_and_makes_the_tangent_stiffer():
+    """No step is lower: elastic parts from level 6 to 10 are tried, from the same place."""
+    given = Given(lambda u: 1.0 + u)
+    found = _lower(given, given.at(ZERO), bold=False)
+    assert given.levels == [0, 6, 7, 8, 9, 10]
+    assert found.trial.du[0] == 0.0
+    assert found.unbalanced == 1.0
+
+
+def test_the_bold_way_goes_on_with_the_least_harm():
+    """It makes the shortest of ten halvings and a stiffer tangent, up to level 9, and goes on."""
+    given = Given(lambda u: 1.0 + u)
+    found = _lower(given, given.at(ZERO), bold=True)
+    assert given.levels == [0, 6, 7, 8, *[9] * 9]
+    assert given.asked[1:11] == [0.5**k for k in range(10)]
+    assert given.asked[11:13] == [0.5**9 + 1.0, 0.5**9 + 0.5]
+    assert found.unbalanced == 1.0
+
+
+@pytest.mark.parametrize("bold", [True, False])
+def test_equilibrium_ends_at_once_with_the_factor_of_the_step_before(bold):
+    given = Given(lambda u: {0.0: 1.0, 1.0: 1.1e-11}.get(u, 0.9e-11))
+    found = _lower(given, given.at(ZERO), bold=bold)
+    assert (found.steps, found.unbalanced, found.trial.du[0]) == (2, 0.0, 2.0)
+    assert found.factor is not None
+    assert found.made_at is not None
+    assert found.made_at.du[0] == 1.0
+    stiffer = Given(lambda u: {0.0: 1.0}.get(u, 1e-12), needs=1)
+    assert _lower(stiffer, stiffer.at(ZERO), bold=bold).made_at is None
+
+
+@pytest.mark.parametrize("bold", [True, False])
+@pytest.mark.parametrize(("left", "ends"), [(0.9e-8, True), (1.1e-8, False)])
+def test_what_no_step_lowers_any_more_is_rounding_if_it_is_small(bold, left, ends):
+    given = Given(lambda u: 1.0 if u == 0.0 else left)
+    found = _lower(given, given.at(ZERO), bold=bold)
+    assert (found.factor is not None) == ends
+    assert found.unbalanced == (0.0 if ends else left)
+    if ends:
+        assert (found.steps, found.trial.du[0]) == (2, 1.0)
+
+
+@pytest.mark.parametrize(("left", "carried"), [(0.0099, True), (0.0101, False)])
+def test_a_hundredth_of_the_load_may_stay_unbalanced(left, carried):
+    given = Given(lambda u: 1.0 if u == 0.0 else left)
+    if carried:
+        assert solve(given, [ZERO]).unbalanced == left
+    else:
+        with pytest.raises(NoEquilibrium):
+            solve(given, [ZERO])
+
+
+def test_the_bold_way_crosses_a_hill_behind_which_there_is_equilibrium():
+    given = Given(lambda u: 1.0 if u == 0.0 else 2.0 if u < 8.0 else 0.0)
+    found = solve(given, [ZERO])
+    assert (found.trial.du[0], found.unbalanced, found.steps) == (8.0, 0.0, 8)
+
+
+def test_the_cautious_way_is_the_answer_where_both_leave_something():
+    """The bold way comes to 0.002 beyond a hill that the cautious one does not cross."""
+    given = Given(lambda u: 1.0 if u == 0.0 else 0.005 if u <= 1.0 else 0.006 if u < 9.0 else 0.002)
+    found = _by_residual(given, given.at(ZERO))
+    assert found.unbalanced == 0.005
+    assert found.trial.du[0] == 1.0
+
+
+# --- loads that nothing carries ---
+
+
+@pytest.mark.parametrize(("left", "falls"), [(0.9e-6, False), (1.1e-6, True)])
+@pytest.mark.parametrize("forces", [1.0, -4.0])
+def test_a_mechanism_is_proven_by_the_power_far_out(left, falls, forces):
+    """A millionth of the power of the loads is rounding; the place is a million steps away."""
+    given = Given(lambda u: left * abs(forces), forces=forces)
+    start = given.at(np.array([3.0]))
+    if falls:
+        with pytest.raises(NoEquilibrium) as caught:
+            _refuse_mechanism(given, start, np.array([2.0]))
+        assert caught.value.mechanism.tolist() == [2.0]
+    else:
+        _refuse_mechanism(given, start, np.array([2.0]))
+    assert given.asked[1:] == [3.0 + 2e6]
+
+
+def test_a_mechanism_is_looked_for_from_the_fifth_step_on():
+    given = Given(lambda u: 1.0, associated=True)
+    with pytest.raises(NoEquilibrium):
+        solve(given, [ZERO])
+    assert given.asked == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0 + 1e6]
+
+
+def test_sixty_steps_of_a_potential_without_its_minimum_are_no_equilibrium():
+    given = Given(lambda u: 1.0 if u < 1e5 else -1.0, associated=True)
+    with pytest.raises(NoEquilibrium) as caught:
+        solve(given, [ZERO])
+    assert caught.value.mechanism.tolist() == [60.0]
+    assert len(given.levels) == 60
+
+
+def test_a_potential_ends_in_equilibrium_or_where_rounding_hides_it():
+    given = Given(lambda u: {0.0: 1.0, 1.0: 1.1e-11}.get(u, 0.9e-11), associated=True)
+    found = solve(given, [ZERO])
+    assert (found.steps, found.trial.du[0], found.made_at.du[0]) == (2, 2.0, 1.0)
+    for left, ends in ((0.9e-8, True), (1.1e-8, False)):
+        given = Given(lambda u, left=left: 1.0 if u == 0.0 else left, associated=True, forces=0.0)
+        if ends:
+            found = solve(given, [ZERO])
+            assert (found.steps, found.trial.du[0]) == (2, 1.0)
+        else:
+            with pytest.raises(NoEquilibrium):
+                solve(given, [ZERO])
+
+
+def test_the_nearest_guess_is_the_start():
+    given = Given(lambda u: 0.0 if u == 7.0 else 1.0 + u, associated=True)
+    found = solve(given, [ZERO, np.array([7.0]), np.array([2.0])])
+    assert (found.steps, found.trial.du[0]) == (0, 7.0)
+    assert found.factor is None
+    assert found.made_at is None
