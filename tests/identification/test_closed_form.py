@@ -13,13 +13,15 @@ from support.commands import run_command
 from support.meshes import box, opening, regroup
 from support.yielding import constant, mohr, rock
 
-from geoident.errors import InputError
+from geoident.errors import InputError, ModelError
 from geoident.forward.model import StagedModel
 from geoident.identify import Problem, identify
+from geoident.identify.least_squares.closed_form import closed_form
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.result import Counts
 
 MPa = 1e6
 CASE = """\
@@ -260,3 +262,37 @@ def test_readings_without_closed_form_take_no_part():
     given = replace(given, response=last, measured=measured[-2:], sd=given.sd[-2:])
     with pytest.raises(InputError, match="no reading is of a stage"):
         identify(given, [ClosedFormOptions()], ignore)
+
+
+class WithoutSolution:
+    """A model, and a closed form of it of two of its three readings, with no solution anywhere."""
+
+    names = ("k",)
+    counts = Counts()
+    covered = np.array([True, False, True])
+
+    def opening(self, centre, radius):
+        return self
+
+    def remarks(self, p):
+        return ()
+
+    def admissible(self, p):
+        return None
+
+    def readings(self, p):
+        raise ModelError("The formula has no solution there.")
+
+    evaluate = readings
+
+
+def test_a_closed_form_without_a_solution_leaves_the_start_and_says_why():
+    parameter = Parameter("k", 2.0, 1.0, 3.0)
+    problem = Problem(WithoutSolution(), np.zeros(3), np.ones(3), (parameter,))
+    found = closed_form(problem, ClosedFormOptions(), lambda entry: None)
+    assert (found.values.tolist(), found.objective) == ([2.0], np.inf)
+    assert (found.status, found.iterations) == ("not-converged", ())
+    reason = "The formula has no solution there."
+    assert found.remarks[0].startswith("the closed form was skipped: ")
+    assert reason.rstrip(".") in found.remarks[0]
+    assert reason.rstrip(".") in found.reason

@@ -145,8 +145,9 @@ def accuracy_table(
 def _owner(case: Case, name: str) -> tuple[Channel, str, float]:
     """A channel with a component, the part (empty for a common factor) and its size before, SI."""
     channels = [c for c in case.channels if c.errors and name in dict(c.errors.estimated).values()]
-    part = name.partition(": ")[2]
-    for channel in channels:
+    kind, _, part = name.partition(": ")
+    # gauges of another kind that share a set-up come last: their size of it may be another
+    for channel in sorted(channels, key=lambda c: c.kind != kind):
         if part and channel.errors and channel.errors.component(part) == name:
             return channel, part, float(getattr(channel.errors, part))
     return channels[0], "", 1.0

@@ -14,6 +14,7 @@ from support.meshes import box, regroup
 from support.tunnels import walled, with_lines
 
 from geoident.errors import InputError
+from geoident.forward.gauges.members import nearest
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import ConstantStress
@@ -330,3 +331,48 @@ def test_tilt_before_the_wall_stands_and_of_a_bar_are_refused():
     assert error.value.faults[0].message == (
         "gauge 'b' reads a rotation of the structure 'nails', whose bars have none of their own"
     )
+
+
+# Where the pieces of a beam come nearest to a point: an L of pieces 2, 2 and 4 long
+
+BENT = np.array([[[0.0, 0.0], [2.0, 0.0]], [[2.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 4.0]]])
+
+
+@pytest.mark.parametrize(
+    ("point", "pieces", "along", "foot", "distance"),
+    [
+        ((0.5, 0.3), [0], [0.25], (0.5, 0.0), 0.3),
+        ((-3.0, 4.0), [0], [0.0], (0.0, 0.0), 5.0),
+        ((2.0, -1.5), [0, 1], [1.0, 0.0], (2.0, 0.0), 1.5),
+        ((7.0, -4.0), [1, 2], [1.0, 0.0], (4.0, 0.0), 5.0),
+        ((3.5, 3.0), [2], [0.75], (4.0, 3.0), 0.5),
+        ((4.0, 9.0), [2], [1.0], (4.0, 4.0), 5.0),
+        ((2.0 + 1.9e-6, 0.1), [0, 1], [1.0, 0.95e-6], (2.0 + 1.9e-6, 0.0), 0.1),
+        ((2.0 + 2.1e-6, 0.1), [1], [1.05e-6], (2.0 + 2.1e-6, 0.0), 0.1),
+    ],
+)
+def test_the_place_on_a_beam_is_the_nearest(point, pieces, along, foot, distance):
+    """Pieces that come as near to a millionth of their length count as well."""
+    found = nearest(BENT, np.array(point))
+    assert found.pieces.tolist() == pieces
+    assert found.along == pytest.approx(along)
+    assert found.point == pytest.approx(foot)
+    assert found.distance == pytest.approx(distance)
+    right = np.array([[0.0, -1.0], [0.0, -1.0], [1.0, 0.0]])
+    assert found.normals == pytest.approx(right[pieces])
+    assert found.lengths == pytest.approx(np.array([2.0, 2.0, 4.0])[pieces])
+    assert found.turned.tolist() == [1.0] * len(pieces)
+
+
+def test_the_inside_is_where_a_point_is():
+    """At the corner of the L, to the right of both pieces, of one, of none, and on their line."""
+    corner = nearest(BENT, np.array([4.0, 0.0]))
+    assert corner.seen_from(None) is corner
+    for towards, turned in (
+        ((5.0, -1.0), [1.0, 1.0]),
+        ((3.0, -1.0), [1.0, -1.0]),
+        ((5.0, 1.0), [-1.0, 1.0]),
+        ((3.0, 1.0), [-1.0, -1.0]),
+        ((4.0, 0.0), [1.0, 1.0]),
+    ):
+        assert corner.seen_from(towards).turned.tolist() == turned

@@ -246,6 +246,17 @@ def test_every_kind_of_face_gives_the_level_all_over_its_plan(kind):
     np.testing.assert_allclose(levels, 1 + places[:, :-1] @ slope, rtol=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 20.0])
+@pytest.mark.parametrize("begin", [0.0, -3.0])
+def test_a_line_a_billionth_of_a_face_beside_it_still_meets_it(begin, size):
+    mesh = box("tri3", (1, 1))
+    mesh = replace(mesh, points=np.array([begin, 0.0]) + size * mesh.points)
+    x = begin + size * np.array([-1.1e-9, -0.9e-9, 0.5, 1.0 + 0.9e-9, 1.0 + 1.1e-9])
+    levels, outside = Topography(mesh, "y1").levels(np.column_stack([x, 0.0 * x]))
+    assert outside.tolist() == [True, False, False, False, True]
+    np.testing.assert_allclose(levels, size)
+
+
 @pytest.mark.parametrize("kind", ["tet4", "hex8", "tri3"])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_faces_on_both_sides_of_a_ridge_do_not_reach_beyond_it(kind, axis):

@@ -140,6 +140,18 @@ def test_a_step_is_halved_down_to_the_shortest(shortest, halvings):
     assert given.asked[1:] == [0.5**k for k in range(halvings)]
 
 
+def test_ways_lie_along_the_step():
+    """From 3 on, with a step of 2: to 3.5 where the residual falls, to 3.4 where the slope ends."""
+    given = Given(lambda u: 1.0 - 0.5 * (u == 3.5))
+    start = given.at(np.array([3.0]))
+    following, share, lower = _shortened(given, start, np.array([2.0]), 0.05)
+    assert (following.du[0], share, lower) == (3.5, 0.25, True)
+    given = Given(lambda u: 1.0 - 2.5 * (u - 3.0))
+    following, share = follow_slope(given, given.at(np.array([3.0])), np.array([2.0]))
+    assert following.du[0] == pytest.approx(3.4)
+    assert share == pytest.approx(0.2)
+
+
 # --- how stiff the next tangent is ---
 
 
@@ -254,6 +266,12 @@ def test_the_bold_way_crosses_a_hill_behind_which_there_is_equilibrium():
     given = Given(lambda u: 1.0 if u == 0.0 else 2.0 if u < 8.0 else 0.0)
     found = solve(given, [ZERO])
     assert (found.trial.du[0], found.unbalanced, found.steps) == (8.0, 0.0, 8)
+
+
+def test_where_rounding_ends_the_bold_way_no_other_is_tried():
+    given = Given(lambda u: 1.0 if u == 0.0 else 0.9e-8)
+    assert solve(given, [ZERO]).trial.du[0] == 1.0
+    assert len(given.levels) == 2
 
 
 def test_the_cautious_way_is_the_answer_where_both_leave_something():

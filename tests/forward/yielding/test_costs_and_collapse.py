@@ -196,6 +196,18 @@ def test_virgin_stress_outside_the_surface_is_refused_with_place_and_factor(plan
     assert float(low) == pytest.approx(10.0 - deepest, abs=0.01)
 
 
+@pytest.mark.parametrize(("k", "size"), [(1e5, "by a factor of {:.3g}"), (0.0, "by {:.3g} Pa")])
+def test_virgin_stress_outside_the_surface_is_refused_with_the_plane(k, size):
+    """Of four planes only the vertical stress of the second is beyond its distance."""
+    normals = np.eye(6)[[0, 1, 2, 3]] * np.array([1.0, -1.0, 1.0, 1.0])[:, None]
+    staged = virgin(given(normals, [1e9, k, 1e9, 1e9]))
+    vertical = 2e4 * (10.0 - staged.discretization.points.position[:, 1].min())
+    with pytest.raises(ModelError, match="in-situ stress is outside the yield surface") as caught:
+        marched(staged)
+    said = size.format(vertical / k if k else vertical)
+    assert f", at its p1: {said}" in str(caught.value)
+
+
 @pytest.mark.parametrize("planes", [None, 16])
 def test_virgin_ground_exactly_on_the_surface_is_allowed(planes):
     """Cohesionless ground at Rankine's K_a = tan^2(45 - phi/2)."""

@@ -7,6 +7,7 @@ from geoident.errors import InputError
 from geoident.io.case.file import parse_case
 from geoident.io.case.gauges.accuracy import TYPICAL
 from geoident.model.gauges import Reading
+from geoident.workflow.running.accuracies import with_accuracies
 from geoident.workflow.running.errors import error_structure
 from tests.support.trench import CASE, write_case
 
@@ -136,3 +137,24 @@ def test_estimated_kinds_must_exist_and_the_loss_must_be_squared():
     assert fault.path == "fit.loss"
     assert "accuracies cannot be estimated with the loss 'huber'" in fault.message
     assert "bad" in fault.hint
+
+
+SURVEYED = (
+    "  L: {kind: levelling, points: {P: [-5, 0 m], Q: [5, 0 m]}, survey: monday, "
+    "accuracy: {reading: 0.3 mm, epoch: 0.4 mm}}\n"
+    "  S: {kind: settlement, point: [0, 0 m], survey: monday, "
+    "accuracy: {reading: 0.2 mm, epoch: 0.5 mm}}\n"
+)
+
+
+@pytest.mark.parametrize("kinds", ["estimate", "{levelling: estimate}", "{settlement: estimate}"])
+def test_gauges_of_two_kinds_have_one_factor_on_the_set_up_they_share(project, changed, kinds):
+    text = changed("readings: readings.csv", SURVEYED + "readings: readings.csv")
+    text = text.replace("stages: [bench 1]", f"stages: [bench 1], accuracies: {kinds}")
+    case = project.read(text).case
+    shared = {c.name: c.errors for c in case.channels if c.errors and c.errors.survey}
+    assert set(shared) == {"L.P", "L.Q", "S"}
+    (factor,) = {parts.component("epoch") for parts in shared.values()}
+    sized = with_accuracies(case, {factor: 3.0})
+    found = {c.name: c.errors.epoch for c in sized.channels if c.name in shared}
+    assert found == pytest.approx({"L.P": 1.2e-3, "L.Q": 1.2e-3, "S": 1.5e-3})

@@ -339,7 +339,34 @@ def described_channels(
         message += "large residuals by wrong readings, an estimated accuracy by the gauge"
         hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
         faults.add(("fit", "loss"), "contradiction", message, hint)
-    return tuple(c if c.errors is None else _complete(c, c.errors) for c in found)
+    return _one_set_up(tuple(c if c.errors is None else _complete(c, c.errors) for c in found))
+
+
+def _one_set_up(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+    """Channels that share a set-up have one component for it, also where their kinds differ.
+
+    If one of them has it estimated, it is; of several components that are stated, the first by name
+    is taken.
+    """
+    names: dict[str, str] = {}
+    for channel in channels:
+        parts = channel.errors
+        name = parts.component("epoch") if parts is not None else None
+        if parts is not None and name is not None and parts.epoch > 0.0:
+            survey = parts.survey or channel.gauge
+            names[survey] = min(name, names.get(survey, name))
+    return tuple(
+        c
+        if c.errors is None or c.errors.epoch == 0.0 or (c.errors.survey or c.gauge) not in names
+        else replace(c, errors=_with_epoch(c.errors, names[c.errors.survey or c.gauge]))
+        for c in channels
+    )
+
+
+def _with_epoch(parts: ErrorParts, name: str) -> ErrorParts:
+    """The same with this component for the set-up."""
+    estimated = {**dict(parts.estimated), "epoch": name}
+    return replace(parts, estimated=tuple(estimated.items()))
 
 
 def _complete(channel: Channel, parts: ErrorParts) -> Channel:

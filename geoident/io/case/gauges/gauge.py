@@ -9,6 +9,7 @@ import math
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import (
     Discriminator,
     Field,
@@ -235,3 +236,8 @@ def axis_vector(axis: int, dim: int, sign: float) -> Vector:
         sign: 1, or -1 for against it.
     """
     return tuple(sign if n == axis else 0.0 for n in range(dim))
+
+
+def cross_product(a: Vector, b: Vector) -> Vector:
+    """Vector product (3,) of two vectors (3,)."""
+    return tuple(float(x) for x in np.cross(a, b))

@@ -29,13 +29,9 @@ from geoident.io.case.gauges.gauge import (
     refuse_one_point,
     unit_vector,
 )
-from geoident.io.case.gauges.motion import (
-    InclinometerSection,
-    LevellingSection,
-    LineOfSightSection,
-    TargetSection,
-    TiltSection,
-)
+from geoident.io.case.gauges.inclinometer import InclinometerSection
+from geoident.io.case.gauges.motion import LevellingSection, LineOfSightSection, TiltSection
+from geoident.io.case.gauges.target import TargetSection
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
