@@ -415,4 +415,4 @@ def _beam_faults(
             yield fault("which-side", message, "give 'towards': a point on the inside")
     if channel.quantity in ("inside", "outside") and not (beam.thickness or channel.fibre):
         message = f"{named} reads a fibre of {of}, whose thickness is not given"
-        yield fault("no-thickness", message, "give 'depth': its distance from the axis")
+        yield fault("no-thickness", message, "give 'depth': its distance from the axis of the beam")

@@ -114,6 +114,22 @@ def test_slow_iteration_is_said() -> None:
     assert outcome.values == pytest.approx([1.0 + 0.9**7])
 
 
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [(0.9e-4, "no parameter by more"), (1.1e-4, "below 1.1e-04"), (1.1e-3, "no parameter by more")],
+)
+def test_two_changes_are_enough_to_see_rounding(second: float, said: str) -> None:
+    """The first is 1e-4; the second is no shorter, and no longer than the root of 1e-6."""
+
+    def following(p: Floats) -> Floats:
+        return 2.0 * np.exp([1e-4 if p[0] < 2.00001 else 1e-4 + second])
+
+    outcome = iterate(Map(following), options=replace(OUTPUT, tolerance=1e-6))
+    assert outcome.status == "converged"
+    assert said in outcome.reason
+    assert len(outcome.iterations) == (2 if "below" in said else 3)
+
+
 def test_rounding_is_rest() -> None:
     outcome = iterate(Map(lambda p: 1.0 + 1e-6 * np.sin(1e9 * p)))
     assert outcome.status == "converged"

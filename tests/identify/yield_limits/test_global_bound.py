@@ -193,6 +193,17 @@ def test_a_solution_without_anything_better_proves_no_more_than_the_best(scripte
     assert search.done == 2.0
 
 
+def test_what_is_solved_is_taken_over_in_the_units_of_the_model(scripted):
+    class Scaled(System):
+        reference = np.array([0.5])
+
+    scripted(lambda box: box, Solved(1.5, np.array([1.4]), True))
+    search, seen = counted(), []
+    search.improve = lambda p: seen.append(p.tolist())
+    search.visit(Scaled, box(0.0, kept=FEW))
+    assert seen == [[0.7]]
+
+
 def test_a_better_point_is_taken_over_after_a_descent_on_the_model():
     search = counted()
     search.improve(np.array([0.7]))
