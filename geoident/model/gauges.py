@@ -38,6 +38,9 @@ class ErrorParts:
         epoch: of the set-up of a survey, which all its readings share at an epoch.
         along: what adds up along the run of the channel as a random walk, per root of a metre.
         survey: what is surveyed together; the name of the gauge if that is all.
+        zero_surveyed: size of the head's, the set-up's and the casing's error in the zero, in parts
+            of that in a reading: 1 where the zero was read as later readings were, less for a mean
+            of several days, 0 where `zero` is all of its error.
         estimated: pairs of a part and the component of variance to which it belongs, for parts that
             are to be estimated: only their ratios within a component are then known before.
     """
@@ -48,6 +51,7 @@ class ErrorParts:
     epoch: float = 0.0
     along: float = 0.0
     survey: str = ""
+    zero_surveyed: float = 0.0
     estimated: tuple[tuple[str, str], ...] = ()
 
     def total(self, along: float = 0.0) -> float:
@@ -57,7 +61,8 @@ class ErrorParts:
         0.001
         """
         walk = self.along * math.sqrt(along)
-        return math.hypot(self.reading, self.zero, self.head, self.epoch, walk)
+        shared = math.hypot(self.head, self.epoch, walk)
+        return math.hypot(self.reading, self.zero, shared, shared * self.zero_surveyed)
 
     def component(self, part: str) -> str | None:
         """The component of variance to which a part belongs; None where its size is given."""

@@ -127,6 +127,8 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     out.add("accuracy", table.accuracy, "gauge", unit=unit)
     if any(table.errors):
         out.add("error_sd", _sizes(table.errors), "gauge", "error_part", unit=unit)
+        surveyed = [0.0 if e is None else e.zero_surveyed for e in table.errors]
+        out.add("zero_surveyed", np.array(surveyed), "gauge")
         out.add("survey", ["" if e is None else e.survey for e in table.errors], "gauge")
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
@@ -143,10 +145,12 @@ def _errors(group: TableReader, m: int) -> tuple[ErrorParts | None, ...]:
     if "error_sd" not in group:
         return ()
     sizes, surveys = group.floats("error_sd", m, len(PARTS)), group.texts("survey", m)
+    zeros = group.floats("zero_surveyed", m).tolist()
     found: list[ErrorParts | None] = []
-    for row, survey in zip(sizes.tolist(), surveys, strict=True):
+    for row, survey, zero in zip(sizes.tolist(), surveys, zeros, strict=True):
         parts: dict[str, Any] = dict(zip(PARTS, row, strict=True))
-        found.append(None if np.isnan(row[0]) else ErrorParts(**parts, survey=survey))
+        known = not np.isnan(row[0])
+        found.append(ErrorParts(**parts, survey=survey, zero_surveyed=zero) if known else None)
     return tuple(found)
 
 

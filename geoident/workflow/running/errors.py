@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.model.gauges import Channel, Reading
+from geoident.model.gauges import Channel, ErrorParts, Reading
 
 DAY = 86400.0
 """Seconds."""
@@ -125,8 +125,27 @@ def _shared(
     assert parts is not None
     few = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
-    epoch = (reading.stage, day)
     yield "zero", ("zero", channel.name), parts.zero
+    yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
+    yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
+
+
+def _of_epoch(
+    channel: Channel,
+    parts: ErrorParts,
+    epoch: ErrorSource,
+    few: float,
+    steps: Mapping[str, tuple[float, ...]],
+) -> Iterator[tuple[str, ErrorSource, float]]:
+    """What a survey shares: of an epoch of readings, or of that of the zero.
+
+    Args:
+        channel: the channel.
+        parts: what its errors are made of.
+        epoch: of the survey.
+        few: part of the errors that is left of a mean of several days.
+        steps: run to the places of its channels, m.
+    """
     yield "head", ("head", channel.gauge, *epoch), parts.head * few
     yield "epoch", ("epoch", parts.survey or channel.gauge, *epoch), parts.epoch * few
     before = 0.0

@@ -284,7 +284,10 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
             estimated[name] = _component(kind, name)
         else:
             sizes[name] = part.factor
-    return ErrorParts(**sizes, survey=survey, estimated=tuple(estimated.items()))
+    surveyed = float(given.zero is None)
+    return ErrorParts(
+        **sizes, survey=survey, zero_surveyed=surveyed, estimated=tuple(estimated.items())
+    )
 
 
 def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:
@@ -373,7 +376,7 @@ def _complete(channel: Channel, parts: ErrorParts) -> Channel:
     """A channel with its total accuracy; without the error of a zero where it has no zero."""
     if not channel.is_zeroed:
         kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
-        parts = replace(parts, zero=0.0, estimated=kept)
+        parts = replace(parts, zero=0.0, zero_surveyed=0.0, estimated=kept)
     return _with_parts(channel, parts)
 
 
@@ -394,7 +397,9 @@ def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
     component = parts.component("reading")
     if own is None and component is not None:
         kept = (*kept, ("zero", component))
-    return _with_parts(channel, replace(parts, zero=size, estimated=kept))
+    surveyed = 1.0 / math.sqrt(zero.epochs)
+    parts = replace(parts, zero=size, zero_surveyed=surveyed, estimated=kept)
+    return _with_parts(channel, parts)
 
 
 def _estimated(channel: Channel) -> Channel:
