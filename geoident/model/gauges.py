@@ -110,6 +110,7 @@ class Channel:
         run: what the channel is a part of, along which errors add up, such as the casing of an
             inclinometer in one axis; empty for none.
         along: place of the channel on its run, m from the end to which readings refer.
+        probe: what reads it, where a gauge has several probes, which share no errors.
         reads: whether it reads a change since its zero, or a value.
         quantity: which of the quantities of its kind: a component of stress or strain (``xx``),
             a principal value (``major``), the force (``N``, ``M``, ``Q``) or the fibre (``inside``,
@@ -142,6 +143,7 @@ class Channel:
     errors: ErrorParts | None = None
     run: str = ""
     along: float = 0.0
+    probe: str = ""
     reads: Reads = Reads.CHANGE
     quantity: str = ""
     structure: str = ""

@@ -32,7 +32,7 @@ from geoident.report.drawing.style import (
     short,
     stage_ticks,
 )
-from geoident.report.text.case import gauge_entry, gauge_quantity
+from geoident.report.text.case import ACROSS, ALONG, gauge_entry, gauge_quantity
 
 _MOST_CHANNELS = 8
 """Channels of one gauge that a panel over the stages shows."""
@@ -344,7 +344,8 @@ def _draw_profile(axes: Axes, result: Result, gauge: Instrument, stages: Sequenc
 
 def _quantity(result: Result, gauge: Instrument) -> str:
     """What the channels of an instrument measure."""
-    return gauge_quantity(result, gauge.gauge, result.gauges.dimensions[gauge.rows[0]])
+    found = gauge_quantity(result, gauge.gauge, result.gauges.dimensions[gauge.rows[0]])
+    return found.replace(ACROSS, ALONG) if gauge.name.endswith(".S") else found
 
 
 def compared_gauge_pictures(results: Labelled) -> tuple[Picture, ...]:

@@ -66,11 +66,14 @@ def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> 
     return f"{name} ({what})" if what else name
 
 
+ACROSS, ALONG = "motion across the casing", "settlement along the casing"
+"""What the axes and the rings of an inclinometer read."""
+
 _QUANTITIES = {
     ("extensometer", "length"): ("extension", ""),
     ("convergence", "length"): ("change of length", ""),
     ("settlement", "length"): ("settlement", "downwards"),
-    ("inclinometer", "length"): ("motion across the casing", ""),
+    ("inclinometer", "length"): (ACROSS, ""),
     ("tilt", "angle"): ("tilt", "top towards its direction"),
     ("levelling", "length"): ("settlement", "downwards"),
     ("levelling", "angle"): ("angular distortion", "second point down"),

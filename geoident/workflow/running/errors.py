@@ -146,8 +146,12 @@ def _of_epoch(
         few: part of the errors that is left of a mean of several days.
         steps: run to the places of its channels, m.
     """
-    yield "head", ("head", channel.gauge, *epoch), parts.head * few
-    yield "epoch", ("epoch", parts.survey or channel.gauge, *epoch), parts.epoch * few
+    yield "head", ("head", channel.gauge, channel.probe, *epoch), parts.head * few
+    yield (
+        "epoch",
+        ("epoch", parts.survey or channel.gauge, channel.probe, *epoch),
+        parts.epoch * few,
+    )
     before = 0.0
     for place in steps.get(channel.run, (channel.along,)):
         if place > channel.along:

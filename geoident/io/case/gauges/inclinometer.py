@@ -174,7 +174,8 @@ class InclinometerSection(GaugeBase):
             # only, and rings are read one by one
             cumulated = self.reads_as == "cumulated" and axis != "S"
             length = 0.0 if axis == "S" else abs(depth - reference)
-            found.append(replace(channel, run=f"{name}.{axis}" * cumulated, along=length))
+            run, probe = f"{name}.{axis}" * cumulated, "rings" * (axis == "S")
+            found.append(replace(channel, run=run, along=length, probe=probe))
         return found
 
     def _reference(self, depth: float, depths: Sequence[float], end: float) -> float:

@@ -258,7 +258,8 @@ class LevellingSection(GaugeBase):
             motion = (self.kind, points[a], points[b], down)
             channel = section.reads(f"{name}.{a}-{b}", name, motion, place.path, terms)
             own_zero = "zero" in section.model_fields_set
-            found.append(channel if own_zero else replace(channel, zero=self.zero))
+            zero = channel.zero if own_zero else self.zero
+            found.append(replace(channel, zero=zero, probe="distortions"))
         return found
 
 
