@@ -20,6 +20,7 @@ from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.ground.point_fields import PointField
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
@@ -47,19 +48,23 @@ WHOLE = RunOptions()
 """All states with their derivatives."""
 
 
-def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
+def staged_model(
+    mesh: Mesh, case: Case, *, solver: Solver, fields: Sequence[PointField] = ()
+) -> StagedModel:
     """The staged forward model of a case on a mesh, after all checks.
 
     Args:
         mesh: its mesh.
         case: the case.
         solver: factorizes the stiffness matrices.
+        fields: constants of materials that vary from strain point to strain point.
 
     Raises:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    return StagedModel(*check_on_mesh(case, mesh), solver=solver)
+    on_mesh, observation = check_on_mesh(case, mesh)
+    return StagedModel(replace(on_mesh, fields=tuple(fields)), observation, solver=solver)
 
 
 class StagedModel:

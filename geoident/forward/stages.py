@@ -18,6 +18,7 @@ from geoident.fem.kinematics import (
     strain_points,
 )
 from geoident.fem.location import Locator
+from geoident.forward.ground.point_fields import PointField
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
@@ -164,10 +165,12 @@ class CaseOnMesh:
         case: the case.
         mesh: its mesh, every element turned so that its volume is positive (see `oriented`); one
             without elements where the case has none.
+        fields: constants of its materials that vary from strain point to strain point.
     """
 
     case: Case
     mesh: Mesh
+    fields: tuple[PointField, ...] = ()
 
     @property
     def kinematics(self) -> Kinematics:
@@ -197,6 +200,13 @@ class CaseOnMesh:
     def discretization(self) -> Discretization:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
+
+    def material_points(self, material: str) -> Ints:
+        """Strain points (q,), ascending, of the groups that are made of a material at any state."""
+        states = self.sequence.states
+        groups = {g for state in states for g, m in state.materials.items() if m == material}
+        element = self.discretization.points.element
+        return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
 
     @cached_property
     def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:
