@@ -64,7 +64,7 @@ def staged_model(
         ModelError: a piece of the ground that no support holds.
     """
     on_mesh, observation = check_on_mesh(case, mesh)
-    return StagedModel(replace(on_mesh, fields=tuple(fields)), observation, solver=solver)
+    return StagedModel(on_mesh.with_fields(fields), observation, solver=solver)
 
 
 class StagedModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from geoident.forward.ground.point_fields import PointField
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
+from geoident.model.ground import constants
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
@@ -200,6 +201,23 @@ class CaseOnMesh:
     def discretization(self) -> Discretization:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
+
+    def with_fields(self, fields: Sequence[PointField]) -> CaseOnMesh:
+        """The same with constants that vary; what was made of it already is kept."""
+        other = replace(self, fields=tuple(fields))
+        made = {k: v for k, v in self.__dict__.items() if k != "fields"}
+        other.__dict__.update(made)
+        return other
+
+    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
+        """Elastic constants of a material that are fields."""
+        own = constants(self.case.materials[material].elastic)
+        return tuple(f for f in self.fields if f.material == material and f.constant in own)
+
+    def strength_fields(self, material: str) -> tuple[PointField, ...]:
+        """Strengths of a material that are fields."""
+        own = constants(self.case.materials[material].elastic)
+        return tuple(f for f in self.fields if f.material == material and f.constant not in own)
 
     def material_points(self, material: str) -> Ints:
         """Strain points (q,), ascending, of the groups that are made of a material at any state."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.point_fields import PointField
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel, staged_model
@@ -75,6 +77,18 @@ def displacement(
 def model(mesh: Mesh, **changes: Any) -> StagedModel:
     """A staged model of a case made by `make_case`."""
     return staged_model(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))
+
+
+FieldsOf = Callable[[CaseOnMesh], Sequence[PointField]]
+"""Makes the fields of a case once its strain points are known."""
+
+
+def model_with_fields(mesh: Mesh, fields_of: FieldsOf, **changes: Any) -> StagedModel:
+    """A staged model of a case made by `make_case`, with constants that are fields."""
+    case = make_case(mesh, **changes)
+    plain = staged_model(mesh, case, solver=pick_solver("auto"))
+    fields = fields_of(plain.on_mesh)
+    return staged_model(mesh, case, solver=pick_solver("auto"), fields=fields)
 
 
 NOWHERE = ParameterPoint({}, ())
