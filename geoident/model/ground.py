@@ -211,8 +211,8 @@ class Field:
 class PointField:
     """A field at the strain points of its material, as a sum of modes (theory 10).
 
-    With q a point, m the mean at the parameters, and xi the coefficients of the modes, of which each
-    is a parameter with the prior N(0, 1):
+    With q a point, m the mean at the parameters, and xi the coefficients of the modes, each of them
+    a parameter with the prior N(0, 1):
 
         value_q = m (reference / m)^pull_q exp(known_q + sum_k modes_qk xi_k)
 
