@@ -117,7 +117,7 @@ class _Block:
     def of(rows: Ints, shared: Ints, C: Columns) -> _Block:
         A = products(C, np.ones(len(rows)))
         A[np.diag_indices_from(A)] += 1.0
-        return _Block(rows, shared, C, np.linalg.cholesky(A))
+        return _Block(rows, shared, C, np.asarray(np.linalg.cholesky(A)))
 
     def pulled(self, values: Floats) -> Floats:
         """X C^T of values (m, ...) in own standard deviations."""
@@ -211,8 +211,11 @@ class Covariance:
         the part of A^-1 of the errors that they share: of the size of what is shared, not of m.
 
         Args:
-            rows: numbers of readings.
-            values: (m, ...).
+            rows: (m,) numbers of readings.
+            values: (m, ...), SI.
+
+        Returns:
+            (m, ...) SI.
         """
         found = _column(self.sd[rows] ** 2, values) * values
         for block in self._blocks:

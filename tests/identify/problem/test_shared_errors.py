@@ -276,7 +276,7 @@ def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):
 
 
 def test_two_hundred_thousand_readings_cost_what_they_share():
-    """A zero and a year of survey days: against the closed form of group means, in little memory."""
+    """A zero and a year of survey days: against the closed form of means, in little memory."""
     g, days = 200_000, 365
     generator = np.random.default_rng(8)
     sd = generator.uniform(0.5, 2.0, g)
