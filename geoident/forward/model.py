@@ -20,6 +20,7 @@ from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.ground.field import field_notes, with_modes
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
@@ -73,7 +74,8 @@ class StagedModel:
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
         self.on_mesh, self.observation = on_mesh, observation
-        self.case, self.mesh, self.sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+        self.case = with_modes(on_mesh.case, on_mesh.fields)
+        self.mesh, self.sequence = on_mesh.mesh, on_mesh.sequence
         self.names = tuple(parameter.name for parameter in self.case.parameters)
         self.instrument_errors = InstrumentErrors(self.case, self.sequence.built_on)
         self._solver = solver
@@ -110,14 +112,13 @@ class StagedModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return tuple(
-            notes_on_mesh(
-                self.on_mesh,
-                self.observation,
-                n_outside=max(self.march.n_outside, self.actions.n_outside),
-                in_tension=self.march.virgin_tension(self.case.start),
-            )
+        noted = notes_on_mesh(
+            self.on_mesh,
+            self.observation,
+            n_outside=max(self.march.n_outside, self.actions.n_outside),
+            in_tension=self.march.virgin_tension(self.case.start),
         )
+        return (*noted, *field_notes(self.on_mesh.case, self.on_mesh.fields))
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""

@@ -18,9 +18,11 @@ from geoident.fem.kinematics import (
     strain_points,
 )
 from geoident.fem.location import Locator
+from geoident.forward.ground.field import point_field
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
+from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
@@ -197,6 +199,25 @@ class CaseOnMesh:
     def discretization(self) -> Discretization:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
+
+    @cached_property
+    def fields(self) -> tuple[PointField, ...]:
+        """The fields of the case at the strain points of their materials, one for each."""
+        if not self.case.fields:
+            return ()
+        points, points_of = self.discretization.points, self.discretization.points_of
+        made_of: dict[str, set[int]] = {}
+        for state in self.sequence.states:
+            for group, material in state.materials.items():
+                made_of.setdefault(material, set()).add(group)
+        found = []
+        for given in self.case.fields:
+            parts = [
+                numbers(points_of[g], points.n_points) for g in made_of.get(given.material, ())
+            ]
+            mine = np.sort(np.concatenate([np.empty(0, dtype=np.int64), *parts]))
+            found.append(point_field(given, mine, points.position[mine], self.case.start))
+        return tuple(found)
 
     @cached_property
     def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:
