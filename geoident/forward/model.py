@@ -20,7 +20,7 @@ from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.ground.field import field_notes, with_modes
+from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
@@ -60,7 +60,18 @@ def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    return StagedModel(*check_on_mesh(case, mesh), solver=solver)
+    on_mesh, observation = check_on_mesh(case, mesh)
+    return StagedModel(with_fields(on_mesh), observation, solver=solver)
+
+
+def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
+    """A case on its mesh with its fields there, and their modes among its parameters."""
+    case, positions = on_mesh.case, on_mesh.discretization.points.position
+    fields = []
+    for field in case.fields:
+        points = on_mesh.material_points(field.material)
+        fields.append(point_field(field, points, positions[points], case.start))
+    return on_mesh.with_fields(with_modes(case, fields), tuple(fields)) if fields else on_mesh
 
 
 class StagedModel:
@@ -74,8 +85,7 @@ class StagedModel:
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
         self.on_mesh, self.observation = on_mesh, observation
-        self.case = with_modes(on_mesh.case, on_mesh.fields)
-        self.mesh, self.sequence = on_mesh.mesh, on_mesh.sequence
+        self.case, self.mesh, self.sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         self.names = tuple(parameter.name for parameter in self.case.parameters)
         self.instrument_errors = InstrumentErrors(self.case, self.sequence.built_on)
         self._solver = solver
