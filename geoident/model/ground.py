@@ -241,6 +241,12 @@ class PointField:
     reference: float
     explained: float = 1.0
 
+    def factor(self, values: Values, mean: float) -> Floats:
+        """By what the mean is multiplied at the points, (n,), at parameter values."""
+        xi = np.array([values[name] for name in self.names])
+        held = self.pull * np.log(self.reference / mean)
+        return np.asarray(np.exp(self.known + held + self.modes @ xi))
+
 
 def constants(elastic: Elastic) -> dict[str, Scalar]:
     """The numbers that the elasticity matrix is made of, by name, without the frame's angles."""
