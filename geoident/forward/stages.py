@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from dataclasses import fields as dataclass_fields
 from functools import cached_property
 
 import numpy as np
@@ -18,11 +19,10 @@ from geoident.fem.kinematics import (
     strain_points,
 )
 from geoident.fem.location import Locator
-from geoident.forward.ground.point_fields import PointField
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
-from geoident.model.ground import constants
+from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
@@ -202,29 +202,30 @@ class CaseOnMesh:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
 
-    def with_fields(self, fields: Sequence[PointField]) -> CaseOnMesh:
-        """The same with constants that vary; what was made of it already is kept."""
-        other = replace(self, fields=tuple(fields))
-        made = {k: v for k, v in self.__dict__.items() if k != "fields"}
-        other.__dict__.update(made)
-        return other
-
-    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
-        """Elastic constants of a material that are fields."""
-        own = constants(self.case.materials[material].elastic)
-        return tuple(f for f in self.fields if f.material == material and f.constant in own)
-
-    def strength_fields(self, material: str) -> tuple[PointField, ...]:
-        """Strengths of a material that are fields."""
-        own = constants(self.case.materials[material].elastic)
-        return tuple(f for f in self.fields if f.material == material and f.constant not in own)
-
     def material_points(self, material: str) -> Ints:
         """Strain points (q,), ascending, of the groups that are made of a material at any state."""
         states = self.sequence.states
         groups = {g for state in states for g, m in state.materials.items() if m == material}
         element = self.discretization.points.element
         return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
+
+    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
+        """Elastic constants of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is None)
+
+    def strength_fields(self, material: str) -> tuple[PointField, ...]:
+        """Strengths of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is not None)
+
+    def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
+        """The same with fields, and with the case that has their modes among its parameters.
+
+        Nothing that was made before depends on either, so it is kept.
+        """
+        found = replace(self, case=case, fields=fields)
+        given = {entry.name for entry in dataclass_fields(self)}
+        found.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
+        return found
 
     @cached_property
     def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:

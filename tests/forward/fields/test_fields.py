@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, model_with_fields, rollers
+from support.cases import displacement, field_on, material, model, model_with_fields, rollers
 from support.derivatives import assert_exact
 from support.meshes import box, regroup
 
-from geoident.forward.ground.point_fields import PointField
 from geoident.model.case import Analysis, Material, Stage
 from geoident.model.ground import Attitude, Isotropic, Orthotropic, TransverselyIsotropic
 from geoident.model.in_situ import ConstantStress
@@ -18,11 +19,6 @@ STRESS = ConstantStress((*(Scalar(v) for v in (-9e6, -6e6, -7e6, 0.5e6)), Scalar
 ROUND = ConstantStress((*(Scalar(v) for v in (-9e6, -6e6, -9e6)), *[Scalar(0.0)] * 3))
 LAYERS = 4
 XI = np.array([0.3, -0.5, 0.8, -0.2])
-ZERO = Scalar(0.0)
-
-
-def number(name):
-    return Scalar(1.0, name)
 
 
 def modes_of(n):
@@ -40,20 +36,19 @@ def site(kind, analysis):
     dim = 3 if analysis is Analysis.SOLID else 2
     n, size = ((6, 8), (8.0, 8.0)) if dim == 2 else ((4, 4, 4), (8.0, 8.0, 8.0))
     mesh = box(kind, n, size=size, distortion=0.1)
-    inside = lambda c: (np.abs(c - 4.0) < 1.8).all(axis=1)  # noqa: E731
-    layers = {
-        f"layer-{k}": (lambda k: lambda c: (c[:, 1] // 2 == k) & ~inside(c))(k)
-        for k in range(LAYERS)
-    }
-    holes = {
-        f"hole-{k}": (lambda k: lambda c: (c[:, 1] // 2 == k) & inside(c))(k) for k in range(LAYERS)
-    }
-    holes = {name: here for name, here in holes.items() if here(_centres(mesh)).any()}
-    return regroup(mesh, **layers, **holes), tuple(holes)
+    names = [(k, hole) for hole in (False, True) for k in range(LAYERS)]
+    found = {f"{'hole' if hole else 'layer'}-{k}": _part(k, hole) for k, hole in names}
+    centres = np.vstack([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
+    found = {name: here for name, here in found.items() if here(centres).any()}
+    return regroup(mesh, **found), tuple(name for name in found if name.startswith("hole"))
 
 
-def _centres(mesh):
-    return np.vstack([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
+def _part(k, hole):
+    def here(c):
+        inside = (np.abs(c - 4.0) < 1.8).all(axis=1)
+        return (c[:, 1] // 2 == k) & (inside == hole)
+
+    return here
 
 
 def channels(dim):
@@ -88,13 +83,13 @@ def layer_of(mesh, holes, points):
     return group[points]
 
 
-def by_modes(mesh, holes, rock, analysis, constants, parameters):
+def by_modes(mesh, holes, rock, analysis, constants, parameters, **changes):
     def fields_of(on_mesh):
         points = on_mesh.material_points("rock")
         layer = layer_of(mesh, holes, on_mesh.discretization.points.element[points])
         modes = (layer[:, None] == np.arange(LAYERS)).astype(float)
-        known = 0.1 * (layer == 2)
-        return [PointField("rock", c, known, modes, modes_of(LAYERS)) for c in constants]
+        more = {"known": 0.1 * (layer == 2), "names": modes_of(LAYERS), **changes}
+        return [field_on(on_mesh, "rock", c, lambda _: modes, **more) for c in constants]
 
     groups = dict.fromkeys(mesh.groups, "rock")
     groups = {g: "rock" for g in groups if g.startswith(("layer", "hole"))}
@@ -203,18 +198,16 @@ def pairs_of(staged):
 
 
 @pytest.mark.parametrize("law", ["Young's modulus", "across the strata", "orthotropic"])
-def test_derivatives_by_modes_and_mean(law):
+def test_derivatives_by_modes_and_by_a_mean_that_tests_hold(law):
     rock, constants = LAWS[law]
     mesh, holes = site("quad8", Analysis.PLANE_STRAIN)
     first = constants[0]
-    mean = getattr(rock("rock", 1.0, ()).elastic, first).factor
-    tied = rock("rock", 1.0, ())
-    from dataclasses import replace
-
-    tied = replace(tied, elastic=replace(tied.elastic, **{first: number("mean")}))
-    parameters = (
-        Parameter("mean", mean, 0.0, np.inf), *xi_parameters(XI, modes_of(LAYERS))
-    )  # fmt: skip
-    staged = by_modes(mesh, holes, tied, Analysis.PLANE_STRAIN, constants, parameters)
+    plain = rock("rock", 1.0, ())
+    mean = getattr(plain.elastic, first).factor
+    tied = replace(plain, elastic=replace(plain.elastic, **{first: Scalar(1.0, "mean")}))
+    parameters = (Parameter("mean", mean, 0.0, np.inf), *xi_parameters(XI, modes_of(LAYERS)))
+    points = np.isin(layer_of(mesh, holes, np.arange(mesh.n_elements)), (1, 2)).repeat(9)
+    changes = {"pull": 0.3 + 0.4 * points, "reference": 0.8 * mean}
+    staged = by_modes(mesh, holes, tied, Analysis.PLANE_STRAIN, constants, parameters, **changes)
     response = staged.response(pairs_of(staged))
     assert_exact(response, np.array([mean, *XI]), ("mean", *modes_of(LAYERS)), step=0.02)
