@@ -50,8 +50,34 @@ class MarchState:
     structures: Structures
 
 
+@dataclass(frozen=True)
+class LinearRows:
+    """What channels (g) read as a linear function of a state, at given parameters.
+
+    Args:
+        u: (g, n_dofs) of the displacements; None: of none.
+        stress: (g, n_strain n_points) of the stresses, component by component; None: of none.
+        members: (g, n_rows) of the forces in structures; None: of none.
+    """
+
+    u: sp.csr_array | None = None
+    stress: sp.csr_array | None = None
+    members: sp.csr_array | None = None
+
+
 class Observable(Protocol):
     """What some channels (g) read."""
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+        """The derivative of the values by the state.
+
+        Args:
+            state: only its parameters and the sizes of its arrays count.
+            wanted: (g,) the channels that are asked for; rows of others may be empty.
+
+        Returns:
+            None where a wanted channel is not linear in the state.
+        """
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
@@ -89,6 +115,10 @@ class RelativeDisplacements:
 
     def __init__(self, rows: sp.csr_array) -> None:
         self.rows = rows
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """G' itself."""
+        return LinearRows(u=self.rows)
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""

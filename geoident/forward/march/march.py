@@ -48,6 +48,7 @@ from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, W
 from geoident.forward.march.stage import (
     BaseStates,
     Carried,
+    ElasticTrace,
     LastFactor,
     StageEnd,
     StageTask,
@@ -62,6 +63,12 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.yielding import Activity
 
+HELD_ENTRIES = 8_000_000
+"""Entries of the stiffness matrices whose factors are held at once for adjoints.
+
+Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
+"""
+
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -73,6 +80,8 @@ class RunOptions:
         unit_forces: forces beside those of the case.
         explain: find the part of the load that can be carried, where there is a collapse.
         partial: go on after a collapse with the states that do not build on it.
+        traced: keep what adjoints need of every stage; without derivatives, and only where nothing
+            yields.
     """
 
     derivatives: bool = True
@@ -80,6 +89,7 @@ class RunOptions:
     unit_forces: UnitForces | None = None
     explain: bool = True
     partial: bool = False
+    traced: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +133,11 @@ class March:
     def n_outside(self) -> int:
         """Strain points beside the surface from which the in-situ stress counts depth."""
         return self.in_situ.n_outside
+
+    def without_modes(self, point: ParameterPoint) -> ParameterPoint:
+        """The same, differentiated by what is not the mode of a field."""
+        modes = {name for one in self.on_mesh.fields for name in one.names}
+        return ParameterPoint(point.values, tuple(n for n in point.names if n not in modes))
 
     def virgin_tension(self, values: Values) -> bool:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
@@ -174,7 +189,9 @@ class Run:
         systems = march.systems
         self._march, self._systems, self._options = march, systems, options
         self._structures = systems.structures
-        self._point = point if options.derivatives else ParameterPoint(point.values, ())
+        self.given, derivatives = point, options.derivatives and not options.traced
+        self._point = point if derivatives else ParameterPoint(point.values, ())
+        self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
         record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
@@ -182,7 +199,7 @@ class Run:
         self._plastic = PlasticSteps(
             march.case, systems, march.warm, self._plastic_findings, explain=options.explain
         )
-        self._factor = LastFactor()
+        self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
         self._held: dict[int, Held] = {0: {}}
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
@@ -238,7 +255,8 @@ class Run:
             else:
                 yield StageEnd(n, u, carried.stress, carried.members, yielded)
                 bases.leave(n, u, carried)
-        self._factor.forget()
+        if not self._options.traced:
+            self.factors.forget()
 
     def _at_rest(self) -> tuple[Floats, Carried]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -267,7 +285,10 @@ class Run:
         if self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            du, yielded = elastic_step(task, self._systems, self._factor), still
+            du, yielded = elastic_step(task, self._systems, self.factors), still
+        if self._options.traced:
+            values = {group: support[:, 0].copy() for group, support in held.items()}
+            self.traces.append(ElasticTrace(task, du[:, 0], values))
         u += du
         return yielded
 
@@ -282,9 +303,15 @@ class Run:
         stress[:, ~system.present] = 0.0
         imbalance = self._march.imbalance(stress, forces)
         self._imbalance = float(imbalance[0])
+        if self._options.traced:
+            imbalance = self._march.virgin(self._march.without_modes(self.given))[1]
         task = self._task(0, carried, forces)
-        if imbalance.max() > NEGLIGIBLE_IMBALANCE:  # a balanced stress may lose it as K0 changes
-            elastic_step(task, self._systems, self._factor)
+        stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
+        du = np.zeros(len(forces))
+        if stepped:
+            du = elastic_step(task, self._systems, self.factors)[:, 0]
+        if self._options.traced:
+            self.traces.append(ElasticTrace(task, du, {}, stepped))
         self._plastic.refuse_virgin(task)
 
     def _clear(

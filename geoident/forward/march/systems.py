@@ -85,19 +85,25 @@ class StageSystems:
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
-        self._analyses: dict[frozenset[int], SymbolicFactorization | None] = {}
-        self._analysed: dict[bytes, SymbolicFactorization] = {}
+        self._analyses: dict[tuple[frozenset[int], int], SymbolicFactorization | None] = {}
+        self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
             self._systems[state] = self._prepare(state)
         return self._systems[state]
 
-    def analysis(self, system: StageSystem) -> SymbolicFactorization | None:
-        """The analysed pattern of a state; None if nothing is free to move."""
-        if system.groups not in self._analyses:
-            self._analyses[system.groups] = self._analyse(system.pattern.lower)
-        return self._analyses[system.groups]
+    def analysis(self, system: StageSystem, spare: int = 0) -> SymbolicFactorization | None:
+        """The analysed pattern of a state; None if nothing is free to move.
+
+        Args:
+            system: the equations of the state.
+            spare: number of a further analysis of the same pattern, where its factors are in use.
+        """
+        key = system.groups, spare
+        if key not in self._analyses:
+            self._analyses[key] = self._analyse(system.pattern.lower, spare)
+        return self._analyses[key]
 
     def tangents(self, system: StageSystem) -> TangentPattern:
         """Where changes of moduli at strain points go in K of a state."""
@@ -173,10 +179,11 @@ class StageSystems:
         touched = _touched(self._mesh, here)
         return StageSystem(present, touched, volume, points_of, groups, pattern)
 
-    def _analyse(self, lower: LowerPattern) -> SymbolicFactorization | None:
+    def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
-        key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        digest = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        key = digest, spare
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]
