@@ -98,7 +98,7 @@ def diagnose(
     e = (problem.measured - readings) / problem.sd
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
-    C = assessment.covariance_x
+    C = assessment.held_covariance_x
     leverage, distance = np.full(len(e), np.nan), np.full(len(e), np.nan)
     influence = np.full((len(e), C.shape[0]), np.nan)
     for k in range(int(sets.max(initial=-1)) + 1):
@@ -126,7 +126,7 @@ def _diagnose_correlated(
     w = weights(problem.loss, own_residuals(problem, readings)[0])
     weighted = replace(problem, sd=problem.sd / np.sqrt(w))
     assert weighted.covariance is not None
-    inverse, C = weighted.covariance.inverse, assessment.covariance_x
+    inverse, C = weighted.covariance.inverse, assessment.held_covariance_x
     pull = weighted.covariance.solve(jacobian * assessment.slope)
     force, own = weighted.covariance.solve(gap), np.diag(inverse)
     P = inverse - pull @ C @ pull.T
