@@ -29,7 +29,7 @@ def shortest(ppf):
     return ppf(tails[k]), ppf(tails[k] + 0.95)
 
 
-def on_a_grid(mean, covariance, lower, upper, row, points=350):
+def on_a_grid(mean, covariance, lower, upper, row, points=450):
     """Distribution of a linear function of two cut normal variables, by brute force.
 
     Probability of being below, its inverse, and the root mean square.
