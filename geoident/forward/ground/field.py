@@ -6,11 +6,13 @@ ground that is ever of the material, so that it has its value wherever the mater
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from geoident.errors import Fault
+from geoident.fem.location import format_point
 from geoident.fem.random_field import (
     Matern,
     conditioning,
@@ -118,3 +120,28 @@ def field_notes(case: Case, fields: Sequence[PointField]) -> list[str]:
             )
         notes.append(note)
     return notes
+
+
+def field_faults(case: Case, not_in: Callable[[str, tuple[float, ...]], str | None]) -> list[Fault]:
+    """Measured points that do not lie in their material.
+
+    Args:
+        case: the case.
+        not_in: of a material and a point (dim,): None where the point lies in such ground, else
+            what is there, half a sentence.
+    """
+    faults = []
+    for field in case.fields:
+        for test in field.measured:
+            found = not_in(field.material, test.position)
+            if found is None:
+                continue
+            origin = f" ({test.origin})" if test.origin else ""
+            message = f"the measured point {format_point(test.position)}{origin} {found}"
+            hint = f"Correct its coordinates, or remove it: it says nothing of {field.material!r}."
+            faults.append(
+                case.source.fault(
+                    (*field.path, *test.path), code="point-outside", message=message, hint=hint
+                )
+            )
+    return faults
