@@ -220,6 +220,14 @@ class CaseOnMesh:
             return None
         return f"lies in the group {self.sequence.groups[group_of[sites[0].element]]!r}"
 
+    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
+        """Elastic constants of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is None)
+
+    def strength_fields(self, material: str) -> tuple[PointField, ...]:
+        """Strengths of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is not None)
+
     def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
         """The same with fields, and with the case that has their modes among its parameters.
 
