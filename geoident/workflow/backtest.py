@@ -81,7 +81,8 @@ def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
         InputError: the case does not fit its mesh, or fewer than two stages were read.
         ModelError: the model moves freely somewhere.
     """
-    model, case = build_model(job.inputs, solver=job.request.solver), job.inputs.case
+    model = build_model(job.inputs, solver=job.request.solver)
+    case = model.case
     require_possible(model, case, job.methods)
     setup = Setup(model, case, select_readings(case, model))
     readings = all_readings(setup)

@@ -81,8 +81,7 @@ def correlations(
         (l, l).
     """
     rows = survey.sensitivity[places] * assessment.slope
-    gaps = rows @ assessment.gaps_x
-    common = rows @ assessment.covariance_x @ rows.T + gaps @ gaps.T
+    common = rows @ assessment.posterior.covariance @ rows.T
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
     found = common / np.outer(sd, sd)
     np.fill_diagonal(found, 1.0)
