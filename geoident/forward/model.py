@@ -369,8 +369,8 @@ class StagedResponse:
             return False
         seeds = read.seeds(LinearRows())
         weights = np.array([seeds.at(n) for n in range(len(states))])
-        backwards = int(reach([state.base for state in states], weights)[1:].sum())
-        return backwards < len(self.names) * (len(states) - 1)
+        backwards = int(reach([state.base for state in states], weights).sum())
+        return backwards < len(self.names) * len(states)
 
     def adjoint_obstacle(self) -> str | None:
         """Why there are no adjoints, a clause, or None if there are."""
