@@ -54,7 +54,8 @@ class Assessment:
     """How well each of n parameters is known.
 
     Args:
-        sd: (n,) standard deviation, SI; NaN where at a bound or not determined.
+        sd: (n,) standard deviation, SI; NaN where at a bound, or where neither
+            readings nor prior determine it.
         lower95: (n,) lower end of the 95 % interval, SI, symmetric in x (so in the logarithm of a
             parameter scaled by it), not cut at the bounds; NaN where ``sd`` is.
         upper95: (n,) its upper end.
@@ -113,7 +114,9 @@ def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
     )
     covariance = covariance_x + gaps_x @ gaps_x.T
     every_x, every_gap_x = _scaled(whole, width)
-    sd_x = np.where(determined & ~at_bound, np.sqrt(np.diag(covariance)), np.nan)
+    # a prior is knowledge too: what is known from it alone has its number, and says so
+    numbered = (determined | (known_enough & from_prior)) & ~at_bound
+    sd_x = np.where(numbered, np.sqrt(np.diag(covariance)), np.nan)
     lower95, upper95 = _interval(scaling, values, sd_x)
     return Assessment(
         sd=slope * sd_x,

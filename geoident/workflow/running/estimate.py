@@ -33,7 +33,7 @@ from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagno
 from geoident.workflow.running.errors import ChannelReading, error_structure
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
-from geoident.workflow.running.outputs import Standing, Target
+from geoident.workflow.running.outputs import Standing, Target, standing
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
     accuracies,
@@ -283,6 +283,11 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
         inputs: paths that were read, and so must not be written.
     """
     overwrite = found is not Standing.NOTHING
+    if not overwrite:  # the same may have been computed by another run meanwhile
+        now = standing(place, result.provenance.identity)
+        if now is Standing.UP_TO_DATE:
+            return keep(place)
+        overwrite = now is Standing.UNFINISHED
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
