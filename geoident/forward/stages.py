@@ -211,6 +211,14 @@ class CaseOnMesh:
         element = self.discretization.points.element
         return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
 
+    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
+        """Elastic constants of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is None)
+
+    def strength_fields(self, material: str) -> tuple[PointField, ...]:
+        """Strengths of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is not None)
+
     def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
         """The same with fields, and with the case that has their modes among its parameters.
 
