@@ -18,9 +18,9 @@ from geoident.identify import identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -33,7 +33,7 @@ from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagno
 from geoident.workflow.running.errors import ChannelReading, error_structure
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
-from geoident.workflow.running.outputs import Standing, Target, standing
+from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
     accuracies,
@@ -71,7 +71,7 @@ def prepare(job: Job) -> Setup:
         ModelError: the model moves freely somewhere.
     """
     model = build_model(job.inputs, solver=job.request.solver)
-    case = job.inputs.case
+    case = model.case
     readings = select_readings(case, model)
     require_enough(case, readings)
     require_possible(model, case, job.methods)
@@ -284,10 +284,11 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
     """
     overwrite = found is not Standing.NOTHING
     if not overwrite:  # the same may have been computed by another run meanwhile
-        now = standing(place, result.provenance.identity)
-        if now is Standing.UP_TO_DATE:
-            return keep(place)
-        overwrite = now is Standing.UNFINISHED
+        other = read_identity(place.path) if place.path.exists() else None
+        if other is not None and other.identity == result.provenance.identity:
+            if other.status != STOPPED:
+                return keep(place)
+            overwrite = True
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
