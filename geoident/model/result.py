@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
+
+if TYPE_CHECKING:
+    from geoident.model.backtest import Backtest
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -421,10 +424,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Result:
-    """All that ``geoident fit``, ``predict``, ``simulate`` or ``scan`` found.
+    """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``simulate`` or ``scan``.
+        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
@@ -440,6 +443,8 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        backtest: fits of the first stages and their predictions of later ones; of a fit that of all
+            but its last stage; or None.
     """
 
     kind: str
@@ -466,6 +471,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    backtest: Backtest | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

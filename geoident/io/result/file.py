@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
@@ -113,6 +113,8 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
+    if result.backtest is not None:
+        backtest.write_backtest(file, result.backtest, gauges, names)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -239,6 +241,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),
+        backtest=(backtest.read_backtest(file, gauges, n) if backtest.GROUP in contents else None),
     )
 
 

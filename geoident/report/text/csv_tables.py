@@ -18,6 +18,7 @@ import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
@@ -326,6 +327,10 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
         yield (*coordinates, phi if math.isfinite(phi) else math.nan)
 
 
+def _of_rows(header: tuple[str, ...], rows: Sequence[CsvRow]) -> CsvTable:
+    return CsvTable(header, tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -338,6 +343,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,
+    "backtest": lambda result: _of_rows(*csv_rows(result)),
+    "backtest-parameters": lambda result: _of_rows(*csv_fit_rows(result)),
 }
 
 CSV_TABLES = tuple(_TABLES)
