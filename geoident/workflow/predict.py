@@ -45,6 +45,7 @@ from geoident.workflow.running.predictions import (
 )
 from geoident.workflow.running.readings import (
     accuracies,
+    bad_notes,
     gauge_table,
     reading_table,
     why_useless,
@@ -342,5 +343,5 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         singular_values=fit.singular_values,
-        notes=score(gauges, prediction),
+        notes=(*bad_notes(readings), *score(gauges, prediction)),
     )
