@@ -22,7 +22,7 @@ from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingP
 from geoident.forward.gauges.observable import LinearRows, MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
-from geoident.forward.march.adjoint import AdjointMarch, ReadingSeeds, reach
+from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd, UnitForces
@@ -286,6 +286,7 @@ class StagedResponse:
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
+        self._plan: AdjointPlan | None = None
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
@@ -339,7 +340,10 @@ class StagedResponse:
         if rows is None:
             raise ValueError("a reading is not linear in the state")
         table = model.observation.readings(np.stack(observed), self._row, self._state)
-        back = AdjointMarch(model.march, run.traces, run.factors, run.given, read.seeds(rows))
+        seeds = read.seeds(rows)
+        if self._plan is None:
+            self._plan = AdjointPlan(model.march, seeds, self._last)
+        back = AdjointMarch(model.march, self._plan, run.traces, run.factors, run.given, seeds)
         jacobian = back.jacobian()[read.of]
         run.factors.forget()
         if table.shape[1] > 1:
@@ -353,12 +357,13 @@ class StagedResponse:
     def _read(self) -> ReadPairs:
         """The readings without repetition, and where their states lie."""
         observation = self._model.observation
-        pairs, of = np.unique(np.stack([self._row, self._state]), axis=1, return_inverse=True)
-        channels, channel = np.unique(pairs[0], return_inverse=True)
-        zero = np.minimum(observation.zero[pairs[0]], self._last)
-        return ReadPairs(
-            channels, channel, pairs[1], zero, observation.weights[:, pairs[0]], of.ravel()
-        )
+        # by states, the last first: what an early state acts on then stands together
+        both = np.stack([-self._state, self._row])
+        (states, rows), of = np.unique(both, axis=1, return_inverse=True)
+        channels, channel = np.unique(rows, return_inverse=True)
+        zero = np.minimum(observation.zero[rows], self._last)
+        weights = observation.weights[:, rows]
+        return ReadPairs(channels, channel, -states, zero, weights, of.ravel())
 
     @cached_property
     def _backwards(self) -> bool:

@@ -31,21 +31,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.gauges.observable import LinearRows
+from geoident.forward.ground.moduli import ModeSlopes
 from geoident.forward.march.march import March
 from geoident.forward.march.stage import ElasticTrace, LastFactor, StageTask, factorize
-from geoident.forward.stages import Index, numbers
+from geoident.forward.stages import numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
-
-_TOGETHER = 4_000_000
-"""Adjoint strains held at once, in numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +93,7 @@ class _Adjoint:
 
     Args:
         M: (n_dofs, k) sum of their adjoint displacements.
-        u: (n_dofs, k) adjoint of the displacements.
+        u: (n_read, k) adjoint of the displacements that are read.
         d: (n_strain, n_special, k) adjoint strain beside that of M.
         members: (n_rows, k) the same of structures.
         held: group to Hbar (n_dofs, k).
@@ -109,18 +106,48 @@ class _Adjoint:
     held: dict[int, Floats] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighted:
-    """Derivatives of stress at kept displacements, times V.
+class AdjointPlan:
+    """The way back for some readings: what is the same at all parameter vectors.
 
     Args:
-        by_ordinary: (n_strain, n_points, n) by parameters.
-        by_field: number of a field, its points that are there, their places among those of the
-            field, and (n_strain, q) by the logarithm of its constant.
+        march: what does not depend on parameters.
+        seeds: the readings; of their rows only the places of displacements and stresses count.
+        last: number of the last state.
     """
 
-    by_ordinary: Floats
-    by_field: list[tuple[int, Index, Ints | slice, Floats]]
+    def __init__(self, march: March, seeds: ReadingSeeds, last: int) -> None:
+        self.systems = march.systems
+        self.states = march.sequence.states[: last + 1]
+        self.weights = np.array([seeds.at(n) for n in range(len(self.states))])
+        acts = reach([state.base for state in self.states], self.weights)
+        self.columns = [np.flatnonzero(row) for row in acts]
+        points = self.systems.discretization.points
+        self.special = np.flatnonzero(self._special_points(seeds.rows))
+        self.place = np.full(points.n_points, -1)
+        self.place[self.special] = np.arange(len(self.special))
+        rows = np.arange(points.n_strain)[:, None] * points.n_points + self.special
+        self.read = np.empty(0, np.int64)
+        if seeds.rows.u is not None:
+            self.read = np.unique(seeds.rows.u.indices)
+        self.strain = sp.csr_array(points.compatibility[rows.ravel()])
+        self.forces = sp.csr_array(self.strain.T)
+
+    def _special_points(self, rows: LinearRows) -> Bools:
+        """(n_points,) those that some stage takes away or places anew, or whose stress is read."""
+        n_points = self.systems.discretization.points.n_points
+        special = np.zeros(n_points, dtype=bool)
+        for number, state in enumerate(self.states[1:], start=1):
+            special |= self.cleared(number) & self.systems[state.base].present
+        if rows.stress is not None:
+            special[np.unique(rows.stress.indices) % n_points] = True
+        return special
+
+    def cleared(self, state: int) -> Bools:
+        """(n_points,) strain points that begin a stage without stress."""
+        cleared = ~self.systems[state].present
+        for group in self.states[state].placed:
+            cleared[self.systems.discretization.points_of[group]] = True
+        return cleared
 
 
 class AdjointMarch:
@@ -128,6 +155,7 @@ class AdjointMarch:
 
     Args:
         march: what does not depend on parameters.
+        plan: what is the same at all parameter vectors.
         traces: of the states 0, 1, ... of the run.
         factors: those of the run.
         point: all n parameters.
@@ -137,24 +165,20 @@ class AdjointMarch:
     def __init__(
         self,
         march: March,
+        plan: AdjointPlan,
         traces: Sequence[ElasticTrace],
         factors: LastFactor,
         point: ParameterPoint,
         seeds: ReadingSeeds,
     ) -> None:
-        self._march, self._traces, self._factors = march, traces, factors
+        self._march, self._plan = march, plan
+        self._traces, self._factors = traces, factors
         self._point, self._seeds = point, seeds
         self._ordinary = march.without_modes(point)
         self._systems = march.systems
         self._points = march.systems.discretization.points
         self._structures = march.systems.structures
-        self._bases = [trace.task.state.base for trace in traces]
-        self._weights = np.array([seeds.at(n) for n in range(len(traces))])
-        acts = reach(self._bases, self._weights)
-        self._columns = [np.flatnonzero(row) for row in acts]
-        self._special = np.flatnonzero(self._special_points())
-        self._place = np.full(self._points.n_points, -1)
-        self._place[self._special] = np.arange(len(self._special))
+        self._fields = {id(one): number for number, one in enumerate(march.on_mesh.fields)}
         self._by_ordinary = np.zeros((seeds.count, len(self._ordinary.names)))
         self._by_field: dict[int, Floats] = {}  # (q, g) by field
         self._left: dict[int, list[tuple[Ints, _Adjoint]]] = {}
@@ -162,7 +186,7 @@ class AdjointMarch:
     def jacobian(self) -> Floats:
         """dv/dp (g, n) of the readings, what gauges add by themselves aside."""
         for state in reversed(range(len(self._traces))):
-            if len(self._columns[state]):
+            if len(self._plan.columns[state]):
                 self._stage(state)
         return self._gathered()
 
@@ -178,31 +202,9 @@ class AdjointMarch:
             result[:, places] -= products.T @ modes
         return result
 
-    @cached_property
-    def _ground(self) -> dict[int, Ints]:
-        points = self._systems.discretization.points_of
-        return {g: numbers(index, self._points.n_points) for g, index in points.items()}
-
-    def _special_points(self) -> Bools:
-        """(n_points,) those that some stage takes away or places anew, or whose stress is read."""
-        special = np.zeros(self._points.n_points, dtype=bool)
-        for trace in self._traces[1:]:
-            special |= self._cleared(trace) & self._systems[trace.task.state.base].present
-        stress = self._seeds.rows.stress
-        if stress is not None:
-            special[np.unique(stress.indices) % self._points.n_points] = True
-        return special
-
-    def _cleared(self, trace: ElasticTrace) -> Bools:
-        """(n_points,) strain points that begin a stage without stress."""
-        cleared = ~trace.task.system.present
-        for group in trace.task.state.placed:
-            cleared[self._systems.discretization.points_of[group]] = True
-        return cleared
-
     def _stage(self, number: int) -> None:
         """One stage backwards."""
-        trace, columns = self._traces[number], self._columns[number]
+        trace, columns = self._traces[number], self._plan.columns[number]
         task = trace.task
         carried = self._arrive(number, columns)
         if number == 0:
@@ -210,27 +212,28 @@ class AdjointMarch:
         w = carried.M
         if trace.stepped:
             w = self._solved(task, carried)
-            dofs = task.system.pattern.dofs
-            pull = np.zeros_like(w)  # lambda
-            pull[dofs] = w[dofs] - carried.M[dofs]
-            self._by_ordinary[columns] += pull.T @ self._force_slopes(number)
-            self._hold(trace, pull, carried, columns)
-        before = self._strains(trace, w, carried, columns)
+            # lambda = w - M, at the unknowns
+            slopes = self._force_slopes(number)
+            self._by_ordinary[columns] += w.T @ slopes - carried.M.T @ slopes
+            if trace.held:
+                self._hold(trace, w, carried, columns)
+        self._strains(trace, w, carried.d, columns)
         member = self._members(trace, w, carried, columns)
         if number:
-            self._leave(trace, w, carried, before, member, columns)
+            self._leave(trace, w, carried, member, columns)
 
     def _arrive(self, number: int, columns: Ints) -> _Adjoint:
         """What a state is left by those that build on it, and by its own readings."""
         k, s, n_dofs = len(columns), self._points.n_strain, self._systems.discretization.n_dofs
+        n_read = len(self._plan.read)
         n_rows, parts = self._structures.n_rows, self._left.pop(number, [])
         if len(parts) == 1 and len(parts[0][0]) == k:
             found = parts[0][1]
         else:
             found = _Adjoint(
                 np.zeros((n_dofs, k)),
-                np.zeros((n_dofs, k)),
-                np.zeros((s, len(self._special), k)),
+                np.zeros((n_read, k)),
+                np.zeros((s, len(self._plan.special), k)),
                 np.zeros((n_rows, k)),
             )
             for theirs, part in parts:
@@ -246,18 +249,19 @@ class AdjointMarch:
 
     def _add_seeds(self, number: int, columns: Ints, found: _Adjoint) -> None:
         """What readings depend on a state itself."""
-        weights = self._weights[number, columns]
+        weights = self._plan.weights[number, columns]
         here = np.flatnonzero(weights)
         if not len(here):
             return
         rows, channels = self._seeds.rows, self._seeds.channel[columns[here]]
         scale = sp.diags_array(weights[here])
         if rows.u is not None:
-            found.u[:, here] += (scale @ rows.u[channels]).T.toarray()
+            own = sp.csr_array(scale @ rows.u[channels])[:, self._plan.read]
+            found.u[:, here] += own.T.toarray()
         if rows.stress is not None:
             stress = sp.csr_array(scale @ rows.stress[channels]).tocoo()
             component, point = np.divmod(stress.col, self._points.n_points)
-            place = component, self._place[point], here[stress.row]
+            place = component, self._plan.place[point], here[stress.row]
             np.add.at(found.d, place, -stress.data / self._points.volume[point])
         if rows.members is not None and self._structures.n_rows:
             forces = (scale @ rows.members[channels]).T.toarray()
@@ -265,120 +269,103 @@ class AdjointMarch:
 
     def _solved(self, task: StageTask, carried: _Adjoint) -> Floats:
         """The adjoint displacements w (n_dofs, k)."""
-        rest = carried.u.copy()
-        if len(self._special):
-            stress = self._special_stress(task, carried.d)
-            rest -= self._special_forces @ stress
+        rest = -(self._plan.forces @ self._special_stress(task, carried.d))
+        rest[self._plan.read] += carried.u
         if self._structures.n_rows:
             rest -= self._structures.nodal_forces(task.moduli[:, :1] * carried.members)
-        w = np.zeros_like(rest)
+        dofs = task.system.pattern.dofs
         factor = factorize(task, self._systems, self._factors)
+        right = rest[dofs]
+        rest[:] = 0.0
         if factor is not None:
-            dofs = task.system.pattern.dofs
-            w[dofs] = factor.solve(rest[dofs])
-        return w
-
-    @cached_property
-    def _special_forces(self) -> sp.csr_array:
-        """C^T at the special points, (n_dofs, n_strain n_special)."""
-        m = self._points.n_points
-        rows = (np.arange(self._points.n_strain)[:, None] * m + self._special).ravel()
-        return sp.csr_array(sp.csr_array(self._points.compatibility[rows]).T)
+            rest[dofs] = factor.solve(right)
+        return rest
 
     def _special_stress(self, task: StageTask, d: Floats) -> Floats:
         """V E d (n_strain n_special, k) at the special points, zero where they are absent."""
         stress = np.zeros_like(d)
         for material, mine in task.system.points_of.items():
-            points = numbers(mine, self._points.n_points)
-            points = points[self._place[points] >= 0]
-            if len(points):
-                at = self._place[points]
-                stress[:, at] = task.ground.moduli(material, points).value.stress(d[:, at])
-        stress *= task.system.volume[self._special][None, :, None]
+            place = self._plan.place[mine]
+            here = np.flatnonzero(place >= 0)
+            if len(here):
+                moduli = task.ground.moduli(material, mine).value.at(here)
+                stress[:, place[here]] = moduli.stress(d[:, place[here]])
+        stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(-1, d.shape[2])
 
     def _force_slopes(self, number: int) -> Floats:
-        """df/dp (n_dofs, n) by the ordinary parameters: of what acts, and of released fractions."""
-        forces = self._march.actions.forces(number, self._ordinary)[:, 1:]
-        release = self._traces[number].task.state.release
-        for group, support in self._traces[number].held.items():
-            fraction = self._ordinary.number(release[group]).columns[1:]
-            forces = forces - np.outer(support, fraction)
+        """df/dp (n_dofs, n) at the unknowns, of what acts and of released fractions; else zero."""
+        trace = self._traces[number]
+        forces, dofs = np.zeros_like(trace.slopes), trace.task.system.pattern.dofs
+        forces[dofs] = trace.slopes[dofs]
+        for group, support in trace.held.items():
+            fraction = self._ordinary.number(trace.task.state.release[group]).columns[1:]
+            forces[dofs] -= np.outer(support[dofs], fraction)
         return forces
 
-    def _hold(self, trace: ElasticTrace, pull: Floats, carried: _Adjoint, columns: Ints) -> None:
+    def _hold(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
         """Adjoints of what is held; where the group leaves at this stage, of what made it."""
-        state = trace.task.state
+        state, dofs = trace.task.state, trace.task.system.pattern.dofs
+        pull = w[dofs] - carried.M[dofs]
         for group in trace.held:
             fraction = float(self._ordinary.number(state.release[group]).value)
-            held = carried.held.setdefault(group, np.zeros_like(pull))
-            held += (1.0 - fraction) * pull
+            held = carried.held.setdefault(group, np.zeros_like(carried.M))
+            held[dofs] += (1.0 - fraction) * pull
             if group in state.leaving:
                 own = self._march.actions.carried(state.base, {group}, self._ordinary)[:, 1:]
                 self._by_ordinary[columns] += held.T @ own
 
-    def _strains(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:
-        """Take b of a stage to the parameters of its moduli and strains.
+    def _strains(self, trace: ElasticTrace, w: Floats, d: Floats, columns: Ints) -> None:
+        """Take b = C w + d of a stage to the parameters of its moduli and strains.
 
-        Returns:
-            C w (n_strain, n_special, k) at the special points.
+        b itself is not made: V b^T D eps is the work of the stress V D eps at w and d.
         """
-        points = self._points
-        weighted = self._weighted(trace)
-        s, special = points.n_strain, self._special
-        seen = np.empty((s, len(special), w.shape[1]))
-        step = max(1, _TOGETHER // (s * points.n_points))
-        for start in range(0, w.shape[1], step):
-            some = slice(start, start + step)
-            b = points.strain(w[:, some])
-            seen[..., some] = b[:, special]
-            b[:, special] += carried.d[..., some]
-            mine = columns[some]
-            for number, at, place, change in weighted.by_field:
-                products = np.einsum("sq,sqk->qk", change, b[:, at])
-                kept = self._by_field.setdefault(
-                    number,
-                    np.zeros((len(self._march.on_mesh.fields[number].points), self._seeds.count)),
-                )
-                if isinstance(place, slice):
-                    kept[:, mine] += products
-                else:
-                    kept[np.ix_(place, mine)] += products
-            if weighted.by_ordinary.any():
-                flat = b.reshape(-1, b.shape[2])
-                self._by_ordinary[mine] -= flat.T @ weighted.by_ordinary.reshape(len(flat), -1)
-        return seen
-
-    def _weighted(self, trace: ElasticTrace) -> _Weighted:
-        """V times the derivatives of stress at kept displacements."""
-        task, points = trace.task, self._points
-        volume, n = task.system.volume, len(self._ordinary.names)
-        columns = {name: k for k, name in enumerate(self._ordinary.names)}
-        by_ordinary = np.zeros((points.n_strain, points.n_points, n))
-        by_field = []
-        fields = {id(one): number for number, one in enumerate(self._march.on_mesh.fields)}
+        points, task, place = self._points, trace.task, self._plan.place
+        volume, ordinary = task.system.volume, self._ordinary
+        by_ordinary = np.zeros((points.n_strain, points.n_points, len(ordinary.names)))
+        if trace.in_situ is not None:
+            by_ordinary += trace.in_situ
         strain = points.strain(trace.du) if trace.stepped else np.zeros(by_ordinary.shape[:2])
-        thermal = self._march.thermal.change(task.number, self._ordinary) if task.number else None
+        thermal = self._march.thermal.change(task.number, ordinary) if task.number else None
         if thermal is not None:
             strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
         for material, mine in task.system.points_of.items():
             moduli = task.ground.moduli(material, mine)
             if trace.stepped:
                 for name, slope in moduli.slopes.items():
-                    if name in columns:
-                        by_ordinary[:, mine, columns[name]] += slope.stress(strain[:, mine])
+                    if name in ordinary.names:
+                        k = ordinary.names.index(name)
+                        by_ordinary[:, mine, k] += slope.stress(strain[:, mine])
                 for modes in moduli.modes:
-                    change = modes.moduli.stress(strain[:, mine]) * volume[mine]
-                    place = slice(None) if modes.places is None else modes.places
-                    by_field.append((fields[id(modes.field)], mine, place, change))
+                    # absent points of the field have no work: so no rows need be picked
+                    change = np.zeros((points.n_strain, len(modes.field.points)))
+                    at = slice(None) if modes.places is None else modes.places
+                    change[:, at] = modes.moduli.stress(strain[:, mine]) * volume[mine]
+                    products = self._systems.work(modes.field.points, change) @ w
+                    special = place[modes.field.points]
+                    also = np.flatnonzero(special >= 0)
+                    own = d[:, special[also]]
+                    products[also] += np.einsum("sq,sqk->qk", change[:, also], own)
+                    self._add_products(modes, products, columns)
             if thermal is not None:
                 normal = np.zeros((points.n_strain, *thermal[mine, 1:].shape))
                 normal[:NORMAL_COMPONENTS] = thermal[mine, 1:]
                 by_ordinary[:, mine] -= moduli.value.stress(normal)
-        if task.number == 0:
-            by_ordinary += self._march.in_situ.columns(self._ordinary)[..., 1:]
-        by_ordinary *= volume[:, None]
-        return _Weighted(by_ordinary, by_field)
+        forces = points.forces(by_ordinary, volume)
+        at = self._plan.special
+        direct = (volume[at, None] * by_ordinary[:, at]).reshape(-1, len(ordinary.names))
+        self._by_ordinary[columns] -= w.T @ forces + d.reshape(-1, d.shape[2]).T @ direct
+
+    def _add_products(self, modes: ModeSlopes, products: Floats, columns: Ints) -> None:
+        """Add V b^T D eps (q, k) of a stage at all points of a field."""
+        number = self._fields[id(modes.field)]
+        if number not in self._by_field:
+            self._by_field[number] = np.zeros((len(modes.field.points), self._seeds.count))
+        together = slice(int(columns[0]), int(columns[-1]) + 1)
+        if together.stop - together.start == len(columns):
+            self._by_field[number][:, together] += products
+        else:
+            self._by_field[number][:, columns] += products
 
     def _members(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:
         """The same of structures, for rigidities and given forces; returns B w (n_rows, k)."""
@@ -399,27 +386,25 @@ class AdjointMarch:
         return seen
 
     def _leave(
-        self,
-        trace: ElasticTrace,
-        w: Floats,
-        carried: _Adjoint,
-        seen: Floats,
-        member: Floats,
-        columns: Ints,
+        self, trace: ElasticTrace, w: Floats, carried: _Adjoint, member: Floats, columns: Ints
     ) -> None:
         """What a stage leaves the state on which it builds."""
-        state = trace.task.state
-        cleared = self._cleared(trace)[self._special]
-        d = np.where(cleared[:, None], -seen, carried.d)
+        state, special = trace.task.state, self._plan.special
+        cleared = self._plan.cleared(trace.task.number)[special]
+        d = carried.d
+        if cleared.any():
+            rows = np.concatenate([cleared] * len(d))
+            seen = self._plan.strain[np.flatnonzero(rows)] @ w
+            d[:, cleared] = -seen.reshape(len(d), -1, w.shape[1])
         gone = self._structures.begins_anew(state)[:, None]
         members = np.where(gone, -member, carried.members)
         u = carried.u
-        u[~trace.task.system.touched] = 0.0
+        u[~trace.task.system.touched[self._plan.read]] = 0.0
         held = {g: h for g, h in carried.held.items() if g not in state.leaving}
         for group, support in carried.held.items():
             if group in state.leaving:
-                mine = self._ground[group]
-                at = self._place[mine]
-                d[:, at] += self._points.strain(support)[:, mine]
+                index = self._systems.discretization.points_of[group]
+                at = self._plan.place[numbers(index, self._points.n_points)]
+                d[:, at] += self._points.strain(support)[:, index]
         left = _Adjoint(w, u, d, members, held)
         self._left.setdefault(state.base, []).append((columns, left))

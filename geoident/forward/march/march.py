@@ -191,6 +191,8 @@ class Run:
         self._structures = systems.structures
         self.given, derivatives = point, options.derivatives and not options.traced
         self._point = point if derivatives else ParameterPoint(point.values, ())
+        self._ordinary = march.without_modes(point) if options.traced else self._point
+        self._slopes = np.zeros((0, 0))
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
@@ -239,7 +241,9 @@ class Run:
             if n == 0 or state.base not in lost:
                 bases.go_to(n, u, carried)
                 forces = np.zeros_like(u)
-                forces[:, : self._point.n_columns] = march.actions.forces(n, self._point)
+                acting = march.actions.forces(n, self._ordinary)
+                forces[:, : self._point.n_columns] = acting[:, : self._point.n_columns]
+                self._slopes = acting[:, 1:]
                 if unit is not None:
                     unit.add_to(forces, n)
                 try:
@@ -288,7 +292,7 @@ class Run:
             du, yielded = elastic_step(task, self._systems, self.factors), still
         if self._options.traced:
             values = {group: support[:, 0].copy() for group, support in held.items()}
-            self.traces.append(ElasticTrace(task, du[:, 0], values))
+            self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
         u += du
         return yielded
 
@@ -298,20 +302,24 @@ class Run:
         What is out of balance is small; it is taken as elastic. Where the stress then is must be
         inside the yield surfaces.
         """
-        system, stress = self._systems[0], carried.stress
-        stress[..., : self._point.n_columns] = self._march.in_situ.columns(self._point)
+        system, stress, n = self._systems[0], carried.stress, self._point.n_columns
+        given = self._march.in_situ.columns(self._ordinary)
+        given[:, ~system.present] = 0.0
+        stress[..., :n] = given[..., :n]
         stress[:, ~system.present] = 0.0
         imbalance = self._march.imbalance(stress, forces)
         self._imbalance = float(imbalance[0])
         if self._options.traced:
-            imbalance = self._march.virgin(self._march.without_modes(self.given))[1]
+            acting = np.hstack([forces, self._slopes])
+            imbalance = self._march.imbalance(given, acting)
         task = self._task(0, carried, forces)
         stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
         du = np.zeros(len(forces))
         if stepped:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
-            self.traces.append(ElasticTrace(task, du, {}, stepped))
+            trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
+            self.traces.append(trace)
         self._plastic.refuse_virgin(task)
 
     def _clear(

@@ -215,13 +215,17 @@ class ElasticTrace:
     Args:
         task: the stage, without derivatives.
         du: (n_dofs,) its displacement step.
+        slopes: (n_dofs, n) df/dp by the parameters that are no modes, of what acts in it.
         held: group to H (n_dofs,) of what is partly released in it.
+        in_situ: (n_strain, n_points, n) derivatives of the virgin stress; None in later states.
         stepped: whether an equilibrium was sought; in the virgin state only if it was out of it.
     """
 
     task: StageTask
     du: Floats
+    slopes: Floats
     held: Mapping[int, Floats]
+    in_situ: Floats | None = None
     stepped: bool = True
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, UniformModuli
@@ -144,6 +145,10 @@ class StageSystems:
             total += self._pointwise.values(tangents, name, points, laws[name], system.volume)
         return total
 
+    def work(self, points: Ints, stress: Floats) -> sp.csr_array:
+        """Work of stresses (s, q) at points (q,), ascending, on displacements: (q, n_dofs)."""
+        return self._point_blocks.work(points, stress)
+
     def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
         """Where an unknown stands, for a message."""
         if unknown is None:
@@ -205,6 +210,7 @@ class GroundAt:
         self._on_mesh, self._case = on_mesh, on_mesh.case
         self._point = point
         self._moduli: dict[str, MaterialModuli] = {}
+        self._parts: dict[str, tuple[Index, MaterialModuli]] = {}
         self._elasticities: dict[str, Dual] = {}
         self._planes: dict[str, YieldPlanes] = {}
         self._laws: dict[str, YieldLaw | None] = {}
@@ -231,7 +237,12 @@ class GroundAt:
         wanted = numbers(points, self._on_mesh.discretization.points.n_points)
         if len(wanted) == len(mine):
             return found
-        return found.at(np.searchsorted(mine, wanted))
+        # The points of a stage are asked for several times, always as the same object.
+        kept = self._parts.get(material)
+        if kept is None or kept[0] is not points:
+            kept = points, found.at(np.searchsorted(mine, wanted))
+            self._parts[material] = kept
+        return kept[1]
 
     def elasticity(self, material: str) -> Dual:
         """E (s, s) of a material, Pa; where a constant is a field, that of its mean."""
