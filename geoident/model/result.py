@@ -258,6 +258,10 @@ class Diagnostics:
         distance: (k,) Cook's distance.
         influence: (k, n) change of each parameter by the readings, in standard deviations of the
             parameter (DFBETAS); infinite where nothing else determines it.
+        misfit: size of the residuals by that of the errors as stated or estimated, near 1 for a
+            right model; NaN where there are no more readings than parameters.
+        above: probability that chance makes them at least as large.
+        below: probability that it makes them at most as large.
     """
 
     loss: str
@@ -269,6 +273,9 @@ class Diagnostics:
     leverage: Floats
     distance: Floats
     influence: Floats
+    misfit: float = np.nan
+    above: float = 1.0
+    below: float = 1.0
 
     def wide(self, gauges: GaugeTable) -> Diagnostics:
         """The same with arrays (n_channels, n_stages).
@@ -424,7 +431,8 @@ class Result:
 
     Args:
         kind: the command, ``fit``, ``predict``, ``simulate`` or ``scan``.
-        status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
+        status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
+            ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
         reason: why it stopped, one sentence with the remedy where there is one.

@@ -13,10 +13,13 @@ from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     bound_findings,
+    gross_findings,
+    is_poor,
     opened,
     over_all_stages,
     parameter_table,
     remarks,
+    why_poor,
 )
 from geoident.workflow.running.estimate import (
     Estimate,
@@ -33,9 +36,6 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.readings import gauge_table, unused_notes
-
-MISFIT = 3.0
-"""Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -72,6 +72,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
             *collapse_findings(survey),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
+            *gross_findings(found.diagnostics, found.readings, case),
             *remarks(found.diagnostics, gauges, parameters.names),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
         ),
@@ -102,16 +103,9 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
 def _status(found: Estimate) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
+    if is_poor(found.diagnostics):
+        return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
-
-
-def _scatter(found: Estimate) -> float:
-    """Root mean square of the residuals in accuracies; 0 if the loss is robust to a few far off."""
-    if found.diagnostics.loss != "squared":
-        return 0.0
-    used = int(np.isfinite(found.diagnostics.standardized).sum())
-    freedom = max(used - len(found.outcome.values), 1)
-    return float(np.sqrt(found.outcome.objective / freedom))
 
 
 def _undetermined(found: Estimate) -> Bools:
@@ -122,7 +116,4 @@ def _undetermined(found: Estimate) -> Bools:
 def _reason(found: Estimate, names: tuple[str, ...]) -> str:
     loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    off = max(found.diagnostics.scale, _scatter(found))
-    misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
-    misfit += "the stated accuracies (see the findings)."
-    return found.outcome.reason + also + (misfit if off > MISFIT else "")
+    return found.outcome.reason + also + why_poor(found.diagnostics)

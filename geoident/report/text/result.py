@@ -45,6 +45,7 @@ _STATUS = {
     "converged": "The search converged",
     "not-converged": "The search did not converge: the values are the best found so far",
     "not-determined": "The readings do not determine all parameters",
+    "poor-fit": "The model does not fit the readings: parameters and bands are not to be relied on",
     "out-of-budget": "The search ran out of its budget: the values are the best found so far",
     "done": "The computation is complete",
 }
@@ -161,7 +162,7 @@ def _predicted(result: Result) -> list[str]:
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
     said = list(result.findings)
-    if result.status in ("not-converged", "not-determined", "out-of-budget"):
+    if result.status in ("not-converged", "not-determined", "poor-fit", "out-of-budget"):
         said.insert(0, result.reason)
     for i in np.flatnonzero(result.parameters.at_bound).tolist():
         name = result.parameters.names[i]
