@@ -234,8 +234,8 @@ def why_poor(found: Diagnostics) -> str:
 
 def _gross(found: Diagnostics) -> Ints:
     """Rows of the readings that no gauge can have shown, the worst first."""
-    size = np.nan_to_num(np.abs(found.standardized), posinf=np.inf)
-    used = np.isfinite(found.standardized) | np.isinf(found.standardized)
+    size = np.nan_to_num(np.abs(found.standardized).ravel(), posinf=np.inf)
+    used = ~np.isnan(found.standardized).ravel()
     if not used.any():
         return np.zeros(0, dtype=np.int64)
     least = max(GROSS, GROSS_BESIDE * float(np.median(size[used])))
@@ -244,7 +244,13 @@ def _gross(found: Diagnostics) -> Ints:
 
 
 def gross_findings(found: Diagnostics, readings: ReadingTable, case: Case) -> tuple[str, ...]:
-    """A sentence for readings that are grossly wrong, with the place where each is written."""
+    """A sentence for readings that are grossly wrong, with the place where each is written.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: k of them, as the case has them.
+        case: with the places where they are written.
+    """
     rows = _gross(found)
     units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
     said = []
