@@ -26,6 +26,7 @@ from geoident.workflow.running.estimate import (
     predicted,
     searched,
 )
+from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.predictions import (
     collapse_findings,
@@ -89,6 +90,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        varied=field_estimates(setup.model, found.outcome.values, found.assessment),
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,

@@ -66,6 +66,8 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
     out.add("display_unit", table.units, "parameter")
     out.add("dimension", table.dimensions, "parameter")
+    if table.fields:
+        out.add("field", table.fields, "parameter")
     out.add("covariance", table.covariance, "parameter", "other")
     out.add("correlation", table.correlation, "parameter", "other")
     if singular is not None:
@@ -97,6 +99,7 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         dimensions=group.texts("dimension", n),
         covariance=group.floats("covariance", n, n),
         correlation=group.floats("correlation", n, n),
+        fields=group.texts("field", n) if "field" in group else (),
     )
     if "singular_values" not in group:
         return table, None

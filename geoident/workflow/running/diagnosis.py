@@ -269,4 +269,5 @@ def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> Par
         dimensions=tuple(q.dimension for q in parameters),
         covariance=np.full((n, n), np.nan),
         correlation=np.full((n, n), np.nan),
+        fields=tuple(q.field for q in parameters) if any(q.field for q in parameters) else (),
     )
