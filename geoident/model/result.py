@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from geoident.model.parameter import Prior
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
+
+if TYPE_CHECKING:
+    from geoident.model.backtest import Backtest
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -442,10 +445,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Result:
-    """All that ``geoident fit``, ``predict``, ``simulate`` or ``scan`` found.
+    """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``simulate`` or ``scan``.
+        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
@@ -462,6 +465,8 @@ class Result:
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         varied: what is known of each constant that varies from place to place.
+        backtest: fits of the first stages and their predictions of later ones; of a fit that of all
+            but its last stage; or None.
     """
 
     kind: str
@@ -488,6 +493,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
 
     @cached_property
@@ -509,6 +515,7 @@ class Result:
             sensitivity=None if self.sensitivity is None else self.sensitivity[..., named],
             diagnostics=found,
             history=tuple(replace(step, values=step.values[named]) for step in self.history),
+            backtest=None if self.backtest is None else self.backtest.picked(named),
         )
 
 

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
@@ -115,10 +115,11 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
+    if result.backtest is not None:
+        backtest.write_backtest(file, result.backtest, gauges, names)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
-    if result.varied:
-        write_varied(file, result.varied)
+    write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
     if result.certificate is not None:
@@ -244,6 +245,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),
+        backtest=(backtest.read_backtest(file, gauges, n) if backtest.GROUP in contents else None),
     )
 
 

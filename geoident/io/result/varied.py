@@ -18,12 +18,14 @@ _NUMBERS = ("values", "sd", "prior_sd", "reduction")
 
 
 def write_varied(file: h5py.File, estimates: Sequence[FieldEstimate]) -> None:
-    """Writes ``/fields``; ``sd`` and ``prior_sd`` are of the logarithm.
+    """Writes ``/fields``, if there are any; ``sd`` and ``prior_sd`` are of the logarithm.
 
     Args:
         file: the result.
         estimates: what is known of each field.
     """
+    if not estimates:
+        return
     group = file.create_group(GROUP)
     group.attrs["names"] = [plain_text(found.name) for found in estimates]
     for number, found in enumerate(estimates):

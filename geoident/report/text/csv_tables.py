@@ -17,6 +17,7 @@ import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
@@ -41,6 +42,7 @@ class CsvTable:
 
 def csv_tables(result: Result) -> dict[str, CsvTable]:
     """Name to table, those without rows left out."""
+    result = result.for_people
     made = {name: make(result) for name, make in _TABLES.items()}
     return {name: table for name, table in made.items() if table.rows}
 
@@ -310,6 +312,25 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
         yield (*coordinates, phi if math.isfinite(phi) else math.nan)
 
 
+def _of_rows(header: tuple[str, ...], rows: Sequence[CsvRow]) -> CsvTable:
+    return CsvTable(header, tuple(rows))
+
+
+def _fields(result: Result) -> CsvTable:
+    """Constants that vary from place to place, by elements; deviations are of the logarithm."""
+    header = ("field", "x", "y", "z", "value", "unit", "sd_log", "prior_sd_log", "reduction")
+    rows = []
+    for found in result.varied:
+        unit = shown_unit(found.unit, found.dimension)
+        columns = (found.values, found.sd, found.prior_sd, found.reduction)
+        for centre, *numbers in zip(found.centres.tolist(), *columns, strict=True):
+            value, sd, before, reduction = map(float, numbers)
+            place = (*centre, *(math.nan,) * (3 - len(centre)))
+            shown = in_unit(value, found.unit, found.dimension)
+            rows.append((found.name, *place, shown, unit, sd, before, reduction))
+    return CsvTable(header, tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -322,6 +343,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,
+    "fields": _fields,
+    "backtest": lambda result: _of_rows(*csv_rows(result)),
+    "backtest-parameters": lambda result: _of_rows(*csv_fit_rows(result)),
 }
 
 CSV_TABLES = tuple(_TABLES)

@@ -248,7 +248,13 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages (n_stages,), from an estimate."""
+    """Bands of the readings at some stages, from an estimate.
+
+    Args:
+        setup: as `estimated` gave it.
+        found: the estimate.
+        stages: (n_stages,) which to predict.
+    """
     sd = accuracies(setup.case)
     return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
 
@@ -287,14 +293,15 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
 
 
 def searched(
-    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome], Result]
+    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome, Log], Result]
 ) -> Finished:
     """Runs the search of a command and writes its result; keeps one that is up to date.
 
     Args:
         job: what to do.
         control: progress, budget and stops.
-        result: what is written of the case, its problem and the outcome of the search.
+        result: what is written of the case, its problem and the outcome of the search; it may
+            evaluate more, and log that.
 
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
@@ -304,7 +311,7 @@ def searched(
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
-        written = result(*estimated(setup, job.methods, log, control))
+        written = result(*estimated(setup, job.methods, log, control), log)
         return write(written, job.place, job.found, inputs=job.inputs.files)
 
 

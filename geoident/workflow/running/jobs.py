@@ -278,7 +278,7 @@ class Job:
 
     Args:
         request: what was asked for.
-        command: ``fit`` or ``scan``.
+        command: ``fit``, ``scan`` or ``backtest``.
         methods: the identifiers to run, one after the other.
         inputs: the case.
         place: of the result.
@@ -309,6 +309,12 @@ def plan_fit(request: Request) -> Job:
     """
     inputs = load_inputs(request.case, overrides=request.overrides)
     return _plan(request, inputs, "fit", inputs.case.fit.methods)
+
+
+def plan_backtest(request: Request) -> Job:
+    """The same for a case that is to be fitted to ever more of its stages."""
+    inputs = load_inputs(request.case, overrides=request.overrides)
+    return _plan(request, inputs, "backtest", inputs.case.fit.methods)
 
 
 def plan_scan(request: Request) -> Job:
