@@ -46,8 +46,9 @@ class Counts:
 class ParameterTable:
     """The identified parameters, one entry of every array each.
 
-    A parameter that is not determined keeps its ``value`` for further computing but has NaN in
-    ``sd``, ``lower95``, ``upper95``; whoever shows it says "not determined" in place of the number.
+    A parameter that neither readings nor its prior determine keeps its ``value`` for further
+    computing but has NaN in ``sd``, ``lower95``, ``upper95``; whoever shows it says "not
+    determined" in place of the number. One that only its prior knows has the numbers of the prior.
 
     Args:
         names: n names.

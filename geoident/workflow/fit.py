@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
+from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
 from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
@@ -81,7 +83,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, parameters.names),
+        reason=_reason(found, case.parameters),
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
@@ -136,12 +138,13 @@ def _status(found: Estimate) -> str:
     return "not-determined" if _undetermined(found).any() else "converged"
 
 
-def _scatter(found: Estimate) -> float:
+def _scatter(found: Estimate, parameters: Sequence[Parameter]) -> float:
     """Root mean square of the residuals in accuracies; 0 if the loss is robust to a few far off."""
     if found.diagnostics.loss != "squared":
         return 0.0
     used = int(np.isfinite(found.diagnostics.standardized).sum())
-    freedom = max(used - len(found.outcome.values), 1)
+    named = sum(not q.field for q in parameters)  # each mode has a prior, which is an equation
+    freedom = max(used - named, 1)
     return float(np.sqrt(found.outcome.objective / freedom))
 
 
@@ -150,10 +153,10 @@ def _undetermined(found: Estimate) -> Bools:
     return ~(found.assessment.determined | found.assessment.from_prior)
 
 
-def _reason(found: Estimate, names: tuple[str, ...]) -> str:
-    loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
+def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
+    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found))]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    off = max(found.diagnostics.scale, _scatter(found))
+    off = max(found.diagnostics.scale, _scatter(found, parameters))
     misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
     misfit += "the stated accuracies (see the findings)."
     return found.outcome.reason + also + (misfit if off > MISFIT else "")

@@ -44,6 +44,7 @@ from geoident.workflow.running.predictions import (
 )
 from geoident.workflow.running.readings import (
     accuracies,
+    bad_notes,
     gauge_table,
     reading_table,
     why_useless,
@@ -326,5 +327,5 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         members=survey.members,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
-        notes=score(gauges, prediction),
+        notes=(*bad_notes(readings), *score(gauges, prediction)),
     )

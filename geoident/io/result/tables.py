@@ -81,7 +81,11 @@ def _of_priors(priors: Sequence[Prior | None], name: str) -> Floats:
 
 
 def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
-    """The table, and the singular values (k,) or None."""
+    """The table, and the singular values (k,) or None.
+
+    Raises:
+        ValueError: a value is no finite number.
+    """
     group = TableReader(file, "parameters")
     names = group.texts("name")
     n = len(names)
@@ -101,6 +105,9 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         correlation=group.floats("correlation", n, n),
         fields=group.texts("field", n) if "field" in group else (),
     )
+    if not np.all(np.isfinite(table.values)):
+        lost = names[int(np.flatnonzero(~np.isfinite(table.values))[0])]
+        raise ValueError(f"the value of the parameter {lost!r} is not a finite number")
     if "singular_values" not in group:
         return table, None
     return table, group.floats("singular_values", len(group.array("direction", "f")))

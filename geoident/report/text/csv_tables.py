@@ -2,7 +2,8 @@
 
 Numbers stand in the units in which the user wrote them, lengths that were read in mm, with the unit
 in a column or in the header, to 12 digits. An empty cell is a value that does not exist or is not
-determined.
+determined. A text that a spreadsheet would take for a formula (a gauge may be called ``=A1``) has
+an apostrophe before it; numbers are numbers.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def csv_text(table: CsvTable) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.header)
+    writer.writerow([_text(cell) for cell in table.header])
     writer.writerows([_text(cell) for cell in row] for row in table.rows)
     return text.getvalue()
 
@@ -74,7 +75,21 @@ def _text(cell: CsvCell) -> str:
         return "yes" if cell else "no"
     if isinstance(cell, float):
         return "" if math.isnan(cell) else f"{cell:.12g}"
+    if isinstance(cell, str) and cell.startswith(_FORMULA) and not _is_number(cell):
+        return f"'{cell}"
     return str(cell)
+
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""Beginnings of texts that a spreadsheet takes for a formula, and would compute (CWE-1236)."""
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _parameters(result: Result) -> CsvTable:
@@ -85,7 +100,8 @@ def _parameters(result: Result) -> CsvTable:
 
 
 def _parameter(table: ParameterTable, i: int) -> CsvRow:
-    value = float(table.values[i]) if table.determined[i] else math.nan
+    known = table.determined[i] or math.isfinite(table.sd[i])  # from readings, or its prior
+    value = float(table.values[i]) if known else math.nan
     found = (value, *(float(column[i]) for column in (table.sd, table.lower95, table.upper95)))
     given = (float(column[i]) for column in (table.start, table.lower, table.upper))
     unit, dimension = table.units[i], table.dimensions[i]

@@ -106,8 +106,9 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
     determined, prior = bool(parameters.determined[i]), parameters.priors[i]
+    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
     return {
-        "value": parameters.values[i] if determined else None,
+        "value": parameters.values[i] if known else None,
         "unit": si_unit(parameters.dimensions[i]),
         "sd": parameters.sd[i],
         "lower95": parameters.lower95[i],

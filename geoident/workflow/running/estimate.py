@@ -18,9 +18,9 @@ from geoident.identify import identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -289,6 +289,12 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
         inputs: paths that were read, and so must not be written.
     """
     overwrite = found is not Standing.NOTHING
+    if not overwrite:  # the same may have been computed by another run meanwhile
+        other = read_identity(place.path) if place.path.exists() else None
+        if other is not None and other.identity == result.provenance.identity:
+            if other.status != STOPPED:
+                return keep(place)
+            overwrite = True
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 

@@ -24,7 +24,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
-from geoident.io.text.text_file import STDIN, seen_from
+from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
@@ -191,6 +191,7 @@ def sha256(content: bytes) -> str:
 
 
 def _hash_file(path: str, what: str) -> str:
+    require_file(path, what)
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
