@@ -154,7 +154,7 @@ def _undetermined(found: Estimate) -> Bools:
 
 
 def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
-    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found))]
+    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
     off = max(found.diagnostics.scale, _scatter(found, parameters))
     misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
