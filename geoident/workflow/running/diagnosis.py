@@ -53,7 +53,7 @@ GROSS = 1000.0
 """Residual in accuracies that no gauge shows: a unit, a column or a sign is wrong."""
 
 GROSS_BESIDE = 30.0
-"""And as many times the median residual: else it is the model that is wrong."""
+"""And residual or reading are as many times the median one: else it is the model that is wrong."""
 
 
 def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
@@ -119,12 +119,13 @@ def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -
         gauges: the readings.
         parameters: names of the n parameters.
     """
+    gross = len(_gross(found, gauges.readings)) > 0
     found = found.wide(gauges)
     sentences = [
         *_against(gauges),
         *_most_influential(found, gauges, parameters),
         *_far_off(found, gauges),
-        *_scatter(found),
+        *([] if gross else _scatter(found)),  # the others are off because of it
     ]
     return tuple(sentences)
 
@@ -182,8 +183,6 @@ def _size(t: float) -> str:
 
 
 def _scatter(found: Diagnostics) -> list[str]:
-    if len(_gross(found)):
-        return []  # the others are off because of it
     if found.above < SIGNIFICANCE and found.misfit > TOO_LARGE:
         return [
             f"The residuals are {_times(found.misfit)} times as large as the stated accuracies "
@@ -213,33 +212,47 @@ def _by_chance(probability: float) -> str:
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
 
 
-def is_poor(found: Diagnostics) -> bool:
+def is_poor(found: Diagnostics, readings: ReadingTable) -> bool:
     """Whether the model does not fit: what is left is far more than errors explain.
 
     The same holds for every loss (see `misfit`); and a reading that no gauge can have shown makes a
     fit poor though a robust loss has disregarded it.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: all k of them.
     """
-    return bool(found.above < POOR and found.misfit >= UNUSABLE) or bool(len(_gross(found)))
+    return _unexplained(found) or bool(len(_gross(found, readings)))
 
 
-def why_poor(found: Diagnostics) -> str:
-    """The sentence that says so, after a blank; empty for a fit that is not poor."""
-    if not is_poor(found):
+def _unexplained(found: Diagnostics) -> bool:
+    return bool(found.above < POOR and found.misfit >= UNUSABLE)
+
+
+def why_poor(found: Diagnostics, readings: ReadingTable) -> str:
+    """The sentence that says so, after a blank; empty for a fit that is not poor.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: all k of them.
+    """
+    if not is_poor(found, readings):
         return ""
-    if found.above < POOR and found.misfit >= UNUSABLE:
+    if _unexplained(found):
         how = f"the residuals are {_times(found.misfit)} times as large as the stated accuracies"
         return f" The model does not fit the readings: {how} explain (see the findings)."
     return " The model does not fit the readings: some are grossly wrong (see the findings)."
 
 
-def _gross(found: Diagnostics) -> Ints:
+def _gross(found: Diagnostics, readings: ReadingTable) -> Ints:
     """Rows of the readings that no gauge can have shown, the worst first."""
-    size = np.nan_to_num(np.abs(found.standardized).ravel(), posinf=np.inf)
-    used = ~np.isnan(found.standardized).ravel()
+    used = ~np.isnan(found.standardized)
+    size = np.where(used, np.abs(found.standardized), 0.0)
+    read = np.where(used, np.abs(readings.value) / readings.sd, 0.0)
     if not used.any():
         return np.zeros(0, dtype=np.int64)
-    least = max(GROSS, GROSS_BESIDE * float(np.median(size[used])))
-    rows = np.flatnonzero(used & (size > least))
+    beside = [each > GROSS_BESIDE * float(np.median(each[used])) for each in (size, read)]
+    rows = np.flatnonzero((size > GROSS) & (beside[0] | beside[1]))
     return rows[np.argsort(-size[rows], kind="stable")]
 
 
@@ -251,7 +264,7 @@ def gross_findings(found: Diagnostics, readings: ReadingTable, case: Case) -> tu
         readings: k of them, as the case has them.
         case: with the places where they are written.
     """
-    rows = _gross(found)
+    rows = _gross(found, readings)
     units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
     said = []
     for k in rows[:5].tolist():
@@ -367,4 +380,5 @@ def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> Par
         dimensions=tuple(q.dimension for q in parameters),
         covariance=np.full((n, n), np.nan),
         correlation=np.full((n, n), np.nan),
+        fields=tuple(q.field for q in parameters) if any(q.field for q in parameters) else (),
     )
