@@ -79,6 +79,10 @@ class Parameter:
         prior: knowledge beside the readings, or None.
         dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
         unit: unit in which the user wrote the start value, for tables.
+        period: of an angle of axes or planes, rad: values that differ by it mean the same ground;
+            None for what is no such angle.
+        mirror: name of another angle and a half turn of it: with the other sign of this one and the
+            other one further by that, the ground is the same (a dip and its direction).
     """
 
     name: str
@@ -89,3 +93,5 @@ class Parameter:
     prior: Prior | None = None
     dimension: str = "dimensionless"
     unit: str = ""
+    period: float | None = None
+    mirror: tuple[str, float] | None = None

@@ -268,6 +268,19 @@ class Problem:
 
 
 @dataclass(frozen=True)
+class Minimum:
+    """A minimum of the discrepancy that a search came to beside its best point.
+
+    Args:
+        values: (n,) parameters, SI.
+        objective: the discrepancy there, with the prior's part.
+    """
+
+    values: Floats
+    objective: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Where an identifier ended.
 
@@ -280,6 +293,7 @@ class Outcome:
         grid: of a scan, else None.
         remarks: what else is to be known of how it was found, sentences without a full stop.
         certificate: what an identification of yield limits proved, else None.
+        minima: the others that the search came to, lowest first.
     """
 
     values: Floats
@@ -290,6 +304,7 @@ class Outcome:
     grid: Grid | None = None
     remarks: tuple[str, ...] = ()
     certificate: Certificate | None = None
+    minima: tuple[Minimum, ...] = ()
 
 
 STOPPED = "out-of-budget"

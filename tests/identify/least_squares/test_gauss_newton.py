@@ -4,7 +4,8 @@ from scipy.optimize import least_squares, lsq_linear
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares import trust_region
-from geoident.identify.least_squares.gauss_newton import gauss_newton, halton_starts
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.methods import GaussNewtonOptions
