@@ -79,6 +79,8 @@ class Parameter:
         prior: knowledge beside the readings, or None.
         dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
         unit: unit in which the user wrote the start value, for tables.
+        field: name of the field of which it is the coefficient of a mode; empty for a parameter
+            that the case names. People are shown the field in its place.
         period: of an angle of axes or planes, rad: values that differ by it mean the same ground;
             None for what is no such angle.
         mirror: name of another angle and a half turn of it: with the other sign of this one and the
@@ -93,5 +95,6 @@ class Parameter:
     prior: Prior | None = None
     dimension: str = "dimensionless"
     unit: str = ""
+    field: str = ""
     period: float | None = None
     mirror: tuple[str, float] | None = None
