@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.rivals import Evidence, Rivals
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
@@ -439,6 +440,8 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        rivals: other minima that are nearly as low, with the lowest, or None.
+        evidence: how well the model explains the readings, or None.
     """
 
     kind: str
@@ -465,6 +468,8 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    rivals: Rivals | None = None
+    evidence: Evidence | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

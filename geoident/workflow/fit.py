@@ -33,6 +33,7 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
@@ -59,6 +60,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
     )
+    parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     status = _status(found)
     return Result(
@@ -70,6 +72,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
+            *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *remarks(found.diagnostics, gauges, parameters.names),
@@ -89,6 +92,8 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        rivals=found.rivals,
+        evidence=found.evidence,
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,
@@ -115,8 +120,10 @@ def _scatter(found: Estimate) -> float:
 
 
 def _undetermined(found: Estimate) -> Bools:
-    """Parameters (n,) that neither readings nor priors determine."""
-    return ~(found.assessment.determined | found.assessment.from_prior)
+    """Parameters (n,) that neither readings nor priors determine, or that rivals put apart."""
+    loose = ~(found.assessment.determined | found.assessment.from_prior)
+    differs = not_settled(found.rivals)
+    return loose if differs is None else loose | differs
 
 
 def _reason(found: Estimate, names: tuple[str, ...]) -> str:

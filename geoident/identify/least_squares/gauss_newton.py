@@ -175,6 +175,11 @@ class Ending(Generic[IterateT]):
     reason: str
     left: bool = False
 
+    @property
+    def stalled(self) -> bool:
+        """No step lowered phi, although the derivatives said so."""
+        return self.reason == _STALLED
+
 
 class Evaluator(Generic[IterateT]):
     """Evaluates points of one problem and notes them.

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoident.identify.least_squares.acceptance import Iterate, Step
-from geoident.identify.problem.problem import Minimum, Scaling
+from geoident.identify.problem.problem import LocalMinimum, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 
@@ -124,7 +124,7 @@ class Angles:
 
 
 @dataclass(frozen=True)
-class Found:
+class MinimaFound:
     """What several descents came to.
 
     Args:
@@ -134,7 +134,7 @@ class Found:
     """
 
     best: Ending[Iterate]
-    minima: tuple[Minimum, ...]
+    minima: tuple[LocalMinimum, ...]
     remarks: tuple[str, ...]
 
 
@@ -159,7 +159,7 @@ class SeveralStarts:
         self.evaluator = self.descent.evaluator
         self.angles = Angles(self.parameters, self.evaluator.scaling)
 
-    def run(self, start: Iterate) -> Found:
+    def run(self, start: Iterate) -> MinimaFound:
         """All descents.
 
         Args:
@@ -179,7 +179,7 @@ class SeveralStarts:
         best = min(self._endings, key=lambda ending: ending.point.phi)
         minima = self._minima(best)
         remarks = [f"the search had {begun} starts, as {why}"] if why and begun > 1 else []
-        return Found(best, minima, tuple(remarks))
+        return MinimaFound(best, minima, tuple(remarks))
 
     def _places(self, given: Floats) -> Iterator[Floats]:
         scaling = self.evaluator.scaling
@@ -194,6 +194,8 @@ class SeveralStarts:
         names = [self.parameters[i].name for i in self.angles.sought]
         if names:
             return f"{' and '.join(names)} {'is an angle' if len(names) == 1 else 'are angles'}"
+        if self._endings[0].stalled:
+            return "the misfit has kinks where it ended"
         if self.evaluator.begins_uphill(_UPHILL, RIVAL):
             return "the way to a better point began uphill"
         return ""
@@ -222,30 +224,45 @@ class SeveralStarts:
         aim = self.evaluator.box.reach(point.x, full.d)
         known = (e.point for e in self._endings if e.status == "converged")
         return full.length <= 0.3 and any(
-            abs(promised - one.phi) <= _ALIKE and self._meets(one, aim) for one in known
+            abs(promised - one.phi) <= _ALIKE and at_minimum(one, aim, self.angles) for one in known
         )
 
-    def _meets(self, one: Iterate, x: Floats) -> bool:
-        """The point x (n,) is at a minimum, as its linearised readings show."""
-        J = one.model.jacobian
-        return any(bool(np.linalg.norm(J @ d) <= SAME) for d in self.angles.differences(one.x, x))
-
-    def _minima(self, best: Ending[Iterate]) -> tuple[Minimum, ...]:
+    def _minima(self, best: Ending[Iterate]) -> tuple[LocalMinimum, ...]:
         """The other minima, each once."""
-        others = sorted(
-            (e.point for e in self._endings if e.status == "converged" and e is not best),
-            key=lambda point: point.phi,
-        )
-        kept: list[Iterate] = []
-        for point in others:
-            if not any(
-                abs(one.phi - point.phi) <= _ALIKE
-                and self._meets(one, point.x)
-                and self._meets(point, one.x)
-                for one in (best.point, *kept)
-            ):
-                kept.append(point)
-        return tuple(Minimum(point.p, point.phi) for point in kept)
+        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
+        kept = distinct_minima([best.point, *others], self.angles)[1:]
+        return tuple(LocalMinimum(point.p, point.phi) for point in kept)
+
+
+def at_minimum(one: Iterate, x: Floats, angles: Angles) -> bool:
+    """The point x (n,), or what means the same, is at a minimum, as its linearised readings show.
+
+    Args:
+        one: the minimum.
+        x: (n,) scaled parameters.
+        angles: which of them are angles.
+    """
+    J = one.model.jacobian
+    return any(bool(np.linalg.norm(J @ d) <= SAME) for d in angles.differences(one.x, x))
+
+
+def distinct_minima(points: Sequence[Iterate], angles: Angles) -> list[Iterate]:
+    """The minima among points, each once: the first as it is, the others lowest first.
+
+    Args:
+        points: where descents converged, the best first.
+        angles: which parameters are angles.
+    """
+    kept = list(points[:1])
+    for point in sorted(points[1:], key=lambda point: point.phi):
+        if not any(
+            abs(one.phi - point.phi) <= _ALIKE
+            and at_minimum(one, point.x, angles)
+            and at_minimum(point, one.x, angles)
+            for one in kept
+        ):
+            kept.append(point)
+    return kept
 
 
 def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:

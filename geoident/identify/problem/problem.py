@@ -268,7 +268,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Minimum:
+class LocalMinimum:
     """A minimum of the discrepancy that a search came to beside its best point.
 
     Args:
@@ -304,7 +304,7 @@ class Outcome:
     grid: Grid | None = None
     remarks: tuple[str, ...] = ()
     certificate: Certificate | None = None
-    minima: tuple[Minimum, ...] = ()
+    minima: tuple[LocalMinimum, ...] = ()
 
 
 STOPPED = "out-of-budget"
