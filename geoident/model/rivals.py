@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,11 @@ class Rivals:
 
     def __len__(self) -> int:
         return len(self.objectives)
+
+    def picked(self, order: Ints) -> Rivals:
+        """The same of some of the parameters (m,)."""
+        square = self.covariance[:, order[:, None], order[None, :]]
+        return replace(self, values=self.values[:, order], covariance=square)
 
     @property
     def settled(self) -> bool:

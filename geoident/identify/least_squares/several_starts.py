@@ -185,7 +185,8 @@ class SeveralStarts:
         scaling = self.evaluator.scaling
         if self.starts is None and self.angles.sought:
             return spread(scaling, self.angles, given, self.angles.sought)
-        return spread(scaling, self.angles, given, range(len(scaling)))
+        named = [i for i, q in enumerate(self.parameters) if not q.field]
+        return spread(scaling, self.angles, given, named)
 
     def _reason(self) -> str:
         """Why one start is not enough, a clause; empty where it is, or the user says how many."""

@@ -20,6 +20,7 @@ from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.rivals import Evidence
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
     by_stage,
     diagnostics_object,
@@ -28,6 +29,7 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
+from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
 
@@ -56,7 +58,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         case: path of the case, as seen from here.
         output: path of the result file.
     """
-    proof = result.certificate
+    proof, result = result.certificate, result.for_people
     return {
         "case": case,
         "kind": result.kind,
@@ -82,6 +84,8 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         ),
         **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
         **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
+        **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
+        **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
@@ -106,8 +110,9 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
     determined, prior = bool(parameters.determined[i]), parameters.priors[i]
+    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
     return {
-        "value": parameters.values[i] if determined else None,
+        "value": parameters.values[i] if known else None,
         "unit": si_unit(parameters.dimensions[i]),
         "sd": parameters.sd[i],
         "lower95": parameters.lower95[i],
