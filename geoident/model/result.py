@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.rivals import Evidence, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
@@ -473,6 +474,8 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        rivals: other minima that are nearly as low, with the lowest, or None.
+        evidence: how well the model explains the readings, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -502,6 +505,8 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    rivals: Rivals | None = None
+    evidence: Evidence | None = None
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
 
@@ -525,6 +530,7 @@ class Result:
             diagnostics=found,
             history=tuple(replace(step, values=step.values[named]) for step in self.history),
             backtest=None if self.backtest is None else self.backtest.picked(named),
+            rivals=None if self.rivals is None else self.rivals.picked(named),
         )
 
 

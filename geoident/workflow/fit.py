@@ -43,6 +43,7 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.running.trials import LastStage, added, last_stage
 
 
@@ -76,6 +77,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
     )
+    parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     status = _status(found)
     return Result(
@@ -87,6 +89,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
+            *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *gross_findings(found.diagnostics, found.readings, case),
@@ -109,6 +112,8 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        rivals=found.rivals,
+        evidence=found.evidence,
         varied=field_estimates(setup.model, found.outcome.values, found.assessment),
         backtest=last.backtest,
         certificate=over_all_stages(found.outcome.certificate, survey),
@@ -142,8 +147,10 @@ def _status(found: Estimate) -> str:
 
 
 def _undetermined(found: Estimate) -> Bools:
-    """Parameters (n,) that neither readings nor priors determine."""
-    return ~(found.assessment.determined | found.assessment.from_prior)
+    """Parameters (n,) that neither readings nor priors determine, or that rivals put apart."""
+    loose = ~(found.assessment.determined | found.assessment.from_prior)
+    differs = not_settled(found.rivals)
+    return loose if differs is None else loose | differs
 
 
 def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:

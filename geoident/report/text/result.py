@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, backtest, structures, varied, yielding
+from geoident.report.text import accuracies, backtest, rivals, structures, varied, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -68,6 +68,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section("Findings", bullets(result.findings)),
+        section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
         section(influence_title(result.diagnostics), influence_table(result).text),
