@@ -43,6 +43,7 @@ class CsvTable:
 
 def csv_tables(result: Result) -> dict[str, CsvTable]:
     """Name to table, those without rows left out."""
+    result = result.for_people
     made = {name: make(result) for name, make in _TABLES.items()}
     return {name: table for name, table in made.items() if table.rows}
 
@@ -331,6 +332,21 @@ def _of_rows(header: tuple[str, ...], rows: Sequence[CsvRow]) -> CsvTable:
     return CsvTable(header, tuple(rows))
 
 
+def _fields(result: Result) -> CsvTable:
+    """Constants that vary from place to place, by elements; deviations are of the logarithm."""
+    header = ("field", "x", "y", "z", "value", "unit", "sd_log", "prior_sd_log", "reduction")
+    rows = []
+    for found in result.varied:
+        unit = shown_unit(found.unit, found.dimension)
+        columns = (found.values, found.sd, found.prior_sd, found.reduction)
+        for centre, *numbers in zip(found.centres.tolist(), *columns, strict=True):
+            value, sd, before, reduction = map(float, numbers)
+            place = (*centre, *(math.nan,) * (3 - len(centre)))
+            shown = in_unit(value, found.unit, found.dimension)
+            rows.append((found.name, *place, shown, unit, sd, before, reduction))
+    return CsvTable(header, tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -343,6 +359,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,
+    "fields": _fields,
     "backtest": lambda result: _of_rows(*csv_rows(result)),
     "backtest-parameters": lambda result: _of_rows(*csv_fit_rows(result)),
 }
