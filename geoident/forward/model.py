@@ -19,13 +19,13 @@ from geoident.forward.checks import (
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
-from geoident.forward.gauges.observable import LinearRows, MarchState
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.stage import StageEnd, UnitForces
+from geoident.forward.march.stage import LinearRows, StageEnd, UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh

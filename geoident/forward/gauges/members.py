@@ -28,8 +28,9 @@ import scipy.sparse as sp
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.fem.structures import section_forces
-from geoident.forward.gauges.observable import LinearRows, MarchState, Placed, from_zero
+from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     StructureMembers,

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Site, format_point
-from geoident.forward.march.stage import StageEnd
+from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
@@ -48,21 +48,6 @@ class MarchState:
     end: StageEnd
     point: ParameterPoint
     structures: Structures
-
-
-@dataclass(frozen=True)
-class LinearRows:
-    """What channels (g) read as a linear function of a state, at given parameters.
-
-    Args:
-        u: (g, n_dofs) of the displacements; None: of none.
-        stress: (g, n_strain n_points) of the stresses, component by component; None: of none.
-        members: (g, n_rows) of the forces in structures; None: of none.
-    """
-
-    u: sp.csr_array | None = None
-    stress: sp.csr_array | None = None
-    members: sp.csr_array | None = None
 
 
 class Observable(Protocol):

@@ -15,7 +15,6 @@ from geoident.forward.gauges.members import (
     tilts_of_beams,
 )
 from geoident.forward.gauges.observable import (
-    LinearRows,
     MarchState,
     Observable,
     Placed,
@@ -23,6 +22,7 @@ from geoident.forward.gauges.observable import (
 )
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import StressReadings, pore_pressures, stresses
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case

@@ -24,7 +24,6 @@ from geoident.fem.kinematics import Kinematics
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
 from geoident.forward.gauges.observable import (
-    LinearRows,
     MarchState,
     Placed,
     best_site,
@@ -32,6 +31,7 @@ from geoident.forward.gauges.observable import (
     point_fault,
 )
 from geoident.forward.in_situ.water import PorePressure
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats

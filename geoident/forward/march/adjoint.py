@@ -36,10 +36,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.gauges.observable import LinearRows
 from geoident.forward.ground.moduli import ModeSlopes
 from geoident.forward.march.march import March
-from geoident.forward.march.stage import ElasticTrace, LastFactor, StageTask, factorize
+from geoident.forward.march.stage import ElasticTrace, LastFactor, LinearRows, StageTask, factorize
 from geoident.forward.stages import numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.fem.moduli import Moduli
@@ -65,6 +66,21 @@ class StageEnd:
     stress: Floats
     members: Floats
     yielded: Bools
+
+
+@dataclass(frozen=True)
+class LinearRows:
+    """What channels (g) read as a linear function of a state, at given parameters.
+
+    Args:
+        u: (g, n_dofs) of the displacements; None: of none.
+        stress: (g, n_strain n_points) of the stresses, component by component; None: of none.
+        members: (g, n_rows) of the forces in structures; None: of none.
+    """
+
+    u: sp.csr_array | None = None
+    stress: sp.csr_array | None = None
+    members: sp.csr_array | None = None
 
 
 @dataclass(frozen=True)
