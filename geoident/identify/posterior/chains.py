@@ -1,0 +1,266 @@
+"""Markov chains where no approximation serves: an ensemble, or many dimensions (theory 11.4).
+
+Both work in rounds. After each the first half of what is there is left out, and the rest is judged:
+R-hat and effective size of all chains. Chains begin spread out: at draws of the approximation, taken
+by the root of their weights.
+
+* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: two ensembles that know nothing
+  of each other, every walker a chain.
+* Preconditioned Crank-Nicolson steps (Cotter and others 2013) about Laplace's approximation N(c, C),
+
+      x' = c + sqrt(1 - b^2) (x - c) + b C^(1/2) n ,   n ~ N(0, 1)
+
+  accepted with min(1, w(x') / w(x)), w = pi / N(c, C): steps leave N(c, C) as it is, so acceptance
+  does not fall with the number of parameters, and is certain where the approximation is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from geoident.identify.posterior.approximation import Mixture
+from geoident.identify.posterior.density import PosteriorDensity
+from geoident.identify.posterior.diagnosis import MOST_R_HAT, diagnose_chains, library
+from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Progress, Watch, Wish
+from geoident.identify.posterior.importance import Weighted
+from geoident.model.arrays import Floats
+
+_ENSEMBLES = 2
+_CHAINS = 8  # of preconditioned Crank-Nicolson
+_ROUND = 100  # steps between two judgements
+_STEP = 10  # steps between two questions whether to go on
+_WARM_UP = 10  # rounds of `_TUNING` steps in which the step length is found
+_TUNING = 20
+_ACCEPTANCE = (0.2, 0.4)  # wanted share of accepted steps
+
+Advance = Callable[[int], tuple[Floats, Floats]]
+"""Goes on by some steps: x (c, steps, m) and log density (c, steps) of these."""
+
+
+@dataclass
+class Chains:
+    """Chains as they grow.
+
+    Args:
+        name: of the sampler.
+        density: of the posterior.
+        wish: what is asked for.
+        watch: is told of the progress.
+        advance: goes on.
+        accepted: share of accepted steps so far.
+    """
+
+    name: str
+    density: PosteriorDensity
+    wish: Wish
+    watch: Watch
+    advance: Advance
+    accepted: Callable[[], float]
+
+    def run(self) -> Draws:
+        """Rounds until the chains have met and are long enough, or the budget is spent."""
+        parts: list[tuple[Floats, Floats]] = []
+        stopped, round_ = "", _ROUND
+        while True:
+            for _ in range(round_ // _STEP):
+                parts.append(self.advance(_STEP))
+                stopped = self._stop(parts)
+                if stopped:
+                    break
+            found = self._judged(parts, stopped)
+            if stopped or self._enough(found):
+                return found
+            round_ = max(_ROUND, len(parts) * _STEP // 4)
+
+    def _stop(self, parts: list[tuple[Floats, Floats]]) -> str:
+        if self.density.evaluations >= self.wish.evaluations:
+            return OUT_OF_EVALUATIONS
+        size = getattr(self, "_effective", 0.0)
+        progress = Progress(self.name, self.density.evaluations, size, self.wish.effective)
+        return self.watch(progress) or ""
+
+    def _judged(self, parts: list[tuple[Floats, Floats]], stopped: str) -> Draws:
+        x = np.concatenate([part for part, _ in parts], axis=1)
+        logarithms = np.concatenate([part for _, part in parts], axis=1)
+        half = x.shape[1] // 2
+        x, logarithms = x[:, half:], logarithms[:, half:]
+        effective, r_hat = diagnose_chains(x)
+        found = Draws(
+            self.name, x, logarithms, effective, r_hat, np.nan, self.accepted(), stopped
+        )
+        self._effective = found.least_effective
+        return found
+
+    def _enough(self, found: Draws) -> bool:
+        met = found.largest_r_hat <= MOST_R_HAT
+        long_enough = found.least_effective >= self.wish.effective
+        return met and long_enough and found.logarithms.size >= self.wish.draws
+
+
+def thinned(found: Draws, draws: int) -> Draws:
+    """About as many draws as are asked for, evenly spaced in each chain."""
+    chains, length = found.logarithms.shape
+    each = max(1, min(length, draws // chains))
+    taken = np.linspace(0, length - 1, each).round().astype(np.int64)
+    return Draws(
+        found.sampler, found.x[:, taken], found.logarithms[:, taken],
+        found.effective, found.r_hat, found.pareto_k, found.acceptance, found.stopped,
+    )  # fmt: skip
+
+
+def ensemble(
+    density: PosteriorDensity,
+    begin: Weighted,
+    rng: np.random.Generator,
+    wish: Wish,
+    watch: Watch,
+) -> Draws:
+    """Draws by the affine-invariant ensemble.
+
+    Args:
+        density: of the posterior.
+        begin: draws to begin from.
+        rng: of random numbers.
+        wish: what is asked for.
+        watch: is told of the progress.
+    """
+    emcee = library("emcee")
+    m = len(density)
+    walkers = 2 * max(m + 2, 5)
+    moves = [(emcee.moves.StretchMove(), 0.5), (emcee.moves.DEMove(), 0.5)]
+    samplers, states = [], []
+    for start in np.split(_starts(begin, rng, _ENSEMBLES * walkers), _ENSEMBLES):
+        sampler = emcee.EnsembleSampler(
+            walkers, m, density.logarithms, vectorize=True, moves=moves
+        )
+        state = np.random.RandomState(int(rng.integers(2**31))).get_state()
+        samplers.append(sampler)
+        states.append(emcee.State(start, random_state=state))
+
+    def advance(steps: int) -> tuple[Floats, Floats]:
+        found = []
+        for k, sampler in enumerate(samplers):
+            before = sampler.iteration
+            states[k] = sampler.run_mcmc(states[k], steps, skip_initial_state_check=True)
+            found.append(_of(sampler, before))
+        x, logarithms = (np.concatenate(part) for part in zip(*found, strict=True))
+        return x, logarithms
+
+    def accepted() -> float:
+        return float(np.mean([np.mean(s.acceptance_fraction) for s in samplers]))
+
+    return Chains("ensemble", density, wish, watch, advance, accepted).run()
+
+
+def _of(sampler: Any, before: int) -> tuple[Floats, Floats]:
+    """What an ensemble has done since a step: (walkers, steps, m) and (walkers, steps)."""
+    x = sampler.get_chain(discard=before)
+    logarithms = sampler.get_log_prob(discard=before)
+    return x.transpose(1, 0, 2).copy(), logarithms.T.copy()
+
+
+def _starts(begin: Weighted, rng: np.random.Generator, count: int) -> Floats:
+    """Different draws (count, m), likely by the root of their weights."""
+    chance = np.sqrt(begin.weights)
+    some = np.flatnonzero(chance > 0.0)
+    if len(some) < count:  # no weight left to most: those of the best density
+        order = np.argsort(-begin.logarithms)[: max(count, 1)]
+        some = order[np.isfinite(begin.logarithms[order])]
+        chance = np.ones(len(begin.x))
+    short = max(0, count - len(some))
+    taken = rng.choice(
+        some, size=min(count, len(some)), replace=False, p=chance[some] / chance[some].sum()
+    )
+    x = begin.x[taken]
+    if short:
+        x = np.concatenate([x, begin.mixture.draw(rng, short)])
+    return np.asarray(rng.permutation(x))
+
+
+def crank_nicolson(
+    density: PosteriorDensity,
+    begin: Weighted,
+    rng: np.random.Generator,
+    wish: Wish,
+    watch: Watch,
+) -> Draws:
+    """Draws by preconditioned Crank-Nicolson steps about the first component of the mixture.
+
+    Args:
+        density: of the posterior.
+        begin: draws to begin from.
+        rng: of random numbers.
+        wish: what is asked for.
+        watch: is told of the progress.
+    """
+    walk = _CrankNicolson(density, begin, rng)
+    walk.tune(lambda: density.evaluations < wish.evaluations)
+    name = "preconditioned Crank-Nicolson"
+    return Chains(name, density, wish, watch, walk.advance, lambda: walk.acceptance).run()
+
+
+class _CrankNicolson:
+    """Chains of preconditioned Crank-Nicolson steps in lockstep."""
+
+    def __init__(
+        self, density: PosteriorDensity, begin: Weighted, rng: np.random.Generator
+    ) -> None:
+        mixture: Mixture = begin.mixture
+        self._density = density
+        self._rng = rng
+        self._centre, self._root = mixture.centres[0], mixture.roots[0]
+        self._x = _starts(begin, rng, _CHAINS)
+        self._log = density.logarithms(self._x)
+        self._size = 0.5
+        self._accepted = self._steps = 0
+
+    @property
+    def acceptance(self) -> float:
+        return self._accepted / max(self._steps, 1)
+
+    def tune(self, go_on: Callable[[], bool]) -> None:
+        """Find the length of a step; the chains go on meanwhile."""
+        for _ in range(_WARM_UP):
+            self._accepted = self._steps = 0
+            if not go_on():
+                return
+            self.advance(_TUNING)
+            low, high = _ACCEPTANCE
+            if self.acceptance < low:
+                self._size *= 0.6
+            elif self.acceptance > high and self._size < 1.0:
+                self._size = min(1.0, 1.5 * self._size)
+            else:
+                break
+        self._accepted = self._steps = 0
+
+    def advance(self, steps: int) -> tuple[Floats, Floats]:
+        x, logarithms = [], []
+        for _ in range(steps):
+            self._step()
+            x.append(self._x.copy())
+            logarithms.append(self._log.copy())
+        return np.stack(x, axis=1), np.stack(logarithms, axis=1)
+
+    def _step(self) -> None:
+        noise = self._rng.standard_normal(self._x.shape) @ self._root.T
+        keep = np.sqrt(1.0 - self._size**2)
+        trial = self._centre + keep * (self._x - self._centre) + self._size * noise
+        found = self._density.logarithms(trial)
+        with np.errstate(invalid="ignore"):
+            gain = found - self._normal(trial) - (self._log - self._normal(self._x))
+        gain = np.where(np.isfinite(self._log), gain, np.inf)
+        gain = np.where(np.isfinite(found), gain, -np.inf)
+        taken = np.log(self._rng.uniform(size=len(trial))) < gain
+        self._x = np.where(taken[:, None], trial, self._x)
+        self._log = np.where(taken, found, self._log)
+        self._accepted += int(taken.sum())
+        self._steps += len(taken)
+
+    def _normal(self, x: Floats) -> Floats:
+        z = np.linalg.solve(self._root, (x - self._centre).T)
+        return np.asarray(-0.5 * np.sum(z**2, axis=0))
