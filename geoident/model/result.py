@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.posterior import Posterior
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
@@ -420,10 +421,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Result:
-    """All that ``geoident fit``, ``predict``, ``simulate`` or ``scan`` found.
+    """All that ``geoident fit``, ``predict``, ``sample``, ``simulate`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``simulate`` or ``scan``.
+        kind: the command, ``fit``, ``predict``, ``sample``, ``simulate`` or ``scan``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
@@ -439,6 +440,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        posterior: draws of the parameters, or None.
     """
 
     kind: str
@@ -465,6 +467,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    posterior: Posterior | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

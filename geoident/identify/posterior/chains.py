@@ -4,9 +4,9 @@ Both work in rounds. After each the first half of what is there is left out, and
 R-hat and effective size of all chains. Chains begin spread out: at draws of the approximation, taken
 by the root of their weights.
 
-* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: two ensembles that know nothing
-  of each other, every walker a chain.
-* Preconditioned Crank-Nicolson steps (Cotter and others 2013) about Laplace's approximation N(c, C),
+* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: two ensembles that know
+  nothing of each other, every walker a chain.
+* Preconditioned Crank-Nicolson steps (Cotter and others 2013) about Laplace's N(c, C),
 
       x' = c + sqrt(1 - b^2) (x - c) + b C^(1/2) n ,   n ~ N(0, 1)
 
@@ -25,7 +25,14 @@ import numpy as np
 from geoident.identify.posterior.approximation import Mixture
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import MOST_R_HAT, diagnose_chains, library
-from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Progress, Watch, Wish
+from geoident.identify.posterior.draws import (
+    OUT_OF_EVALUATIONS,
+    Draws,
+    Progress,
+    Stopped,
+    Watch,
+    Wish,
+)
 from geoident.identify.posterior.importance import Weighted
 from geoident.model.arrays import Floats
 
@@ -52,6 +59,7 @@ class Chains:
         watch: is told of the progress.
         advance: goes on.
         accepted: share of accepted steps so far.
+        effective: size so far.
     """
 
     name: str
@@ -61,27 +69,39 @@ class Chains:
     advance: Advance
     accepted: Callable[[], float]
 
-    def run(self) -> Draws:
-        """Rounds until the chains have met and are long enough, or the budget is spent."""
+    effective: float = 0.0
+
+    def run(self) -> Draws | None:
+        """Rounds until the chains have met and are long enough, or the budget is spent.
+
+        None where it was spent before there was anything.
+        """
         parts: list[tuple[Floats, Floats]] = []
-        stopped, round_ = "", _ROUND
+        length = _ROUND
         while True:
-            for _ in range(round_ // _STEP):
-                parts.append(self.advance(_STEP))
-                stopped = self._stop(parts)
-                if stopped:
-                    break
+            stopped = self._round(parts, length)
+            if stopped and len(parts) < 2:
+                return None
             found = self._judged(parts, stopped)
             if stopped or self._enough(found):
                 return found
-            round_ = max(_ROUND, len(parts) * _STEP // 4)
+            length = max(_ROUND, len(parts) * _STEP // 4)
 
-    def _stop(self, parts: list[tuple[Floats, Floats]]) -> str:
-        if self.density.evaluations >= self.wish.evaluations:
-            return OUT_OF_EVALUATIONS
-        size = getattr(self, "_effective", 0.0)
-        progress = Progress(self.name, self.density.evaluations, size, self.wish.effective)
-        return self.watch(progress) or ""
+    def _round(self, parts: list[tuple[Floats, Floats]], length: int) -> str:
+        """Go on by some steps; the reason for stopping meanwhile, or empty."""
+        for _ in range(length // _STEP):
+            if self.density.evaluations >= self.wish.evaluations:
+                return OUT_OF_EVALUATIONS
+            try:
+                parts.append(self.advance(_STEP))
+            except Stopped as stop:
+                return stop.reason
+            told = Progress(
+                self.name, self.density.evaluations, self.effective, self.wish.effective
+            )
+            if reason := self.watch(told):
+                return reason
+        return ""
 
     def _judged(self, parts: list[tuple[Floats, Floats]], stopped: str) -> Draws:
         x = np.concatenate([part for part, _ in parts], axis=1)
@@ -89,10 +109,8 @@ class Chains:
         half = x.shape[1] // 2
         x, logarithms = x[:, half:], logarithms[:, half:]
         effective, r_hat = diagnose_chains(x)
-        found = Draws(
-            self.name, x, logarithms, effective, r_hat, np.nan, self.accepted(), stopped
-        )
-        self._effective = found.least_effective
+        found = Draws(self.name, x, logarithms, effective, r_hat, np.nan, self.accepted(), stopped)
+        self.effective = found.least_effective
         return found
 
     def _enough(self, found: Draws) -> bool:
@@ -118,7 +136,7 @@ def ensemble(
     rng: np.random.Generator,
     wish: Wish,
     watch: Watch,
-) -> Draws:
+) -> Draws | None:
     """Draws by the affine-invariant ensemble.
 
     Args:
@@ -134,9 +152,7 @@ def ensemble(
     moves = [(emcee.moves.StretchMove(), 0.5), (emcee.moves.DEMove(), 0.5)]
     samplers, states = [], []
     for start in np.split(_starts(begin, rng, _ENSEMBLES * walkers), _ENSEMBLES):
-        sampler = emcee.EnsembleSampler(
-            walkers, m, density.logarithms, vectorize=True, moves=moves
-        )
+        sampler = emcee.EnsembleSampler(walkers, m, density.logarithms, vectorize=True, moves=moves)
         state = np.random.RandomState(int(rng.integers(2**31))).get_state()
         samplers.append(sampler)
         states.append(emcee.State(start, random_state=state))
@@ -187,7 +203,7 @@ def crank_nicolson(
     rng: np.random.Generator,
     wish: Wish,
     watch: Watch,
-) -> Draws:
+) -> Draws | None:
     """Draws by preconditioned Crank-Nicolson steps about the first component of the mixture.
 
     Args:
@@ -198,7 +214,11 @@ def crank_nicolson(
         watch: is told of the progress.
     """
     walk = _CrankNicolson(density, begin, rng)
-    walk.tune(lambda: density.evaluations < wish.evaluations)
+    try:
+        walk.begin()
+        walk.tune(lambda: density.evaluations < wish.evaluations)
+    except Stopped:
+        return None
     name = "preconditioned Crank-Nicolson"
     return Chains(name, density, wish, watch, walk.advance, lambda: walk.acceptance).run()
 
@@ -214,13 +234,17 @@ class _CrankNicolson:
         self._rng = rng
         self._centre, self._root = mixture.centres[0], mixture.roots[0]
         self._x = _starts(begin, rng, _CHAINS)
-        self._log = density.logarithms(self._x)
+        self._log = np.full(_CHAINS, -np.inf)
         self._size = 0.5
         self._accepted = self._steps = 0
 
     @property
     def acceptance(self) -> float:
         return self._accepted / max(self._steps, 1)
+
+    def begin(self) -> None:
+        """The density where the chains begin."""
+        self._log = self._density.logarithms(self._x)
 
     def tune(self, go_on: Callable[[], bool]) -> None:
         """Find the length of a step; the chains go on meanwhile."""

@@ -86,7 +86,9 @@ class PosteriorDensity:
         whole = np.zeros((len(u), len(self.free)))
         whole[:, self.free] = u
         with np.errstate(over="ignore"):
-            p = np.where(self._log, np.exp(np.where(self._log, whole, 0.0)), whole * self._reference)
+            p = np.where(
+                self._log, np.exp(np.where(self._log, whole, 0.0)), whole * self._reference
+            )
         return np.asarray(np.clip(p, *self._bounds))
 
     def coordinates(self, p: Floats) -> Floats:
@@ -152,8 +154,5 @@ def _by_logarithm(parameter: Parameter) -> bool:
 def _jacobian(parameter: Parameter, by_logarithm: bool) -> float:
     """The factor of ln p that the change of variables adds."""
     prior = parameter.prior
-    if prior is None:
-        density_in_log = parameter.scale == "log"
-    else:
-        density_in_log = prior.kind == "lognormal"
+    density_in_log = parameter.scale == "log" if prior is None else prior.kind == "lognormal"
     return float(by_logarithm) - float(density_in_log)

@@ -5,6 +5,7 @@ Needs the extra ``sample`` (arviz, emcee).
 
 from __future__ import annotations
 
+import math
 import warnings
 from functools import cache
 from importlib import import_module
@@ -51,7 +52,7 @@ def limit_of_k(count: int) -> float:
     >>> round(limit_of_k(100), 2), limit_of_k(10_000)
     (0.5, 0.7)
     """
-    return min(MOST_K, 1.0 - 1.0 / np.log10(max(count, 11)))
+    return min(MOST_K, 1.0 - 1.0 / math.log10(max(count, 11)))
 
 
 def smoothed(logarithms: Floats) -> tuple[Floats, float]:

@@ -27,6 +27,18 @@ class Progress:
     wanted: float
 
 
+class Stopped(Exception):
+    """Raised by a model that is asked when the time is up.
+
+    Args:
+        reason: a sentence.
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
 Watch = Callable[[Progress], str | None]
 """Is told of the progress between evaluations; answers with a reason to stop now, or None."""
 

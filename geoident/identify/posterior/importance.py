@@ -2,9 +2,9 @@
 
 Draws of a mixture q get the weights pi/q. Their largest are smoothed by a generalised Pareto
 distribution whose shape k says whether the weights are to be believed (Vehtari and others 2024).
-Where Laplace's approximation is poor, rounds of a few hundred draws adapt the mixture; the draws that
-are handed over are then those of the last mixture alone, which is a fixed one, so that their weights
-are right whatever the adaptation did.
+Where Laplace's approximation is poor, rounds of a few hundred draws adapt the mixture; the draws
+that are handed over are then those of the last mixture alone, which is a fixed one, so that their
+weights are right whatever the adaptation did.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ import numpy as np
 from geoident.identify.posterior.approximation import Mixture, adapted
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import effective_of_weights, limit_of_k, smoothed
-from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Progress, Watch, Wish
+from geoident.identify.posterior.draws import (
+    OUT_OF_EVALUATIONS,
+    Draws,
+    Progress,
+    Stopped,
+    Watch,
+    Wish,
+)
 from geoident.model.arrays import Floats
 
 FIRST = 300
@@ -25,8 +32,11 @@ FIRST = 300
 LEAST_EFFICIENCY = 0.05
 """Effective size by draws below which another approximation is looked for."""
 
+ADAPTING = "adapting"
+"""Name of the sampler, in the progress, while a mixture is adapted."""
+
 _MOST_ROUNDS = 8  # of adaptation
-_GOOD = 0.5  # efficiency at which adaptation ends
+_GOOD = 0.35  # efficiency at which adaptation ends
 _MOST_COMPONENTS = 8
 _MOST_AT_ONCE = 2000
 _LEAST_DRAWS = 10.0  # effective ones for each parameter of a component that is fitted
@@ -138,7 +148,7 @@ class ImportanceSampler:
             if self.stopped or not len(x):
                 break
             mixture = adapted(first, x, weights, components=components, rng=self._rng)
-            self.rounds.append(self._more(none_yet(mixture), count, "adapting"))
+            self.rounds.append(self._more(none_yet(mixture), count, ADAPTING))
             if self.rounds[-1].believable(_GOOD):
                 break
         return max(self.rounds[begun:] or self.rounds[:1], key=lambda r: r.efficiency).mixture
@@ -157,10 +167,12 @@ class ImportanceSampler:
             if left <= 0:
                 self.stopped = OUT_OF_EVALUATIONS
                 break
-            found = found.more(self._density, self._rng, min(part, left))
-            told = Progress(
-                name, self._density.evaluations, found.effective, self._wish.effective
-            )
+            try:
+                found = found.more(self._density, self._rng, min(part, left))
+            except Stopped as stop:
+                self.stopped = stop.reason
+                break
+            told = Progress(name, self._density.evaluations, found.effective, self._wish.effective)
             self.stopped = self._watch(told) or ""
             if self.stopped:
                 break

@@ -1,9 +1,9 @@
 """From a problem to draws of its posterior: which sampler, and when to give way (theory 11).
 
-    importance sampling from Laplace's approximation        believed if k <= 0.7
-    the same from a mixture adapted to the draws            up to `MANY` parameters, none of a field
-    an affine-invariant ensemble, or preconditioned
-    Crank-Nicolson for fields and many parameters           else
+importance sampling from Laplace's approximation        believed if k <= 0.7
+the same from a mixture adapted to the draws            up to `MANY` parameters, none of a field
+an affine-invariant ensemble, or preconditioned
+Crank-Nicolson for fields and many parameters           else
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from geoident.identify.posterior.approximation import MANY, laplace
 from geoident.identify.posterior.chains import crank_nicolson, ensemble, thinned
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import LEAST_EFFECTIVE, MOST_R_HAT, limit_of_k
-from geoident.identify.posterior.draws import Draws, Watch, Wish
+from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Watch, Wish
 from geoident.identify.posterior.importance import (
     LEAST_EFFICIENCY,
     ImportanceSampler,
@@ -78,12 +78,16 @@ def _chains(
     many: bool,
 ) -> Draws:
     run = crank_nicolson if many else ensemble
-    return thinned(run(density, begin, rng, wish, watch), wish.draws)
+    found = run(density, begin, rng, wish, watch)
+    if found is None:
+        name = "importance"
+        return replace(resampled(begin, wish, rng, name), stopped=OUT_OF_EVALUATIONS)
+    return thinned(found, wish.draws)
 
 
 def has_fields(density: PosteriorDensity) -> bool:
     """Whether some parameters are modes of a field."""
-    return any(getattr(q, "field", None) for q in density.problem.parameters)
+    return any(q.field for q in density.problem.parameters)
 
 
 def trustworthy(draws: Draws, evaluations: int) -> bool:

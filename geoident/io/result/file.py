@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import reading_tables, tables, vtkhdf
+from geoident.io.result import posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
@@ -119,6 +119,8 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_members(file, result.members)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
+    if result.posterior is not None:
+        posterior.write_posterior(file, result.posterior, result.parameters)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -236,6 +238,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),
