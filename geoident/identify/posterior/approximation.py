@@ -1,10 +1,10 @@
 """What is drawn from in place of the posterior: mixtures of multivariate t (theory 11.2).
 
-The first is Laplace's approximation at each known minimum. With the rows A of residuals and priors
-(theory 6.2), each parameter measured by its range R, A R = U S V^T, a direction v_k has the standard
-deviation min(1/S_k, L_k / 2), L_k = 1 / max_i |v_ik| its admissible extent: a direction that nothing
-determines is drawn all along its extent. Tails are those of Student's t. Draws outside the
-bounds are thrown away, which leaves the density inside them as it is, up to a constant.
+The first is Laplace's approximation at each known minimum. With the rows A of residuals and
+priors (theory 6.2), each parameter measured by its range R, A R = U S V^T, a direction v_k has the
+standard deviation min(1/S_k, L_k / 2), L_k = 1 / max_i |v_ik| its admissible extent: a direction
+that nothing determines is drawn all along its extent. Tails are those of Student's t. Draws outside
+the bounds are thrown away, which leaves the density inside them as it is, up to a constant.
 
 `adapted` fits a mixture to weighted draws by expectation and maximisation (Cappe and others 2008):
 from a poor approximation it finds a good one, such as along a bent ridge.

@@ -1,17 +1,21 @@
 """Markov chains where no approximation serves: an ensemble, or many dimensions (theory 11.4).
 
-Both work in rounds. After each the first half of what is there is left out, and the rest is judged:
-R-hat and effective size of all chains. Chains begin spread out: at draws of the approximation, taken
-by the root of their weights.
+Both work in rounds. After each the first half of what is there is left out, and the rest is
+judged: R-hat and effective size of all chains. Chains begin spread out: at draws of the
+approximation, taken by the root of their weights.
 
-* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: two ensembles that know
-  nothing of each other, every walker a chain.
-* Preconditioned Crank-Nicolson steps (Cotter and others 2013) about Laplace's N(c, C),
+* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: some ensembles that know
+  nothing of each other. Every walker is a chain; R-hat is that of the ensembles, since walkers are
+  many and short.
+* Preconditioned Crank-Nicolson steps (Cotter and others 2013; Rudolf & Sprungk 2018). In
+  coordinates t in which the prior N(0, 1) of the modes is N(0, 1) and Laplace's covariance is
+  diagonal, c_k,
 
-      x' = c + sqrt(1 - b^2) (x - c) + b C^(1/2) n ,   n ~ N(0, 1)
+      t' = sqrt(1 - b^2 c) t + b sqrt(c) n ,   n ~ N(0, 1)
 
-  accepted with min(1, w(x') / w(x)), w = pi / N(c, C): steps leave N(c, C) as it is, so acceptance
-  does not fall with the number of parameters, and is certain where the approximation is right.
+  accepted with min(1, w(t') / w(t)), w = pi / N(0, 1): steps are as long as the posterior is wide
+  and leave the prior as it is, so acceptance depends on the readings alone, not on the number of
+  modes. Parameters that are no modes get a normal density over their prior or bounds.
 """
 
 from __future__ import annotations
@@ -22,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from geoident.identify.posterior.approximation import Mixture
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import MOST_R_HAT, diagnose_chains, library
 from geoident.identify.posterior.draws import (
@@ -36,7 +39,7 @@ from geoident.identify.posterior.draws import (
 from geoident.identify.posterior.importance import Weighted
 from geoident.model.arrays import Floats
 
-_ENSEMBLES = 2
+_ENSEMBLES = 4
 _CHAINS = 8  # of preconditioned Crank-Nicolson
 _ROUND = 100  # steps between two judgements
 _STEP = 10  # steps between two questions whether to go on
@@ -59,6 +62,7 @@ class Chains:
         watch: is told of the progress.
         advance: goes on.
         accepted: share of accepted steps so far.
+        groups: of how many chains that depend on each other the chains consist.
         effective: size so far.
     """
 
@@ -69,6 +73,7 @@ class Chains:
     advance: Advance
     accepted: Callable[[], float]
 
+    groups: int
     effective: float = 0.0
 
     def run(self) -> Draws | None:
@@ -108,7 +113,7 @@ class Chains:
         logarithms = np.concatenate([part for _, part in parts], axis=1)
         half = x.shape[1] // 2
         x, logarithms = x[:, half:], logarithms[:, half:]
-        effective, r_hat = diagnose_chains(x)
+        effective, r_hat = diagnose_chains(x, groups=self.groups)
         found = Draws(self.name, x, logarithms, effective, r_hat, np.nan, self.accepted(), stopped)
         self.effective = found.least_effective
         return found
@@ -148,7 +153,7 @@ def ensemble(
     """
     emcee = library("emcee")
     m = len(density)
-    walkers = 2 * max(m + 2, 5)
+    walkers = 2 * max(m + 1, 4)
     moves = [(emcee.moves.StretchMove(), 0.5), (emcee.moves.DEMove(), 0.5)]
     samplers, states = [], []
     for start in np.split(_starts(begin, rng, _ENSEMBLES * walkers), _ENSEMBLES):
@@ -169,7 +174,7 @@ def ensemble(
     def accepted() -> float:
         return float(np.mean([np.mean(s.acceptance_fraction) for s in samplers]))
 
-    return Chains("ensemble", density, wish, watch, advance, accepted).run()
+    return Chains("ensemble", density, wish, watch, advance, accepted, _ENSEMBLES).run()
 
 
 def _of(sampler: Any, before: int) -> tuple[Floats, Floats]:
@@ -204,7 +209,7 @@ def crank_nicolson(
     wish: Wish,
     watch: Watch,
 ) -> Draws | None:
-    """Draws by preconditioned Crank-Nicolson steps about the first component of the mixture.
+    """Draws by preconditioned Crank-Nicolson steps as long as Laplace's approximation is wide.
 
     Args:
         density: of the posterior.
@@ -220,7 +225,8 @@ def crank_nicolson(
     except Stopped:
         return None
     name = "preconditioned Crank-Nicolson"
-    return Chains(name, density, wish, watch, walk.advance, lambda: walk.acceptance).run()
+    advance, accepted = walk.advance, lambda: walk.acceptance
+    return Chains(name, density, wish, watch, advance, accepted, _CHAINS).run()
 
 
 class _CrankNicolson:
@@ -229,31 +235,34 @@ class _CrankNicolson:
     def __init__(
         self, density: PosteriorDensity, begin: Weighted, rng: np.random.Generator
     ) -> None:
-        mixture: Mixture = begin.mixture
         self._density = density
         self._rng = rng
-        self._centre, self._root = mixture.centres[0], mixture.roots[0]
-        self._x = _starts(begin, rng, _CHAINS)
+        self._centre, self._sd = density.reference()
+        root = begin.mixture.roots[0] / self._sd[:, None]
+        variance, self._axes = np.linalg.eigh(root @ root.T)
+        self._variance = np.clip(variance, 0.0, 1.0)
+        self._t = self._whitened(_starts(begin, rng, _CHAINS))
         self._log = np.full(_CHAINS, -np.inf)
         self._size = 0.5
         self._accepted = self._steps = 0
 
     @property
     def acceptance(self) -> float:
+        """Share of accepted steps."""
         return self._accepted / max(self._steps, 1)
 
     def begin(self) -> None:
         """The density where the chains begin."""
-        self._log = self._density.logarithms(self._x)
+        self._log = self._density.logarithms(self._coordinates(self._t))
 
     def tune(self, go_on: Callable[[], bool]) -> None:
         """Find the length of a step; the chains go on meanwhile."""
+        low, high = _ACCEPTANCE
         for _ in range(_WARM_UP):
             self._accepted = self._steps = 0
             if not go_on():
                 return
             self.advance(_TUNING)
-            low, high = _ACCEPTANCE
             if self.acceptance < low:
                 self._size *= 0.6
             elif self.acceptance > high and self._size < 1.0:
@@ -263,28 +272,31 @@ class _CrankNicolson:
         self._accepted = self._steps = 0
 
     def advance(self, steps: int) -> tuple[Floats, Floats]:
-        x, logarithms = [], []
+        """Some steps: u (c, steps, m) and log density (c, steps)."""
+        u, logarithms = [], []
         for _ in range(steps):
             self._step()
-            x.append(self._x.copy())
+            u.append(self._coordinates(self._t))
             logarithms.append(self._log.copy())
-        return np.stack(x, axis=1), np.stack(logarithms, axis=1)
+        return np.stack(u, axis=1), np.stack(logarithms, axis=1)
 
     def _step(self) -> None:
-        noise = self._rng.standard_normal(self._x.shape) @ self._root.T
-        keep = np.sqrt(1.0 - self._size**2)
-        trial = self._centre + keep * (self._x - self._centre) + self._size * noise
-        found = self._density.logarithms(trial)
+        size = self._size**2 * self._variance
+        noise = self._rng.standard_normal(self._t.shape)
+        trial = np.sqrt(1.0 - size) * self._t + np.sqrt(size) * noise
+        found = self._density.logarithms(self._coordinates(trial))
         with np.errstate(invalid="ignore"):
-            gain = found - self._normal(trial) - (self._log - self._normal(self._x))
+            gain = found - self._log + 0.5 * np.sum(trial**2 - self._t**2, axis=1)
         gain = np.where(np.isfinite(self._log), gain, np.inf)
         gain = np.where(np.isfinite(found), gain, -np.inf)
         taken = np.log(self._rng.uniform(size=len(trial))) < gain
-        self._x = np.where(taken[:, None], trial, self._x)
+        self._t = np.where(taken[:, None], trial, self._t)
         self._log = np.where(taken, found, self._log)
         self._accepted += int(taken.sum())
         self._steps += len(taken)
 
-    def _normal(self, x: Floats) -> Floats:
-        z = np.linalg.solve(self._root, (x - self._centre).T)
-        return np.asarray(-0.5 * np.sum(z**2, axis=0))
+    def _whitened(self, u: Floats) -> Floats:
+        return np.asarray(((u - self._centre) / self._sd) @ self._axes)
+
+    def _coordinates(self, t: Floats) -> Floats:
+        return np.asarray(self._centre + (t @ self._axes.T) * self._sd)

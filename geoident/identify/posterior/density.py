@@ -107,6 +107,13 @@ class PosteriorDensity:
         slope = np.where(self._log, p, self._reference) / self.discrepancy.scaling.slope(p)
         return np.asarray((found.jacobian * slope)[:, self.free]), found.objective
 
+    def reference(self) -> tuple[Floats, Floats]:
+        """Centre and standard deviation (m,), (m,) in u of a normal density as wide as what is
+        known before: exactly that of a normal prior in its own coordinate."""
+        pairs = zip(self.problem.parameters, self._log.tolist(), strict=True)
+        found = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
+        return tuple((column / self._reference)[self.free] for column in found.T)
+
     def logarithms(self, u: Floats) -> Floats:
         """Log pi (k,) at u (k, m), up to one constant; -inf outside and where there is no solution.
 
@@ -149,6 +156,20 @@ def _by_logarithm(parameter: Parameter) -> bool:
     """Whether a parameter is sampled by its logarithm."""
     positive = parameter.lower > 0.0
     return parameter.scale == "log" or (positive and parameter.upper > WIDE * parameter.lower)
+
+
+def _reference(parameter: Parameter, by_logarithm: bool) -> tuple[float, float]:
+    """Centre and standard deviation of what is known before, of ln p or of p."""
+    prior = parameter.prior
+    if prior is not None:
+        relative = prior.sd / prior.mean if prior.mean > 0.0 else 1.0
+        return (float(np.log(prior.mean)), relative) if by_logarithm else (prior.mean, prior.sd)
+    ends = np.array([parameter.lower, parameter.upper])
+    ends = np.log(ends) if by_logarithm else ends
+    if np.all(np.isfinite(ends)):
+        return float(ends.mean()), 0.5 * float(np.ptp(ends))
+    start = parameter.start
+    return (float(np.log(start)), 2.5) if by_logarithm else (start, 5.0 * (abs(start) or 1.0))
 
 
 def _jacobian(parameter: Parameter, by_logarithm: bool) -> float:

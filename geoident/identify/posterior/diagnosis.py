@@ -87,10 +87,15 @@ def effective_of_weights(weights: Floats) -> float:
     return 1.0 / total if total > 0.0 else 0.0
 
 
-def diagnose_chains(chains: Floats) -> tuple[Floats, Floats]:
+def diagnose_chains(chains: Floats, *, groups: int) -> tuple[Floats, Floats]:
     """Effective size (the smaller of bulk and tail) and R-hat, (n,) each, of chains (c, d, n).
 
-    NaN of a parameter that never moves.
+    NaN of a parameter that never moves. R-hat is that of groups of chains, each taken as one: chains
+    that are many and short would have to be long one by one.
+
+    Args:
+        chains: (c, d, n) draws, those of a group one after the other.
+        groups: their number; those of different groups know nothing of each other.
     """
     arviz = library("arviz")
     size, r_hat = (np.full(chains.shape[2], np.nan) for _ in range(2))
@@ -99,5 +104,6 @@ def diagnose_chains(chains: Floats) -> tuple[Floats, Floats]:
         if np.ptp(values) > 0.0:
             bulk, tail = (float(arviz.ess(values, method=kind)) for kind in ("bulk", "tail"))
             size[i] = min(bulk, tail)
-            r_hat[i] = float(arviz.rhat(values))
+            grouped = values.reshape(groups, -1, values.shape[1]).swapaxes(1, 2)
+            r_hat[i] = float(arviz.rhat(grouped.reshape(groups, -1)))
     return size, r_hat
