@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import ExitCode, Fault, InputError, Location
+from geoident.errors import ExitCode, Fault, InputError, Interrupted, Location
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import library
-from geoident.identify.posterior.draws import Draws, Progress, Watch, Wish
+from geoident.identify.posterior.draws import Draws, SamplingProgress, SamplingWatch, Stopped, Wish
 from geoident.identify.posterior.importance import ADAPTING
 from geoident.identify.posterior.predictive import with_errors
 from geoident.identify.posterior.sampling import sample_posterior, trustworthy
@@ -177,16 +177,28 @@ def sample(task: SampleTask, control: Control) -> Finished:
         problem = problem_of(setup, log, control)
         with _answers(task, asked, log, control) as answers:
             density = PosteriorDensity(problem, answers)
-            draws = sample_posterior(
-                density,
-                [task.fit.parameters.values],
-                request.wish,
-                rng=np.random.default_rng(request.seed),
-                watch=_watch(control),
-            )
+            draws = _drawn(task, density, control)
             found = _Found(task, setup, problem, density, draws, answers, asked.places)
             result = found.result()
         return write(result, job.place, job.found, inputs=task.files_read)
+
+
+def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:
+    """Draws, by the first sampler that can be believed.
+
+    Raises:
+        Interrupted: the time was up before there were any.
+    """
+    try:
+        return sample_posterior(
+            density,
+            [task.fit.parameters.values],
+            task.request.wish,
+            rng=np.random.default_rng(task.request.seed),
+            watch=_watch(control),
+        )
+    except Stopped as stop:
+        raise Interrupted(stop.reason, exit_code=ExitCode.NOT_CONVERGED) from stop
 
 
 def _asked(fit: Result, inputs: Inputs, solver: str) -> tuple[Setup, Asked]:
@@ -227,8 +239,8 @@ def _answers(
             answers.keep(now=True)
 
 
-def _watch(control: Control) -> Watch:
-    def watch(progress: Progress) -> str | None:
+def _watch(control: Control) -> SamplingWatch:
+    def watch(progress: SamplingProgress) -> str | None:
         words = (
             f"{progress.sampler}: {progress.evaluations} evaluations, effective size"
             f" {progress.effective:.0f} of {progress.wanted:.0f}"
@@ -413,11 +425,11 @@ def _ending(draws: Draws, posterior: Posterior) -> tuple[str, str]:
         said = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
     else:
         said = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
-    if trustworthy(draws, posterior.evaluations):
-        return "converged", f"{said}. {draws.stopped}".strip()
+    good = trustworthy(draws, posterior.evaluations)
+    said += "." if good else ": do not rely on the ends of intervals."
     if draws.stopped:
-        return "out-of-budget", f"{draws.stopped} {said}: do not rely on the ends of intervals."
-    return "not-converged", f"{said}: do not rely on the ends of intervals."
+        return "out-of-budget", f"{draws.stopped} {said}"
+    return ("converged" if good else "not-converged"), said
 
 
 def _findings(table: ParameterTable) -> list[str]:

@@ -29,7 +29,7 @@ class Ridge:
 
 
 def problem_of_ridge(prior: Prior | None) -> Problem:
-    """Readings of E = 10, sigma_v = 8 that are off by one standard deviation, 3 % of the largest."""
+    """Readings of E = 10, sigma_v = 8, each off by its standard deviation."""
     model = Ridge()
     v = model.readings(np.array([10.0, 8.0]))
     sd = np.full(4, 0.03 * v.max())

@@ -80,7 +80,7 @@ class Mixture:
             tried += 2 * count
             kept += len(x)
             found.append(x)
-        return np.concatenate(found)[:count]
+        return np.asarray(np.concatenate(found)[:count])
 
     def logarithms(self, x: Floats) -> Floats:
         """Log density (k,) at x (k, m) inside the bounds, up to one constant."""

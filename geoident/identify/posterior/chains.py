@@ -31,9 +31,9 @@ from geoident.identify.posterior.diagnosis import MOST_R_HAT, diagnose_chains, l
 from geoident.identify.posterior.draws import (
     OUT_OF_EVALUATIONS,
     Draws,
-    Progress,
+    SamplingProgress,
+    SamplingWatch,
     Stopped,
-    Watch,
     Wish,
 )
 from geoident.identify.posterior.importance import Weighted
@@ -69,7 +69,7 @@ class Chains:
     name: str
     density: PosteriorDensity
     wish: Wish
-    watch: Watch
+    watch: SamplingWatch
     advance: Advance
     accepted: Callable[[], float]
 
@@ -101,7 +101,7 @@ class Chains:
                 parts.append(self.advance(_STEP))
             except Stopped as stop:
                 return stop.reason
-            told = Progress(
+            told = SamplingProgress(
                 self.name, self.density.evaluations, self.effective, self.wish.effective
             )
             if reason := self.watch(told):
@@ -140,7 +140,7 @@ def ensemble(
     begin: Weighted,
     rng: np.random.Generator,
     wish: Wish,
-    watch: Watch,
+    watch: SamplingWatch,
 ) -> Draws | None:
     """Draws by the affine-invariant ensemble.
 
@@ -192,14 +192,12 @@ def _starts(begin: Weighted, rng: np.random.Generator, count: int) -> Floats:
         order = np.argsort(-begin.logarithms)[: max(count, 1)]
         some = order[np.isfinite(begin.logarithms[order])]
         chance = np.ones(len(begin.x))
-    short = max(0, count - len(some))
-    taken = rng.choice(
-        some, size=min(count, len(some)), replace=False, p=chance[some] / chance[some].sum()
-    )
-    x = begin.x[taken]
-    if short:
-        x = np.concatenate([x, begin.mixture.draw(rng, short)])
-    return np.asarray(rng.permutation(x))
+    if not len(some):
+        return begin.mixture.draw(rng, count)
+    size, share = min(count, len(some)), chance[some] / chance[some].sum()
+    x = begin.x[rng.choice(some, size=size, replace=False, p=share)]
+    more = begin.mixture.draw(rng, count - size)
+    return np.asarray(rng.permutation(np.concatenate([x, more])))
 
 
 def crank_nicolson(
@@ -207,7 +205,7 @@ def crank_nicolson(
     begin: Weighted,
     rng: np.random.Generator,
     wish: Wish,
-    watch: Watch,
+    watch: SamplingWatch,
 ) -> Draws | None:
     """Draws by preconditioned Crank-Nicolson steps as long as Laplace's approximation is wide.
 

@@ -108,11 +108,14 @@ class PosteriorDensity:
         return np.asarray((found.jacobian * slope)[:, self.free]), found.objective
 
     def reference(self) -> tuple[Floats, Floats]:
-        """Centre and standard deviation (m,), (m,) in u of a normal density as wide as what is
-        known before: exactly that of a normal prior in its own coordinate."""
+        """A normal density as wide as what is known before: centre and sd (m,), (m,) in u.
+
+        Exactly the prior where that is normal in the coordinate.
+        """
         pairs = zip(self.problem.parameters, self._log.tolist(), strict=True)
         found = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
-        return tuple((column / self._reference)[self.free] for column in found.T)
+        centre, sd = (found / self._reference[:, None])[self.free].T
+        return centre, sd
 
     def logarithms(self, u: Floats) -> Floats:
         """Log pi (k,) at u (k, m), up to one constant; -inf outside and where there is no solution.

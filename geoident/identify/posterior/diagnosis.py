@@ -90,8 +90,8 @@ def effective_of_weights(weights: Floats) -> float:
 def diagnose_chains(chains: Floats, *, groups: int) -> tuple[Floats, Floats]:
     """Effective size (the smaller of bulk and tail) and R-hat, (n,) each, of chains (c, d, n).
 
-    NaN of a parameter that never moves. R-hat is that of groups of chains, each taken as one: chains
-    that are many and short would have to be long one by one.
+    NaN of a parameter that never moves. R-hat is that of groups of chains, each taken as one:
+    chains that are many and short would have to be long one by one.
 
     Args:
         chains: (c, d, n) draws, those of a group one after the other.

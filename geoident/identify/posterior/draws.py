@@ -11,7 +11,7 @@ from geoident.model.arrays import Floats
 
 
 @dataclass(frozen=True)
-class Progress:
+class SamplingProgress:
     """Where a sampler is.
 
     Args:
@@ -39,7 +39,7 @@ class Stopped(Exception):
         self.reason = reason
 
 
-Watch = Callable[[Progress], str | None]
+SamplingWatch = Callable[[SamplingProgress], str | None]
 """Is told of the progress between evaluations; answers with a reason to stop now, or None."""
 
 

@@ -19,9 +19,9 @@ from geoident.identify.posterior.diagnosis import effective_of_weights, limit_of
 from geoident.identify.posterior.draws import (
     OUT_OF_EVALUATIONS,
     Draws,
-    Progress,
+    SamplingProgress,
+    SamplingWatch,
     Stopped,
-    Watch,
     Wish,
 )
 from geoident.model.arrays import Floats
@@ -81,7 +81,13 @@ class Weighted:
         return self.pareto_k <= limit_of_k(len(self.x)) and self.efficiency >= least
 
     def more(self, density: PosteriorDensity, rng: np.random.Generator, count: int) -> Weighted:
-        """With ``count`` further draws of the mixture."""
+        """With further draws of the mixture.
+
+        Args:
+            density: of the posterior.
+            rng: of random numbers.
+            count: how many.
+        """
         x = self.mixture.draw(rng, count)
         return Weighted(
             self.mixture,
@@ -112,7 +118,7 @@ class ImportanceSampler:
     """
 
     def __init__(
-        self, density: PosteriorDensity, rng: np.random.Generator, wish: Wish, watch: Watch
+        self, density: PosteriorDensity, rng: np.random.Generator, wish: Wish, watch: SamplingWatch
     ) -> None:
         self._density = density
         self._rng = rng
@@ -172,7 +178,9 @@ class ImportanceSampler:
             except Stopped as stop:
                 self.stopped = stop.reason
                 break
-            told = Progress(name, self._density.evaluations, found.effective, self._wish.effective)
+            told = SamplingProgress(
+                name, self._density.evaluations, found.effective, self._wish.effective
+            )
             self.stopped = self._watch(told) or ""
             if self.stopped:
                 break

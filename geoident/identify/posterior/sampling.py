@@ -17,7 +17,13 @@ from geoident.identify.posterior.approximation import MANY, laplace
 from geoident.identify.posterior.chains import crank_nicolson, ensemble, thinned
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import LEAST_EFFECTIVE, MOST_R_HAT, limit_of_k
-from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Watch, Wish
+from geoident.identify.posterior.draws import (
+    OUT_OF_EVALUATIONS,
+    Draws,
+    SamplingWatch,
+    Stopped,
+    Wish,
+)
 from geoident.identify.posterior.importance import (
     LEAST_EFFICIENCY,
     ImportanceSampler,
@@ -39,7 +45,7 @@ def sample_posterior(
     wish: Wish,
     *,
     rng: np.random.Generator,
-    watch: Watch,
+    watch: SamplingWatch,
 ) -> Draws:
     """Draws of a posterior, by the first sampler that can be believed.
 
@@ -52,6 +58,7 @@ def sample_posterior(
 
     Raises:
         ModelError: the model has no solution at the fit.
+        Stopped: before there were any draws.
     """
     sampler = ImportanceSampler(density, rng, wish, watch)
     name = "importance"
@@ -63,7 +70,9 @@ def sample_posterior(
             break
         name, least = "adapted importance", LEAST_EFFICIENCY
         found = sampler.of(sampler.adapt(), name)
-    if found.believable() or (sampler.stopped and np.any(found.weights > 0.0)):
+    if sampler.stopped and not np.any(found.weights > 0.0):
+        raise Stopped(sampler.stopped)
+    if found.believable() or sampler.stopped:
         return replace(resampled(found, wish, rng, name), stopped=sampler.stopped)
     return _chains(density, found, wish, rng=rng, watch=watch, many=many)
 
@@ -74,7 +83,7 @@ def _chains(
     wish: Wish,
     *,
     rng: np.random.Generator,
-    watch: Watch,
+    watch: SamplingWatch,
     many: bool,
 ) -> Draws:
     run = crank_nicolson if many else ensemble

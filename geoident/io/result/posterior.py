@@ -23,7 +23,7 @@ from geoident.units import DIMENSIONS
 GROUP = "posterior"
 _SUMMARY = "posterior_summary"
 _AXES = ("chain", "draw")
-Axes = dict[str, Sequence[str] | Floats | Ints]
+NamedAxes = dict[str, Sequence[str] | Floats | Ints]
 """Name of every dimension to its coordinates."""
 _NUMBERS = ("pareto_k", "acceptance")
 
@@ -37,7 +37,7 @@ def write_posterior(file: h5py.File, found: Posterior, table: ParameterTable) ->
         table: of the same parameters.
     """
     chains, length = found.log_density.shape
-    axes: Axes = {"chain": np.arange(chains), "draw": np.arange(length)}
+    axes: NamedAxes = {"chain": np.arange(chains), "draw": np.arange(length)}
     variables = _grouped(found.names, found.fields)
     modes = {
         f"{name}_mode": np.arange(1, 1 + len(i)) for name, i in variables.items() if len(i) > 1
@@ -63,7 +63,7 @@ def write_posterior(file: h5py.File, found: Posterior, table: ParameterTable) ->
 
 def _write_predictive(file: h5py.File, found: Posterior, chains: int) -> None:
     readings = [f"{c} at {s}" for c, s in zip(found.channels, found.stages, strict=True)]
-    axes: Axes = {"chain": np.arange(chains), "draw": found.taken, "reading": readings}
+    axes: NamedAxes = {"chain": np.arange(chains), "draw": found.taken, "reading": readings}
     out = TableWriter(file, "posterior_predictive", axes)
     out.add("readings", found.predicted, *_AXES, "reading")
     out.add("channel", found.channels, "reading")
@@ -71,7 +71,7 @@ def _write_predictive(file: h5py.File, found: Posterior, chains: int) -> None:
 
 
 def _write_summary(file: h5py.File, found: Posterior) -> None:
-    axes: Axes = {"parameter": found.names, "quantile": np.array(LEVELS)}
+    axes: NamedAxes = {"parameter": found.names, "quantile": np.array(LEVELS)}
     out = TableWriter(file, _SUMMARY, axes)
     out.add("mean", found.mean, "parameter")
     out.add("sd", found.sd, "parameter")

@@ -176,7 +176,11 @@ class Answers:
         self._kept_at = time.monotonic()
 
 
-def here(asked: Asked) -> Callable[[Floats], Iterator[Answer]]:
+Compute = Callable[[Floats], Iterator[Answer]]
+"""Answers at several p at once, (k, n), SI, one after the other as they are ready."""
+
+
+def here(asked: Asked) -> Compute:
     """A computation in this process."""
     return lambda points: (asked.answer(p) for p in points)
 
@@ -196,9 +200,7 @@ def _answer(p: Floats) -> Answer:
 
 
 @contextmanager
-def in_processes(
-    jobs: int, build: Build, arguments: tuple[object, ...]
-) -> Iterator[Callable[[Floats], Iterator[Answer]]]:
+def in_processes(jobs: int, build: Build, arguments: tuple[object, ...]) -> Iterator[Compute]:
     """A computation in several processes, each with a model of its own.
 
     Args:

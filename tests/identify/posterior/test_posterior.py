@@ -6,14 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import lognorm, norm, truncnorm
 from support.posteriors import Ridge, grid_quantiles, problem_of_ridge
 
+from geoident.errors import CollapseError
+from geoident.identify import identify
 from geoident.identify.posterior import chains, sampling
+from geoident.identify.posterior.approximation import laplace
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.diagnosis import smoothed
 from geoident.identify.posterior.draws import Stopped, Wish
+from geoident.identify.posterior.importance import Weighted, none_yet
 from geoident.identify.posterior.sampling import sample_posterior, trustworthy
 from geoident.identify.problem.problem import Problem
+from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.result import Counts
 
@@ -52,8 +58,6 @@ def test_modulus_and_stress_along_their_ridge(prior):
 
 def test_a_density_on_a_bound_is_cut_by_it():
     """Of a normal density around -1 sd only the part above 0 is left: quantiles in closed form."""
-    from scipy.stats import truncnorm
-
     problem = Problem(
         Line(), np.array([-1.0]), np.ones(1), (Parameter("a", 0.1, 0.0, 50.0, "linear"),)
     )
@@ -86,8 +90,6 @@ class Line:
 )  # fmt: skip
 def test_a_prior_is_a_density_in_the_variable_of_its_name(scale, kind, lower):
     """Readings that tell nothing leave the prior, cut at the bounds, whatever the scale."""
-    from scipy.stats import lognorm, norm
-
     prior = Prior(7.0, 2.8, kind)
     problem = Problem(
         Line(), np.array([7.0]), np.array([1e6]), (Parameter("a", 7.0, lower, 9.9, scale, prior),)
@@ -141,7 +143,7 @@ def test_the_ensemble_and_importance_sampling_agree(monkeypatch):
     monkeypatch.setattr(sampling, "WORTH_ADAPTING", 2.0)
     monkeypatch.setattr(sampling, "LEAST_EFFICIENCY", 2.0)
     monkeypatch.setattr(sampling, "ADAPTATIONS", 0)
-    monkeypatch.setattr(sampling.Weighted, "believable", lambda self, least=0.0: False)
+    monkeypatch.setattr(Weighted, "believable", lambda self, least=0.0: False)
     problem = problem_of_ridge(Prior(8.0, 2.0))
     found, p, density = drawn(problem, [10.0, 8.0])
     assert found.sampler == "ensemble"
@@ -219,13 +221,9 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n):
     What the readings see, G p, is compared with importance sampling of G p itself (8 numbers).
     """
     problem, G = many(n, bend=0.8)
-    from geoident.identify import identify
-    from geoident.model.methods import GaussNewtonOptions
 
     fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
     density = PosteriorDensity(problem)
-    from geoident.identify.posterior.approximation import laplace
-    from geoident.identify.posterior.importance import none_yet
 
     rng = np.random.default_rng(3)
     begin = none_yet(laplace(density, [fit.values])).more(density, rng, 200)
@@ -249,8 +247,6 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n):
 def test_where_there_is_no_solution_there_are_no_draws():
     class Half(Line):
         def readings(self, p):
-            from geoident.errors import CollapseError
-
             if p[0] < 2.0:
                 raise CollapseError("the ground collapses", stage="s", fraction=0.5)
             return p[:1]
