@@ -21,6 +21,7 @@ COMMANDS = (
     "predict",
     "scan",
     "sample",
+    "backtest",
     "show",
     "report",
     "export",

@@ -154,12 +154,14 @@ class FitSettings:
         stages: names of the stages whose readings are used; None for all stages.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
+        backtest: whether the last fitted stage is predicted from those before it, too.
     """
 
     methods: tuple[MethodOptions, ...]
     stages: tuple[str, ...] | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
+    backtest: bool = True
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,6 +60,17 @@ class Posterior:
     def flat(self) -> Floats:
         """(c d, n) draws of all chains, SI."""
         return np.asarray(self.values.reshape(-1, len(self.names)))
+
+    def picked(self, order: Ints) -> Posterior:
+        """The same of some parameters (k,)."""
+        return replace(
+            self,
+            names=tuple(self.names[i] for i in order),
+            fields=tuple(self.fields[i] for i in order),
+            values=self.values[:, :, order],
+            effective=self.effective[order],
+            r_hat=self.r_hat[order],
+        )
 
     @cached_property
     def mean(self) -> Floats:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,12 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.posterior import Posterior
+from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
+
+if TYPE_CHECKING:
+    from geoident.model.backtest import Backtest
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -43,8 +47,9 @@ class Counts:
 class ParameterTable:
     """The identified parameters, one entry of every array each.
 
-    A parameter that is not determined keeps its ``value`` for further computing but has NaN in
-    ``sd``, ``lower95``, ``upper95``; whoever shows it says "not determined" in place of the number.
+    A parameter that neither readings nor its prior determine keeps its ``value`` for further
+    computing but has NaN in ``sd``, ``lower95``, ``upper95``; whoever shows it says "not
+    determined" in place of the number. One that only its prior knows has the numbers of the prior.
 
     Args:
         names: n names.
@@ -62,6 +67,8 @@ class ParameterTable:
         dimensions: n keys of `geoident.units.DIMENSIONS`.
         covariance: (n, n) SI; NaN rows where not determined.
         correlation: (n, n).
+        fields: of each the name of the field of which it is the coefficient of a mode, or nothing;
+            empty where there are no fields.
     """
 
     names: tuple[str, ...]
@@ -79,6 +86,25 @@ class ParameterTable:
     dimensions: tuple[str, ...]
     covariance: Floats
     correlation: Floats
+    fields: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> Ints:
+        """Numbers (k,) of the parameters that the case names: without the modes of fields."""
+        modes = self.fields or ("",) * len(self.names)
+        return np.flatnonzero([not name for name in modes])
+
+    def picked(self, order: Ints) -> ParameterTable:
+        """Some rows (k,) of the table."""
+        columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
+        flags = ("at_bound", "determined")
+        words = ("names", "priors", "units", "dimensions", *(("fields",) if self.fields else ()))
+        square = np.ix_(order, order)
+        found: dict[str, Any] = {name: getattr(self, name)[order] for name in (*columns, *flags)}
+        found |= {name: tuple(getattr(self, name)[i] for i in order) for name in words}
+        return replace(
+            self, covariance=self.covariance[square], correlation=self.correlation[square], **found
+        )
 
 
 @dataclass(frozen=True)
@@ -421,10 +447,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Result:
-    """All that ``geoident fit``, ``predict``, ``sample``, ``simulate`` or ``scan`` found.
+    """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``sample``, ``simulate`` or ``scan``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample`` or ``backtest``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
@@ -441,6 +467,9 @@ class Result:
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         posterior: draws of the parameters, or None.
+        varied: what is known of each constant that varies from place to place.
+        backtest: fits of the first stages and their predictions of later ones; of a fit that of all
+            but its last stage; or None.
     """
 
     kind: str
@@ -468,6 +497,31 @@ class Result:
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     posterior: Posterior | None = None
+    backtest: Backtest | None = None
+    varied: tuple[FieldEstimate, ...] = ()
+
+    @cached_property
+    def for_people(self) -> Result:
+        """The same without the coefficients of the modes of fields: the fields stand for them."""
+        named = self.parameters.named
+        if len(named) == len(self.parameters.names):
+            return self
+        readings = self.gauges.readings
+        if readings.sensitivity is not None:
+            readings = replace(readings, sensitivity=readings.sensitivity[:, named])
+        found = self.diagnostics
+        if found is not None:
+            found = replace(found, influence=found.influence[..., named])
+        return replace(
+            self,
+            parameters=self.parameters.picked(named),
+            gauges=replace(self.gauges, readings=readings),
+            sensitivity=None if self.sensitivity is None else self.sensitivity[..., named],
+            diagnostics=found,
+            history=tuple(replace(step, values=step.values[named]) for step in self.history),
+            backtest=None if self.backtest is None else self.backtest.picked(named),
+            posterior=None if self.posterior is None else self.posterior.picked(named),
+        )
 
 
 Labelled = Sequence[tuple[str, Result]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -45,6 +44,7 @@ from geoident.workflow.running.predictions import (
 )
 from geoident.workflow.running.readings import (
     accuracies,
+    bad_notes,
     gauge_table,
     reading_table,
     why_useless,
@@ -250,12 +250,11 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     )
     assert readings.sensitivity is not None  # see `_read_fit`
     jacobian = readings.sensitivity[used]
-    assessment = assess(problem, fit.parameters.values, jacobian)
+    computed = readings.computed[used]
+    assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    parameters = pick_parameters(fit.parameters, order)
-    known = KnownErrors(
-        case, problem, readings.computed[used], jacobian[:, order], used_rows(origin, used)
-    )
+    parameters = fit.parameters.picked(order)
+    known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     return Known(
         parameters, pick_assessment(assessment, order), readings, known if shares else None
@@ -268,22 +267,6 @@ def _shared(case: Case, used: Bools) -> SharedErrors | None:
     return None if structure is None else structure.at(np.zeros(len(structure.names)))[1]
 
 
-def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
-    """Some rows (k,) of a table of parameters."""
-    columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
-    flags = ("at_bound", "determined")
-    words = ("names", "priors", "units", "dimensions")
-    square = np.ix_(order, order)
-    picked: dict[str, Any] = {name: getattr(table, name)[order] for name in (*columns, *flags)}
-    picked |= {name: tuple(getattr(table, name)[i] for i in order) for name in words}
-    return replace(
-        table,
-        covariance=table.covariance[square],
-        correlation=table.correlation[square],
-        **picked,
-    )
-
-
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
@@ -293,8 +276,10 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         assessment,
         covariance=assessment.covariance[square],
         correlation=assessment.correlation[square],
-        covariance_x=assessment.covariance_x[square],
+        posterior=assessment.posterior.pick(order),
+        determined_x=assessment.determined_x[order],
         gaps_x=assessment.gaps_x[order],
+        held_covariance_x=assessment.held_covariance_x[square],
         **{name: getattr(assessment, name)[order] for name in columns},
     )
 
@@ -341,5 +326,6 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         singular_values=fit.singular_values,
-        notes=score(gauges, prediction),
+        varied=fit.varied if task.request.case is None else (),
+        notes=(*bad_notes(readings), *score(gauges, prediction)),
     )

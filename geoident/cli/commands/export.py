@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
     "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
-    "structures", "grid", "readings", "accuracies", "posterior", "draws",
+    "structures", "grid", "readings", "accuracies", "backtest", "backtest-parameters",
+    "posterior", "draws",
 )  # fmt: skip
 
 EPILOG = """\b

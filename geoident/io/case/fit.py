@@ -113,6 +113,11 @@ class FitBase(Section):
         "for the accuracies of all gauges, or kinds of gauges, as in {inclinometer: estimate}. "
         "What the gauges state then gives the ratios, and the factor of each kind is estimated.",
     )
+    backtest: bool = Field(
+        True,
+        description="Whether a fit also predicts its last stage from those before it, which costs "
+        "a few evaluations, and says whether that came true.",
+    )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
         description="How much a large residual counts: huber and student-t are robust against "
@@ -148,6 +153,7 @@ class FitBase(Section):
             None if self.stages is None else tuple(self.stages),
             self._loss(),
             opening,
+            self.backtest,
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -66,6 +66,8 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
     out.add("display_unit", table.units, "parameter")
     out.add("dimension", table.dimensions, "parameter")
+    if table.fields:
+        out.add("field", table.fields, "parameter")
     out.add("covariance", table.covariance, "parameter", "other")
     out.add("correlation", table.correlation, "parameter", "other")
     if singular is not None:
@@ -79,7 +81,11 @@ def _of_priors(priors: Sequence[Prior | None], name: str) -> Floats:
 
 
 def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
-    """The table, and the singular values (k,) or None."""
+    """The table, and the singular values (k,) or None.
+
+    Raises:
+        ValueError: a value is no finite number.
+    """
     group = TableReader(file, "parameters")
     names = group.texts("name")
     n = len(names)
@@ -97,7 +103,11 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         dimensions=group.texts("dimension", n),
         covariance=group.floats("covariance", n, n),
         correlation=group.floats("correlation", n, n),
+        fields=group.texts("field", n) if "field" in group else (),
     )
+    if not np.all(np.isfinite(table.values)):
+        lost = names[int(np.flatnonzero(~np.isfinite(table.values))[0])]
+        raise ValueError(f"the value of the parameter {lost!r} is not a finite number")
     if "singular_values" not in group:
         return table, None
     return table, group.floats("singular_values", len(group.array("direction", "f")))

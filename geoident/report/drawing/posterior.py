@@ -13,7 +13,6 @@ from geoident.model.posterior import Posterior
 from geoident.model.result import ParameterTable, Result
 from geoident.report.drawing.style import FAINT, Picture, colour, key, short
 from geoident.report.text.parameters import Unit, unit_of
-from geoident.report.text.posterior import shown
 from geoident.units import in_unit, shown_unit
 
 _MOST = 8  # parameters in one plot
@@ -24,10 +23,10 @@ _LEVELS = (0.5, 0.95)  # of the draws inside a contour
 def posterior_pictures(result: Result) -> tuple[Picture, ...]:
     """The corner plot, if the result has draws."""
     found = result.posterior
-    if found is None or not shown(found):
+    if found is None or not found.names:
         return ()
-    rest = len(shown(found)) - _MOST
-    more = f" The first {_MOST} parameters of {len(shown(found))}." if rest > 0 else ""
+    count = len(found.names)
+    more = f" The first {_MOST} parameters of {count}." if count > _MOST else ""
     return (
         Picture(
             "posterior",
@@ -42,7 +41,7 @@ def posterior_pictures(result: Result) -> tuple[Picture, ...]:
 
 def corner_figure(parameters: ParameterTable, found: Posterior) -> Figure:
     """Histograms on the diagonal, draws of pairs below it."""
-    numbers = shown(found)[:_MOST]
+    numbers = range(min(_MOST, len(found.names)))
     names = [found.names[i] for i in numbers]
     units = [unit_of(parameters, name) for name in names]
     values = np.stack(

@@ -19,6 +19,7 @@ from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
     by_stage,
     diagnostics_object,
@@ -27,6 +28,7 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.structures import structures_list
+from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
 
@@ -55,7 +57,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         case: path of the case, as seen from here.
         output: path of the result file.
     """
-    proof = result.certificate
+    proof, result = result.certificate, result.for_people
     return {
         "case": case,
         "kind": result.kind,
@@ -79,6 +81,8 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.accuracies is not None
             else {}
         ),
+        **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
+        **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
@@ -104,8 +108,9 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
     determined, prior = bool(parameters.determined[i]), parameters.priors[i]
+    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
     return {
-        "value": parameters.values[i] if determined else None,
+        "value": parameters.values[i] if known else None,
         "unit": si_unit(parameters.dimensions[i]),
         "sd": parameters.sd[i],
         "lower95": parameters.lower95[i],

@@ -21,23 +21,21 @@ _SHOWN = (0.025, 0.25, 0.5, 0.75, 0.975)
 def posterior_table(result: Result) -> TextTable:
     """One row a parameter: mean, standard deviation, quantiles, effective size, R-hat.
 
-    Modes of fields are left out: people are shown the field.
+    Args:
+        result: for people, without the modes of fields.
     """
     quantiles = [f"{100 * level:g} %" for level in _SHOWN]
     chains = result.posterior is not None and math.isfinite(result.posterior.largest_r_hat)
     header = ["name", "mean", "sd", *quantiles, "unit", "ESS", *(["R-hat"] if chains else []), ""]
     found = result.posterior
-    rows = [] if found is None else [_row(result, found, i, chains) for i in shown(found)]
+    rows = [] if found is None else [_row(result, i, chains) for i in range(len(found.names))]
     right = "l" + "r" * (2 + len(_SHOWN)) + "lr" + ("r" if chains else "")
     return TextTable(header, rows, right=right)
 
 
-def shown(found: Posterior) -> list[int]:
-    """Numbers of the parameters that people are shown: those that are no modes of a field."""
-    return [i for i, field in enumerate(found.fields) if not field]
-
-
-def _row(result: Result, found: Posterior, i: int, chains: bool) -> list[str]:
+def _row(result: Result, i: int, chains: bool) -> list[str]:
+    found = result.posterior
+    assert found is not None
     unit = unit_of(result.parameters, found.names[i])
     places = [LEVELS.index(level) for level in _SHOWN]
     numbers = (found.mean[i], found.sd[i], *found.quantiles[i, places])

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, posterior, structures, yielding
+from geoident.report.text import accuracies, backtest, posterior, structures, varied, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -47,6 +47,7 @@ _STATUS = {
     "not-determined": "The readings do not determine all parameters",
     "out-of-budget": "The search ran out of its budget: the values are the best found so far",
     "done": "The computation is complete",
+    "bands-fail": "Later readings do not lie inside the bands as they should",
 }
 
 
@@ -57,9 +58,11 @@ def result_text(result: Result, *, title: str = "") -> str:
         result: what to show.
         title: the first line, such as its path.
     """
+    result = result.for_people
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
         _parameters(result),
+        section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section("Findings", bullets(result.findings)),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
@@ -68,6 +71,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
         section("Scan", grid_text(result)),
+        backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),
         f"Cost: {counts_text(result.counts)}",
     )
@@ -75,10 +79,13 @@ def result_text(result: Result, *, title: str = "") -> str:
 
 def summary_text(result: Result) -> str:
     """The outcome in a few lines, for the end of a run."""
+    result = result.for_people
     parts = (
         head(result),
         _told_parameters(result),
+        section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
+        backtest.backtest_text(result) if result.kind == "backtest" else "",
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)
@@ -132,6 +139,8 @@ def outcome_sentences(result: Result) -> list[str]:
 def _identified(result: Result) -> list[str]:
     n, used = len(result.parameters.names), int(result.gauges.used.sum())
     status = _STATUS.get(result.status, result.status)
+    if result.kind == "backtest":
+        return [f"{status}. {result.reason}"]
     if result.kind != "fit" or not used:
         return [f"{status}."]
     stages = [
@@ -176,7 +185,7 @@ def _predicted(result: Result) -> list[str]:
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
     said = list(result.findings)
-    if result.status in ("not-converged", "not-determined", "out-of-budget"):
+    if result.status in ("not-converged", "not-determined", "out-of-budget", "bands-fail"):
         said.insert(0, result.reason)
     for i in np.flatnonzero(result.parameters.at_bound).tolist():
         name = result.parameters.names[i]

@@ -48,7 +48,7 @@ def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Flo
         readings: (g,) v there, SI.
         jacobian: (g, n) its derivative.
     """
-    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian)
+    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian, readings)
 
 
 def diagnostics_table(
@@ -269,4 +269,5 @@ def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> Par
         dimensions=tuple(q.dimension for q in parameters),
         covariance=np.full((n, n), np.nan),
         correlation=np.full((n, n), np.nan),
+        fields=tuple(q.field for q in parameters) if any(q.field for q in parameters) else (),
     )

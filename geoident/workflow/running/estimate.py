@@ -18,9 +18,9 @@ from geoident.identify import identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -71,7 +71,7 @@ def prepare(job: Job) -> Setup:
         ModelError: the model moves freely somewhere.
     """
     model = build_model(job.inputs, solver=job.request.solver)
-    case = job.inputs.case
+    case = model.case
     readings = select_readings(case, model)
     require_enough(case, readings)
     require_possible(model, case, job.methods)
@@ -248,7 +248,13 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages (n_stages,), from an estimate."""
+    """Bands of the readings at some stages, from an estimate.
+
+    Args:
+        setup: as `estimated` gave it.
+        found: the estimate.
+        stages: (n_stages,) which to predict.
+    """
     sd = accuracies(setup.case)
     return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
 
@@ -283,18 +289,25 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
         inputs: paths that were read, and so must not be written.
     """
     overwrite = found is not Standing.NOTHING
+    if not overwrite:  # the same may have been computed by another run meanwhile
+        other = read_identity(place.path) if place.path.exists() else None
+        if other is not None and other.identity == result.provenance.identity:
+            if other.status != STOPPED:
+                return keep(place)
+            overwrite = True
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
 def searched(
-    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome], Result]
+    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome, Log], Result]
 ) -> Finished:
     """Runs the search of a command and writes its result; keeps one that is up to date.
 
     Args:
         job: what to do.
         control: progress, budget and stops.
-        result: what is written of the case, its problem and the outcome of the search.
+        result: what is written of the case, its problem and the outcome of the search; it may
+            evaluate more, and log that.
 
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
@@ -304,7 +317,7 @@ def searched(
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
-        written = result(*estimated(setup, job.methods, log, control))
+        written = result(*estimated(setup, job.methods, log, control), log)
         return write(written, job.place, job.found, inputs=job.inputs.files)
 
 

@@ -49,7 +49,7 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
 
     Args:
         case: path of the case or of a result that the name is made from; ``-`` for stdin.
-        kind: ``fit``, ``scan``, ``predict`` or ``sample``.
+        kind: of the result, such as ``fit``.
         output: a file, an existing folder, or None for beside the case.
 
     Raises:
@@ -84,7 +84,8 @@ def _is_folder(output: str) -> bool:
 def _stem(path: Path) -> str:
     """Name without its endings: of a case, or of a result made from one."""
     stem = path.name
-    for ending in (".h5", ".fit", ".scan", ".predict", ".sample", ".yaml", ".yml"):
+    kinds = (".fit", ".scan", ".predict", ".sample", ".backtest")
+    for ending in (".h5", *kinds, ".yaml", ".yml"):
         stem = stem.removesuffix(ending)
     return stem or path.name
 
