@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -192,13 +192,20 @@ def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Dra
     try:
         return sample_posterior(
             density,
-            [task.fit.parameters.values],
+            _minima(task.fit),
             task.request.wish,
             rng=np.random.default_rng(task.request.seed),
             watch=_watch(control),
         )
     except Stopped as stop:
         raise Interrupted(stop.reason, exit_code=ExitCode.NOT_CONVERGED) from stop
+
+
+def _minima(fit: Result) -> Sequence[Floats]:
+    """The minima (n,), SI, that a fit has found: its answer and the rivals of that."""
+    if fit.rivals is None:
+        return [fit.parameters.values]
+    return list(fit.rivals.values)
 
 
 def _asked(fit: Result, inputs: Inputs, solver: str) -> tuple[Setup, Asked]:
@@ -294,6 +301,8 @@ class _Found:
             fields=None,
             members=None,
             diagnostics=None,
+            evidence=None,
+            rivals=None,
             certificate=None,
             sensitivity=None,
             grid=None,

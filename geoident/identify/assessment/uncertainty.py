@@ -253,6 +253,11 @@ def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
     """Whether linear functions of x (l, n), with an own error (l,), are not determined.
 
     They are where the part of undetermined directions is larger than all the rest.
+
+    Args:
+        assessment: how well the parameters are known.
+        rows: (l, n) coefficients.
+        sd: (l,) standard deviation of the own errors.
     """
     known = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
     undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)
