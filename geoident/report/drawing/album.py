@@ -19,6 +19,7 @@ from geoident.report.drawing.parameters import (
     parameter_pictures,
     scan_pictures,
 )
+from geoident.report.drawing.posterior import posterior_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
@@ -62,7 +63,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
         overview_pictures(result, scene),
-        (*parameter_pictures(result), *scan_pictures(result)),
+        (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
         (*reading_pictures(result), *profile_pictures(result), *sign_pictures(result)),
         fields,
         quality_pictures(result),
