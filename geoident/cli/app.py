@@ -20,6 +20,7 @@ COMMANDS = (
     "fit",
     "predict",
     "scan",
+    "sample",
     "backtest",
     "show",
     "report",

@@ -262,6 +262,15 @@ class StagedModel:
         states, rows = np.nonzero(readable)
         return ReadingAdjoints(self.march, self.observation, rows, states)
 
+    def computed(self, p: Floats) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
+        self.count_evaluation()
+        run = self.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        states = (MarchState(end, run.point, self.structures) for end in run.states())
+        table = self.relative(np.stack([self.observation.values(state) for state in states]))
+        table = self.instrument_errors.added_to_all(table, self.values(p), ())
+        return np.asarray(table[1:, :, 0].T)
+
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
 

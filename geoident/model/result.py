@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.posterior import Posterior
 from geoident.model.rivals import Evidence, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -457,7 +458,7 @@ class Result:
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample`` or ``backtest``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
             ``out-of-budget``, ``done``.
         exit_code: of the command.
@@ -474,6 +475,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        posterior: draws of the parameters, or None.
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
         varied: what is known of each constant that varies from place to place.
@@ -505,6 +507,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    posterior: Posterior | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
     backtest: Backtest | None = None
@@ -530,6 +533,7 @@ class Result:
             diagnostics=found,
             history=tuple(replace(step, values=step.values[named]) for step in self.history),
             backtest=None if self.backtest is None else self.backtest.picked(named),
+            posterior=None if self.posterior is None else self.posterior.picked(named),
             rivals=None if self.rivals is None else self.rivals.picked(named),
         )
 

@@ -12,7 +12,15 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, backtest, rivals, structures, varied, yielding
+from geoident.report.text import (
+    accuracies,
+    backtest,
+    posterior,
+    rivals,
+    structures,
+    varied,
+    yielding,
+)
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -64,7 +72,7 @@ def result_text(result: Result, *, title: str = "") -> str:
     result = result.for_people
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
-        section("Parameters", parameters_text(result.parameters, result.certificate)),
+        _parameters(result),
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section("Findings", bullets(result.findings)),
@@ -86,13 +94,28 @@ def summary_text(result: Result) -> str:
     result = result.for_people
     parts = (
         head(result),
-        parameters_text(result.parameters, result.certificate),
+        _told_parameters(result),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)
+
+
+def _told_parameters(result: Result) -> str:
+    """The parameters with their intervals; of a sample the table of its draws."""
+    if result.posterior is not None:
+        return posterior.posterior_table(result).text
+    return parameters_text(result.parameters, result.certificate)
+
+
+def _parameters(result: Result) -> str:
+    """The parameters under a heading, and how far draws of them are to be believed."""
+    said = _told_parameters(result)
+    if result.posterior is None:
+        return section("Parameters", said)
+    return section(posterior.TITLE, said, sentence(posterior.cost_sentence(result.posterior)))
 
 
 def plan_text(case: str, plan: Identifiability) -> str:
