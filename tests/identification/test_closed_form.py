@@ -296,3 +296,14 @@ def test_a_closed_form_without_a_solution_leaves_the_start_and_says_why():
     assert found.remarks[0].startswith("the closed form was skipped: ")
     assert reason.rstrip(".") in found.remarks[0]
     assert reason.rstrip(".") in found.reason
+
+
+def test_a_backtest_needs_no_mesh(project):
+    """Face, near and far: three fits, the first of three readings for three parameters."""
+    done = run_command("backtest", "case.yaml", "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)["backtest"]
+    assert [fit["up_to"] for fit in told["fits"]] == ["face", "near", "far"]
+    assert told["next"]["inside"] == told["next"]["readings"] > 0
+    for name, truth in SI.items():
+        assert told["fits"][-1]["parameters"][name]["value"] == pytest.approx(truth, rel=1e-6)
