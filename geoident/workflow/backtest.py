@@ -258,6 +258,8 @@ def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) ->
     if failed:
         names = ", ".join(case.stages[step.last].name for step in failed)
         return failed[0].status, f"The fit up to {names} is not finished: {failed[0].reason}"
+    if not found.next.readings:
+        return "not-determined", said.sentence
     if not said.holds:
         return BANDS_FAIL, said.sentence
     return "done", said.sentence

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -45,6 +44,7 @@ from geoident.workflow.running.predictions import (
 )
 from geoident.workflow.running.readings import (
     accuracies,
+    bad_notes,
     gauge_table,
     reading_table,
     why_useless,
@@ -253,7 +253,7 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     computed = readings.computed[used]
     assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    parameters = pick_parameters(fit.parameters, order)
+    parameters = fit.parameters.picked(order)
     known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     return Known(
@@ -265,22 +265,6 @@ def _shared(case: Case, used: Bools) -> SharedErrors | None:
     """What the used readings of a case share."""
     structure = structure_of_used(case, used)
     return None if structure is None else structure.at(np.zeros(len(structure.names)))[1]
-
-
-def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
-    """Some rows (k,) of a table of parameters."""
-    columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
-    flags = ("at_bound", "determined")
-    words = ("names", "priors", "units", "dimensions")
-    square = np.ix_(order, order)
-    picked: dict[str, Any] = {name: getattr(table, name)[order] for name in (*columns, *flags)}
-    picked |= {name: tuple(getattr(table, name)[i] for i in order) for name in words}
-    return replace(
-        table,
-        covariance=table.covariance[square],
-        correlation=table.correlation[square],
-        **picked,
-    )
 
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
@@ -342,5 +326,6 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         singular_values=fit.singular_values,
-        notes=score(gauges, prediction),
+        varied=fit.varied if task.request.case is None else (),
+        notes=(*bad_notes(readings), *score(gauges, prediction)),
     )

@@ -140,7 +140,9 @@ def test_a_backtest_of_ground_that_yields(yielding, run_json):
     first, last = found["backtest"]["fits"]
     assert first["parameters"]["k1"]["determined"]
     assert last["parameters"]["k1"]["value"] == pytest.approx(0.5e6, rel=1e-4)
-    assert found["backtest"]["next"]["readings"] == found["backtest"]["next"]["inside"] == 3
+    told = found["backtest"]["next"]
+    assert told["readings"] + told["open"] == 3  # k2 is not determined, and moves two of them
+    assert told["inside"] == told["readings"] > 0
     assert found["status"] == "done"
     assert last["counts"]["evaluations"] < first["counts"]["evaluations"]
     assert not any("elastic model" in text for text in (*found["findings"], *found["notes"]))

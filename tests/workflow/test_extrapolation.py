@@ -24,9 +24,7 @@ def channel(first, second):
 
 class TestNearGauges:
     def test_as_far_from_the_line_as_it_is_long(self):
-        places = np.array(
-            [[2.0, 0.0], [2.0, 3.9], [2.0, 4.1], [-3.9, 0], [-4.1, 0], [7.9, 0]]
-        )
+        places = np.array([[2.0, 0.0], [2.0, 3.9], [2.0, 4.1], [-3.9, 0], [-4.1, 0], [7.9, 0]])
         near = near_gauges(places, (channel((0.0, 0.0), (4.0, 0.0)),))
         assert near.tolist() == [True, True, False, True, False, True]
 

@@ -28,6 +28,7 @@ from geoident.model.methods import (
     METHOD_OPTIONS,
     ClosedFormOptions,
     ComplementarityOptions,
+    GaussNewtonOptions,
     LossOptions,
     MethodOptions,
     SquaredOptions,
@@ -221,6 +222,12 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
             break
         problem = problem.begun_at(outcome.values)
     return _joined(done)
+
+
+def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:
+    """The method that goes on from where a chain ended, with changed weights: from one start."""
+    last = methods[-1]
+    return (replace(last, starts=1) if isinstance(last, GaussNewtonOptions) else last,)
 
 
 def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:

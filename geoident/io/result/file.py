@@ -17,8 +17,10 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
+from geoident.io.result.varied import GROUP as VARIED
+from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
 from geoident.model.result import Counts, Diagnostics, GaugeTable, Provenance, Result
@@ -113,17 +115,26 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
-    if result.backtest is not None:
-        backtest.write_backtest(file, result.backtest, gauges, names)
+    _write_findings(file, result)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
+    write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
+    tables.write_rival_answers(file, result.rivals, result.evidence, names)
     if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields)
+        vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_findings(file: h5py.File, result: Result) -> None:
+    """Groups of single commands and options."""
+    if result.backtest is not None:
+        backtest.write_backtest(file, result.backtest, result.gauges, result.parameters.names)
+    if result.posterior is not None:
+        posterior.write_posterior(file, result.posterior, result.parameters)
 
 
 def _write_attributes(file: h5py.File, result: Result) -> None:
@@ -237,7 +248,11 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
+        rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
+        evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
+        varied=read_varied(file) if VARIED in contents else (),
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),

@@ -17,6 +17,7 @@ import numpy as np
 from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
+from geoident.model.rivals import Evidence
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
@@ -26,7 +27,10 @@ from geoident.report.text.gauges import (
     each_reading,
     moment_text,
 )
+from geoident.report.text.posterior import posterior_object
+from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
+from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
 
@@ -55,7 +59,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         case: path of the case, as seen from here.
         output: path of the result file.
     """
-    proof = result.certificate
+    proof, result = result.certificate, result.for_people
     return {
         "case": case,
         "kind": result.kind,
@@ -79,9 +83,13 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.accuracies is not None
             else {}
         ),
+        **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
+        **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
+        **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
+        **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 
@@ -104,8 +112,9 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
     determined, prior = bool(parameters.determined[i]), parameters.priors[i]
+    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
     return {
-        "value": parameters.values[i] if determined else None,
+        "value": parameters.values[i] if known else None,
         "unit": si_unit(parameters.dimensions[i]),
         "sd": parameters.sd[i],
         "lower95": parameters.lower95[i],
@@ -168,6 +177,11 @@ def _prediction(result: Result, prediction: Prediction, i: int, j: int) -> dict[
         "determined": determined,
         "unit": si_unit(result.gauges.dimensions[i]),
     }
+
+
+def evidence_object(evidence: Evidence) -> dict[str, Any]:
+    """How well the model explains the readings."""
+    return {**asdict(evidence), "log_occam": evidence.log_occam}
 
 
 def grid_object(grid: Grid) -> dict[str, Any]:

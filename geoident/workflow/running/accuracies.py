@@ -92,6 +92,7 @@ def _after(first: Outcome, second: Outcome) -> Outcome:
         second,
         iterations=(*first.iterations, *second.iterations),
         grid=second.grid or first.grid,
+        remarks=tuple(dict.fromkeys((*first.remarks, *second.remarks))),
     )
 
 

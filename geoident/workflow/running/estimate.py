@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -18,15 +18,17 @@ from geoident.identify import identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.methods import continued
+from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
+from geoident.model.rivals import Evidence, Rivals
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
@@ -44,6 +46,7 @@ from geoident.workflow.running.readings import (
     unused_by_stage,
     with_computed,
 )
+from geoident.workflow.running.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
 
 
 @dataclass(frozen=True)
@@ -216,6 +219,9 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
+        rivals: other minima, with the lowest; None where there are none.
+        others: what is known at the rivals, in their order without the first.
+        evidence: of the model, None where the search did not converge.
     """
 
     outcome: Outcome
@@ -225,6 +231,9 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
+    rivals: Rivals | None = None
+    others: tuple[Estimate, ...] = ()
+    evidence: Evidence | None = None
 
 
 def look(
@@ -248,19 +257,50 @@ def look(
         left = replace(problem, sd=effective_sd(problem, computed))
         rows = used_rows(setup.case, readings.used)
         known = KnownErrors(setup.case, left, computed, jacobian, rows)
-    return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
+    if rivals is None:
+        return replace(found, evidence=evidence)
+    places = zip(rivals.values[1:], rivals.objectives[1:], strict=True)
+    elsewhere = [
+        replace(outcome, values=p, objective=float(phi), minima=(), certificate=None)
+        for p, phi in places
+    ]
+    others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
+    spent = with_further(counts, [other.counts for other in others], problem.response.counts)
+    return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+
+
+def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
+    """Costs with those of further surveys.
+
+    Args:
+        counts: of the search and the first survey.
+        further: of the search and each other survey.
+        each: of the search.
+    """
+    return Counts(
+        **{
+            name: value + sum(getattr(more, name) - getattr(each, name) for more in further)
+            for name, value in asdict(counts).items()
+        }
+    )
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages, from an estimate.
+    """Bands of the readings at some stages, from an estimate and its rivals.
 
     Args:
-        setup: as `estimated` gave it.
+        setup: model and readings.
         found: the estimate.
-        stages: (n_stages,) which to predict.
+        stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    if found.rivals is None:
+        return first
+    others = [predicted(setup, other, stages) for other in found.others]
+    return mixed_prediction(found.rivals.odds, [first, *others])
 
 
 @dataclass(frozen=True)
@@ -293,6 +333,12 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
         inputs: paths that were read, and so must not be written.
     """
     overwrite = found is not Standing.NOTHING
+    if not overwrite:  # the same may have been computed by another run meanwhile
+        other = read_identity(place.path) if place.path.exists() else None
+        if other is not None and other.identity == result.provenance.identity:
+            if other.status != STOPPED:
+                return keep(place)
+            overwrite = True
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
@@ -348,8 +394,24 @@ def estimated(
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
-    outcome = _search(problem, methods, control)
-    return _with_accuracies(setup, problem, outcome, methods, control)
+    first = _search(problem, methods, control)
+    found, final, outcome = _with_accuracies(setup, problem, first, methods, control)
+    if final is problem or not first.minima:
+        return found, final, outcome
+    # the weights are others now, and so are the minima
+
+    def again(elsewhere: Problem) -> Outcome:
+        return _search(elsewhere, continued(methods), control)
+
+    outcome = kept_up(final, outcome, first.minima, again)
+    lowest = outcome.minima[0] if outcome.minima else None
+    if lowest is None or lowest.objective >= outcome.objective - LOWER:
+        return found, final, outcome
+    # what was estimated with the parameters belongs to another minimum
+    former = LocalMinimum(outcome.values, outcome.objective)
+    moved = problem.begun_at(lowest.values)
+    found, final, outcome = _with_accuracies(setup, moved, again(moved), methods, control)
+    return found, final, kept_up(final, outcome, [former, *first.minima], again)
 
 
 def _with_accuracies(
@@ -365,7 +427,7 @@ def _with_accuracies(
     if structure is None or not structure.names:
         return setup, problem, outcome
     found = weighed(
-        problem, structure, outcome, lambda again: _search(again, methods[-1:], control)
+        problem, structure, outcome, lambda again: _search(again, continued(methods), control)
     )
     root = np.exp(0.5 * found.components.log_factor)
     sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))

@@ -285,7 +285,7 @@ def _innovations(trial: PartialFit) -> Innovations:
     return Innovations(z, trial.correlation, max(spare / len(estimated.names), 1.0))
 
 
-NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10)
+NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10, starts=1)
 """How a fit searches from its own answer for that of all but its last stage: its intervals are
 thousands of times wider than this tolerance matters."""
 
