@@ -98,6 +98,7 @@ class StagedModel:
         self.structures = self.systems.structures
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
+        self._all_readings: dict[int, ReadingAdjoints] = {}
 
     @property
     def counts(self) -> Counts:
@@ -200,7 +201,9 @@ class StagedModel:
         if self.on_state is not None:
             self.on_state(state)
 
-    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+    def survey(
+        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
+    ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
         One factorization per stage, more where ground yields.
@@ -209,14 +212,17 @@ class StagedModel:
             p: (n,) parameters.
             fields: whether displacements and stresses are wanted.
             partial: where a stage collapses, give what can be known without it.
+            last: index of the last state wanted: readings of later ones are NaN, and forces in
+                structures are left out; None for all.
 
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
         values, observed = self.values(p), []
-        back = self._all_readings if self._all_readings.cost_less(len(self.names)) else None
-        run = self.at(p, RunOptions(partial=partial, traced=back is not None))
+        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
+        back = ways if ways.cost_less(len(self.names)) else None
+        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
         equal: dict[str, int] = {}
@@ -227,13 +233,14 @@ class StagedModel:
             equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
-            if self.structures.parts:
+            if self.structures.parts and last is None:
                 members.add(end.state, end.members)
         if back is None:
             table = self.relative(np.stack(observed))
         else:
             table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
             table[back.states, back.rows] = back.table(run, end, np.stack(observed))
+        table = self._with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -243,7 +250,7 @@ class StagedModel:
             table[..., 0],
             table[..., 1:],
             None if recorder is None else recorder.series(),
-            members.table(),
+            members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
             found.activity,
             (
@@ -254,13 +261,20 @@ class StagedModel:
             ),
         )
 
-    @cached_property
-    def _all_readings(self) -> ReadingAdjoints:
-        """What can be read of all stages, and the way back from it."""
-        readable = self.observation.readable.copy()
-        readable[0] = False
-        states, rows = np.nonzero(readable)
-        return ReadingAdjoints(self.march, self.observation, rows, states)
+    def _readings_until(self, last: int) -> ReadingAdjoints:
+        """What can be read of all stages up to a state, and the way back from it."""
+        if last not in self._all_readings:
+            readable = self.observation.readable[: last + 1].copy()
+            readable[0] = False
+            states, rows = np.nonzero(readable)
+            found = ReadingAdjoints(self.march, self.observation, rows, states, last)
+            self._all_readings[last] = found
+        return self._all_readings[last]
+
+    def _with_later(self, table: Floats) -> Floats:
+        """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
+        missing = len(self.sequence.states) - len(table)
+        return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
     def computed(self, p: Floats) -> Floats:
         """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
@@ -362,7 +376,7 @@ class StagedResponse:
     def adjoints(self) -> ReadingAdjoints:
         """The way back from these readings."""
         model = self._model
-        return ReadingAdjoints(model.march, model.observation, self._row, self._state)
+        return ReadingAdjoints(model.march, model.observation, self._row, self._state, self._last)
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""

@@ -27,12 +27,15 @@ class ReadingAdjoints:
         observation: its channels.
         rows: (g,) channels.
         states: (g,) states.
+        last: number of the last state of the runs.
     """
 
-    def __init__(self, march: March, observation: Observation, rows: Ints, states: Ints) -> None:
+    def __init__(
+        self, march: March, observation: Observation, rows: Ints, states: Ints, last: int
+    ) -> None:
         self._march, self._observation = march, observation
         self.rows, self.states = rows, states
-        self.last = int(states.max(initial=0))
+        self.last = last
         self._plan: AdjointPlan | None = None
         # by states, the last first: what an early state acts on then stands together
         (minus, row), of = np.unique(np.stack([-states, rows]), axis=1, return_inverse=True)
