@@ -54,7 +54,10 @@ _HALVINGS = 12
 _GRAIN = 0.02
 """Distance between points, in standard deviations, over which they are smeared."""
 _NO_TAIL = 2.5e-3
-"""Probability beyond the end of an interval that is none: the end is that of what is possible."""
+"""Probability beyond the end of an interval that is none: the end is that of what is possible, ..."""
+
+_CLOSE = 0.05
+"""... if it is as close to that, in widths of the interval."""
 _TOGETHER = 2_000_000
 """Entries of a table that is made at once (16 MB)."""
 
@@ -116,11 +119,13 @@ class NormalMixture:
             part = NormalMixture(self.mean[rows], self.sd[rows], self.weight)
             low[rows], high[rows] = part._interval()
         if lower is not None:
-            slack = self.below(low[:, None])[:, 0] <= _NO_TAIL
-            low = np.where(slack & np.isfinite(lower), lower, np.maximum(low, lower))
+            close = low - lower < _CLOSE * (high - low)
+            slack = close & (self.below(low[:, None])[:, 0] <= _NO_TAIL)
+            low = np.where(slack, lower, np.maximum(low, lower))
         if upper is not None:
-            slack = self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL
-            high = np.where(slack & np.isfinite(upper), upper, np.minimum(high, upper))
+            close = upper - high < _CLOSE * (high - low)
+            slack = close & (self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL)
+            high = np.where(slack, upper, np.minimum(high, upper))
         return low, high
 
     def _interval(self) -> tuple[Floats, Floats]:
