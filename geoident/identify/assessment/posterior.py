@@ -54,7 +54,7 @@ _HALVINGS = 12
 _GRAIN = 0.02
 """Distance between points, in standard deviations, over which they are smeared."""
 _NO_TAIL = 2.5e-3
-"""Probability beyond the end of an interval that is none: the end is that of what is possible, ..."""
+"""Probability beyond the end of an interval that is none: it ends with what is possible, ..."""
 
 _CLOSE = 0.05
 """... if it is as close to that, in widths of the interval."""
@@ -222,7 +222,9 @@ class Posterior:
         return replace(self, shift=self.shift[order], factor=self.factor[order])
 
 
-def cut_normal(mean: Floats, factor: Floats, lower: Floats, upper: Floats) -> Posterior:
+def cut_normal(
+    mean: Floats, factor: Floats, lower: Floats, upper: Floats, *, always: int | None = None
+) -> Posterior:
     """A normal density that is cut at bounds.
 
     Args:
@@ -230,13 +232,18 @@ def cut_normal(mean: Floats, factor: Floats, lower: Floats, upper: Floats) -> Po
         factor: (n, q) F, covariance F F^T; a row of zeros for what is fixed.
         lower: (n,) lower bounds from the estimate, -inf for none.
         upper: (n,) upper bounds.
+        always: number of a variable whose bounds count first, near or not.
     """
     sd = np.sqrt(np.sum(factor**2, axis=1))
     reached = (sd > 0.0) & ((mean - lower < REACHED * sd) | (upper - mean < REACHED * sd))
+    if always is not None:
+        reached[always] = True
     R = np.flatnonzero(reached)
     if not len(R):
         return Posterior(mean[:, None], np.ones(1), factor)
     room = ndtr((upper[R] - mean[R]) / sd[R]) - ndtr((lower[R] - mean[R]) / sd[R])
+    if always is not None:
+        room[always == R] = -1.0
     R = R[np.argsort(room, kind="stable")][: factor.shape[1]]  # what is cut most comes first
     Q, U = np.linalg.qr(factor[R].T)
     points = POINTS if len(R) == 1 else 4 * POINTS
