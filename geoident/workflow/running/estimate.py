@@ -184,7 +184,7 @@ def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
 
 
 def surveyed(
-    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
 ) -> tuple[Survey, ReadingTable, Counts]:
     """The model at the end of a search, what it says of each reading, and what both have cost.
 
@@ -193,10 +193,11 @@ def surveyed(
         problem: of the search.
         outcome: of the search.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    survey = model.survey(p, fields=fields, partial=True)
+    survey = model.survey(p, fields=fields, partial=True, last=last)
     search, after = problem.response.counts, model.counts
     counts = Counts(
         evaluations=search.evaluations + after.evaluations - before.evaluations,
@@ -238,7 +239,9 @@ class Estimate:
     evidence: Evidence | None = None
 
 
-def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> Estimate:
+def look(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
+) -> Estimate:
     """One survey of the model at the end of a search says everything else.
 
     Args:
@@ -246,8 +249,9 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
         problem: likewise.
         outcome: likewise.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
-    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields)
+    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
