@@ -14,7 +14,15 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, backtest, posterior, rivals, structures, yielding
+from geoident.report.text import (
+    accuracies,
+    backtest,
+    posterior,
+    rivals,
+    structures,
+    varied,
+    yielding,
+)
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -79,6 +87,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
+        _section(varied.TITLE, table(varied.varied_table(result.varied))),
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
