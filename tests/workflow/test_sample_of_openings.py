@@ -129,6 +129,7 @@ def test_modulus_and_stress(tmp_path, monkeypatch, prior):
         assert np.all(np.abs(below - LEVELS) < (0.015, 0.04, 0.05, 0.04, 0.015))
 
 
+@pytest.mark.slow
 def test_cohesion_and_friction(tmp_path, monkeypatch):
     accuracies = {"CV": 2e-3, "EX.a6": 1e-3}
     found, phi = sampled(tmp_path, monkeypatch, STRENGTH, [3e6, np.deg2rad(25)], accuracies)
