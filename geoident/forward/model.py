@@ -200,7 +200,9 @@ class StagedModel:
         if self.on_state is not None:
             self.on_state(state)
 
-    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+    def survey(
+        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
+    ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
         One factorization per stage, more where ground yields.
@@ -209,12 +211,15 @@ class StagedModel:
             p: (n,) parameters.
             fields: whether displacements and stresses are wanted.
             partial: where a stage collapses, give what can be known without it.
+            last: index of the last state wanted: readings of later ones are NaN, and forces in
+                structures are left out; None for all.
 
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
-        run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
+        options = RunOptions(partial=partial, last=last)
+        run, values, observed = self.at(p, options), self.values(p), []
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
         equal: dict[str, int] = {}
@@ -224,9 +229,9 @@ class StagedModel:
             equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
-            if self.structures.parts:
+            if self.structures.parts and last is None:
                 members.add(end.state, end.members)
-        table = self.relative(np.stack(observed))
+        table = self._with_later(self.relative(np.stack(observed)))
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -236,7 +241,7 @@ class StagedModel:
             table[..., 0],
             table[..., 1:],
             None if recorder is None else recorder.series(),
-            members.table(),
+            members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
             found.activity,
             (
@@ -246,6 +251,11 @@ class StagedModel:
                 *self._contradiction_notes(values),
             ),
         )
+
+    def _with_later(self, table: Floats) -> Floats:
+        """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
+        missing = len(self.sequence.states) - len(table)
+        return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
     def computed(self, p: Floats) -> Floats:
         """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
