@@ -356,6 +356,8 @@ class AdjointMarch:
                 normal = np.zeros((points.n_strain, *thermal[mine, 1:].shape))
                 normal[:NORMAL_COMPONENTS] = thermal[mine, 1:]
                 by_ordinary[:, mine] -= moduli.value.stress(normal)
+        if not ordinary.names:  # all that varies are fields
+            return
         forces = points.forces(by_ordinary, volume)
         at = self._plan.special
         direct = np.einsum("sqk,sqn->kn", d, volume[at, None] * by_ordinary[:, at], optimize=True)
