@@ -25,6 +25,7 @@ COMMANDS = (
     "report",
     "export",
     "diff",
+    "compare",
     "schema",
     "doctor",
     "completion",
