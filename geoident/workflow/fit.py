@@ -34,6 +34,7 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.ladder import climb
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predicted_stages,
@@ -54,6 +55,13 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
+    if job.inputs.case.fit.ladder:
+        return climb(job, control, _fit)
+    return _fit(job, control)
+
+
+def _fit(job: Job, control: Control) -> Finished:
+    """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = look(setup, problem, outcome, fields=True)

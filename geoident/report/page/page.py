@@ -14,7 +14,7 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, backtest, rivals, structures, yielding
+from geoident.report.text import accuracies, backtest, models, rivals, structures, yielding
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -80,6 +80,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
+        _section(models.TITLE, *_models(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
@@ -106,6 +107,14 @@ def _section(title: str, *parts: str) -> Html:
     """A heading and what stands under it; nothing if that is nothing."""
     body = [part for part in parts if part]
     return tag("section", tag("h2", title), joined(body, "\n")) if body else Html("")
+
+
+def _models(result: Result) -> tuple[Html, ...]:
+    found = result.comparison
+    if found is None:
+        return ()
+    said = tag("ul", *(tag("li", text) for text in found.sentences))
+    return table(models.models_table(found)), said, tag("p", models.LEGEND)
 
 
 def _figures(pictures: Sequence[Picture]) -> Html:

@@ -27,6 +27,7 @@ from geoident.report.text.gauges import (
     each_reading,
     moment_text,
 )
+from geoident.report.text.models import models_object
 from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
 from geoident.report.text.varied import varied_list
@@ -83,6 +84,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             else {}
         ),
         **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
+        **({"comparison": models_object(result.comparison)} if result.comparison else {}),
         **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
         **({"fields": varied_list(result.varied)} if result.varied else {}),

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, backtest, rivals, structures, varied, yielding
+from geoident.report.text import accuracies, backtest, models, rivals, structures, varied, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -65,6 +65,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section("Findings", bullets(result.findings)),
+        section(models.TITLE, *models.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
@@ -85,6 +86,7 @@ def summary_text(result: Result) -> str:
         head(result),
         parameters_text(result.parameters, result.certificate),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
+        section(f"{models.TITLE}:", *models.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         bullets(result.findings),
