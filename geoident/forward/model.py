@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from geoident.forward.checks import (
     notes_on_mesh,
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
+from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
@@ -96,6 +98,7 @@ class StagedModel:
         self.structures = self.systems.structures
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
+        self._all_readings: dict[int, ReadingAdjoints] = {}
 
     @property
     def counts(self) -> Counts:
@@ -198,7 +201,9 @@ class StagedModel:
         if self.on_state is not None:
             self.on_state(state)
 
-    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+    def survey(
+        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
+    ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
         One factorization per stage, more where ground yields.
@@ -207,24 +212,35 @@ class StagedModel:
             p: (n,) parameters.
             fields: whether displacements and stresses are wanted.
             partial: where a stage collapses, give what can be known without it.
+            last: index of the last state wanted: readings of later ones are NaN, and forces in
+                structures are left out; None for all.
 
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
-        run, values, observed = self.at(p, RunOptions(partial=partial)), self.values(p), []
+        values, observed = self.values(p), []
+        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
+        back = ways if ways.cost_less(len(self.names)) else None
+        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
         equal: dict[str, int] = {}
         for end in run.states():
             state = MarchState(end, run.point, self.structures)
-            observed.append(self.observation.values(state))
+            seen = self.observation.values(state) if back is None else back.observed(end, run)
+            observed.append(seen)
             equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
-            if self.structures.parts:
+            if self.structures.parts and last is None:
                 members.add(end.state, end.members)
-        table = self.relative(np.stack(observed))
+        if back is None:
+            table = self.relative(np.stack(observed))
+        else:
+            table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
+            table[back.states, back.rows] = back.table(run, end, np.stack(observed))
+        table = self._with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -234,7 +250,7 @@ class StagedModel:
             table[..., 0],
             table[..., 1:],
             None if recorder is None else recorder.series(),
-            members.table(),
+            members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
             found.activity,
             (
@@ -244,6 +260,30 @@ class StagedModel:
                 *self._contradiction_notes(values),
             ),
         )
+
+    def _readings_until(self, last: int) -> ReadingAdjoints:
+        """What can be read of all stages up to a state, and the way back from it."""
+        if last not in self._all_readings:
+            readable = self.observation.readable[: last + 1].copy()
+            readable[0] = False
+            states, rows = np.nonzero(readable)
+            found = ReadingAdjoints(self.march, self.observation, rows, states, last)
+            self._all_readings[last] = found
+        return self._all_readings[last]
+
+    def _with_later(self, table: Floats) -> Floats:
+        """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
+        missing = len(self.sequence.states) - len(table)
+        return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
+
+    def computed(self, p: Floats) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
+        self.count_evaluation()
+        run = self.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        states = (MarchState(end, run.point, self.structures) for end in run.states())
+        table = self.relative(np.stack([self.observation.values(state) for state in states]))
+        table = self.instrument_errors.added_to_all(table, self.values(p), ())
+        return np.asarray(table[1:, :, 0].T)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -308,8 +348,35 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
+        if self.adjoints.cost_less(len(self.names)):
+            return self.by_adjoints(p)
+        return self.by_tangents(p)
+
+    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
+
+    def by_adjoints(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n): one column a reading back through the stages.
+
+        Raises:
+            ValueError: ground yields, or a reading is not linear in the state.
+        """
+        model = self._model
+        model.count_evaluation()
+        run = model.at(p, RunOptions(last=self._last, traced=True))
+        observed = [(end, self.adjoints.observed(end, run)) for end in run.states()]
+        table = self.adjoints.table(run, observed[-1][0], np.stack([seen for _, seen in observed]))
+        self._activity = p.tobytes(), run.findings.activity
+        table += model.instrument_errors.added(model.values(p), self.names, self._places)
+        return table[:, 0], table[:, 1:]
+
+    @cached_property
+    def adjoints(self) -> ReadingAdjoints:
+        """The way back from these readings."""
+        model = self._model
+        return ReadingAdjoints(model.march, model.observation, self._row, self._state, self._last)
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""

@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.posterior import PosteriorDraws
 from geoident.model.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -285,6 +286,10 @@ class Diagnostics:
         distance: (k,) Cook's distance.
         influence: (k, n) change of each parameter by the readings, in standard deviations of the
             parameter (DFBETAS); infinite where nothing else determines it.
+        misfit: size of the residuals by that of the errors as stated or estimated, near 1 for a
+            right model; NaN where there are no more readings than parameters.
+        above: probability that chance makes them at least as large.
+        below: probability that it makes them at most as large.
     """
 
     loss: str
@@ -296,6 +301,9 @@ class Diagnostics:
     leverage: Floats
     distance: Floats
     influence: Floats
+    misfit: float = np.nan
+    above: float = 1.0
+    below: float = 1.0
 
     def wide(self, gauges: GaugeTable) -> Diagnostics:
         """The same with arrays (n_channels, n_stages).
@@ -450,8 +458,9 @@ class Result:
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
-        status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample`` or ``backtest``.
+        status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
+            ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
         reason: why it stopped, one sentence with the remedy where there is one.
@@ -466,6 +475,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        posterior: draws of the parameters, or None.
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
         comparison: of a ladder of models, of which this is the chosen one, or None.
@@ -498,6 +508,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
     comparison: ModelComparison | None = None
@@ -524,6 +535,7 @@ class Result:
             diagnostics=found,
             history=tuple(replace(step, values=step.values[named]) for step in self.history),
             backtest=None if self.backtest is None else self.backtest.picked(named),
+            posterior=None if self.posterior is None else self.posterior.picked(named),
             rivals=None if self.rivals is None else self.rivals.picked(named),
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
-from geoident.model.arrays import Bools
+from geoident.model.arrays import Bools, Ints
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
@@ -17,10 +17,14 @@ from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     bound_findings,
+    gross_findings,
+    gross_readings,
+    is_poor,
     opened,
     over_all_stages,
     parameter_table,
     remarks,
+    why_poor,
 )
 from geoident.workflow.running.estimate import (
     Estimate,
@@ -40,12 +44,9 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
-from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.running.trials import LastStage, added, last_stage
-
-MISFIT = 3.0
-"""Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -87,20 +88,22 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     )
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
-    status = _status(found)
+    gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
+    status = _status(found, gross)
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters),
+        reason=_reason(found, case.parameters, gross),
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
-            *remarks(found.diagnostics, gauges, parameters.names),
+            *gross_findings(gross, found.readings, case),
+            *remarks(found.diagnostics, gauges, parameters.names, gross=len(gross) > 0),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
@@ -145,20 +148,12 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate) -> str:
+def _status(found: Estimate, gross: Ints) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
+    if is_poor(found.diagnostics, gross):
+        return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
-
-
-def _scatter(found: Estimate, parameters: Sequence[Parameter]) -> float:
-    """Root mean square of the residuals in accuracies; 0 if the loss is robust to a few far off."""
-    if found.diagnostics.loss != "squared":
-        return 0.0
-    used = int(np.isfinite(found.diagnostics.standardized).sum())
-    named = sum(not q.field for q in parameters)  # each mode has a prior, which is an equation
-    freedom = max(used - named, 1)
-    return float(np.sqrt(found.outcome.objective / freedom))
 
 
 def _undetermined(found: Estimate) -> Bools:
@@ -168,10 +163,7 @@ def _undetermined(found: Estimate) -> Bools:
     return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
+def _reason(found: Estimate, parameters: Sequence[Parameter], gross: Ints) -> str:
     loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    off = max(found.diagnostics.scale, _scatter(found, parameters))
-    misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
-    misfit += "the stated accuracies (see the findings)."
-    return found.outcome.reason + also + (misfit if off > MISFIT else "")
+    return found.outcome.reason + also + why_poor(found.diagnostics, gross)

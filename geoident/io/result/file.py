@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
@@ -115,8 +115,7 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
-    if result.backtest is not None:
-        backtest.write_backtest(file, result.backtest, gauges, names)
+    _write_findings(file, result)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     write_varied(file, result.varied)
@@ -128,6 +127,14 @@ def _write(file: h5py.File, result: Result) -> None:
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_findings(file: h5py.File, result: Result) -> None:
+    """Groups of single commands and options."""
+    if result.backtest is not None:
+        backtest.write_backtest(file, result.backtest, result.gauges, result.parameters.names)
+    if result.posterior is not None:
+        posterior.write_posterior(file, result.posterior, result.parameters)
 
 
 def _write_attributes(file: h5py.File, result: Result) -> None:
@@ -245,6 +252,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         comparison=tables.read_models(file) if tables.MODELS in contents else None,
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         varied=read_varied(file) if VARIED in contents else (),
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None

@@ -14,7 +14,16 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, backtest, models, rivals, structures, yielding
+from geoident.report.text import (
+    accuracies,
+    backtest,
+    models,
+    posterior,
+    rivals,
+    structures,
+    varied,
+    yielding,
+)
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -79,6 +88,8 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
+        _section(varied.TITLE, table(varied.varied_table(result.varied))),
+        _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
         _section(models.TITLE, *_models(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
@@ -101,6 +112,14 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )
+
+
+def _posterior(result: Result) -> tuple[str, ...]:
+    """How far the draws are to be believed, and their table."""
+    if result.posterior is None:
+        return ()
+    said = tag("p", posterior.cost_sentence(result.posterior))
+    return said, table(posterior.posterior_table(result))
 
 
 def _section(title: str, *parts: str) -> Html:

@@ -28,6 +28,7 @@ from geoident.report.text.gauges import (
     moment_text,
 )
 from geoident.report.text.models import models_object
+from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
 from geoident.report.text.varied import varied_list
@@ -90,6 +91,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
+        **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 

@@ -10,12 +10,14 @@ import numpy as np
 from geoident.forward.protocols import Survey
 from geoident.identify.assessment.later_readings import LaterReadings, given_used
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.result import GaugeTable, Prediction
 from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.open_bounds import Bends
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
@@ -34,6 +36,7 @@ def predict_stages(
     accuracy: Floats,
     stages: Bools,
     known: KnownErrors | None = None,
+    bends: Bends | None = None,
 ) -> Prediction:
     """Bands of the computed readings at the given stages.
 
@@ -44,17 +47,20 @@ def predict_stages(
         stages: (n_stages,) the stages to predict.
         known: what the used readings tell of errors that later ones share; None where all are
             independent.
+        bends: how readings deviate from linear where a bound leaves a parameter open; None for not
+            at all.
     """
     computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sensitivity = survey.sensitivity[wanted]
+    bend = None if bends is None else bends.of(wanted)
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
-        band = predict_band(assessment, later.jacobian, later.sd)
+        band = predict_band(assessment, later.jacobian, later.sd, bend)
     else:
-        band = predict_band(assessment, sensitivity, accuracy[wanted])
+        band = predict_band(assessment, sensitivity, accuracy[wanted], bend)
 
     def placed(values: Floats) -> Floats:
         table = np.full(computed.shape, np.nan)
@@ -113,6 +119,17 @@ class KnownErrors:
             places: (l, 2) numbers of their channels and stages.
             sensitivity: (l, n) derivatives of what the model says of them, SI.
         """
+        problem, later = self.with_later(places)
+        return given_used(
+            problem, self.computed, self.jacobian, later=later, later_jacobian=sensitivity
+        )
+
+    def with_later(self, places: Ints) -> tuple[Problem, ErrorStructure]:
+        """The used readings and the errors of later ones, with the same columns for what is shared.
+
+        Args:
+            places: (l, 2) numbers of the channels and stages of the later ones.
+        """
         channels, stages = self.case.channels, self.case.stages
         later = [
             (channels[i], Reading(channels[i].name, stages[j].name, None))
@@ -122,13 +139,7 @@ class KnownErrors:
         assert whole is not None
         g = len(self.rows)
         _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
-        return given_used(
-            replace(self.problem, shared=shared),
-            self.computed,
-            self.jacobian,
-            later=whole.rows(np.arange(g, g + len(later))),
-            later_jacobian=sensitivity,
-        )
+        return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))
 
 
 def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
