@@ -20,6 +20,7 @@ from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
@@ -59,7 +60,18 @@ def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    return StagedModel(*check_on_mesh(case, mesh), solver=solver)
+    on_mesh, observation = check_on_mesh(case, mesh)
+    return StagedModel(with_fields(on_mesh), observation, solver=solver)
+
+
+def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
+    """A case on its mesh with its fields there, and their modes among its parameters."""
+    case, positions = on_mesh.case, on_mesh.discretization.points.position
+    fields = []
+    for field in case.fields:
+        points = on_mesh.material_points(field.material)
+        fields.append(point_field(field, points, positions[points], case.start))
+    return on_mesh.with_fields(with_modes(case, fields), tuple(fields)) if fields else on_mesh
 
 
 class StagedModel:
@@ -110,14 +122,13 @@ class StagedModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return tuple(
-            notes_on_mesh(
-                self.on_mesh,
-                self.observation,
-                n_outside=max(self.march.n_outside, self.actions.n_outside),
-                in_tension=self.march.virgin_tension(self.case.start),
-            )
+        noted = notes_on_mesh(
+            self.on_mesh,
+            self.observation,
+            n_outside=max(self.march.n_outside, self.actions.n_outside),
+            in_tension=self.march.virgin_tension(self.case.start),
         )
+        return (*noted, *field_notes(self.on_mesh.case, self.on_mesh.fields))
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""

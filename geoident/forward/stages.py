@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from dataclasses import fields as dataclass_fields
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +22,7 @@ from geoident.fem.location import Locator
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
+from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
@@ -164,10 +166,12 @@ class CaseOnMesh:
         case: the case.
         mesh: its mesh, every element turned so that its volume is positive (see `oriented`); one
             without elements where the case has none.
+        fields: constants of its materials that vary from strain point to strain point.
     """
 
     case: Case
     mesh: Mesh
+    fields: tuple[PointField, ...] = ()
 
     @property
     def kinematics(self) -> Kinematics:
@@ -197,6 +201,23 @@ class CaseOnMesh:
     def discretization(self) -> Discretization:
         """Its strain points."""
         return Discretization(self.mesh, self.kinematics, self.sequence)
+
+    def material_points(self, material: str) -> Ints:
+        """Strain points (q,), ascending, of the groups that are made of a material at any state."""
+        states = self.sequence.states
+        groups = {g for state in states for g, m in state.materials.items() if m == material}
+        element = self.discretization.points.element
+        return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
+
+    def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
+        """The same with fields, and with the case that has their modes among its parameters.
+
+        Nothing that was made before depends on either, so it is kept.
+        """
+        found = replace(self, case=case, fields=fields)
+        given = {entry.name for entry in dataclass_fields(self)}
+        found.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
+        return found
 
     @cached_property
     def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:

@@ -9,7 +9,7 @@ from enum import Enum
 from geoident.errors import Fault, Location
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.gauges import Channel, Reading, StageReadings
-from geoident.model.ground import Elastic
+from geoident.model.ground import Elastic, Field
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Scalar
@@ -77,7 +77,8 @@ def format_path(path: KeyPath) -> str:
 class Material:
     """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given).
 
-    Its yield surfaces hold together; none: it does not yield.
+    Its yield surfaces hold together; none: it does not yield. A constant of which there is a field
+    varies from place to place; the constant itself is then the mean.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Material:
     density: Scalar = Scalar(0.0)
     expansion: Scalar = Scalar(0.0)
     yields: tuple[YieldSurface, ...] = ()
+    fields: tuple[Field, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -222,6 +224,11 @@ class Case:
     def start(self) -> dict[str, float]:
         """Start values of the parameters by name, SI."""
         return {parameter.name: parameter.start for parameter in self.parameters}
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """The constants of all materials that vary from place to place."""
+        return tuple(each for material in self.materials.values() for each in material.fields)
 
     def zero_of(self, channel: Channel) -> int:
         """The state at which a channel reads zero; the virgin state is 0."""

@@ -16,6 +16,7 @@ from math import degrees, sqrt
 
 import numpy as np
 
+from geoident.model.arrays import Floats, Ints
 from geoident.model.parameter import Scalar, Values, scalars_of
 
 Vector3 = tuple[float, float, float]
@@ -138,6 +139,113 @@ class Anisotropic:
 
 
 Elastic = Isotropic | TransverselyIsotropic | LoveModuli | Orthotropic | Anisotropic
+
+
+@dataclass(frozen=True)
+class PointValue:
+    """The value of a constant of the ground at a point, from a test there.
+
+    Args:
+        position: (dim,) m.
+        value: SI.
+        accuracy: its standard deviation, SI; 0 where it is exact.
+        origin: where it is written, for messages, such as ``boreholes.csv, line 7``.
+    """
+
+    position: tuple[float, ...]
+    value: float
+    accuracy: float = 0.0
+    origin: str = ""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A positive constant that varies from place to place as a lognormal random field (theory 10).
+
+    Its logarithm has the mean log(mean), the standard deviation ``sd`` and a Matern correlation
+    with a length along each of three axes. Where tests gave its value, it passes through them.
+
+    Args:
+        material: of this material.
+        constant: name among `constants` of its elasticity, or among the strengths of a surface.
+        mean: the median of the values in Pa (rad for an angle), the constant without its field.
+        sd: standard deviation of the logarithm, about that of the values by their mean.
+        lengths: (1,) correlation length in all directions, or (dim,) along the axes, m: 1, 2, 3 of
+            the frame in a solid; 1 (down the dip) and 3 (normal to it) in a section.
+        frame: where the axes point; angles are given numbers.
+        smoothness: nu of the Matern correlation: 0.5 exponential, 1.5 once differentiable.
+        modes: most modes; None: as many as the variance needs.
+        measured: values at points.
+        surface: index of the yield surface whose strength it is; None for an elastic constant.
+        dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
+        unit: in which the user wrote the mean, for tables.
+        path: keys of the case that lead to it.
+    """
+
+    material: str
+    constant: str
+    mean: Scalar
+    sd: float
+    lengths: tuple[float, ...]
+    frame: Frame
+    smoothness: float = 1.5
+    modes: int | None = None
+    measured: tuple[PointValue, ...] = ()
+    surface: int | None = None
+    dimension: str = "pressure"
+    unit: str = ""
+    path: tuple[str | int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """By which people and files know it.
+
+        >>> Field("rock", "E", Scalar(1.0), 0.3, (20.0,), Attitude(Scalar(0.0), Scalar(0.0))).name
+        'rock.E'
+        """
+        surface = f".yield-{self.surface + 1}" if self.surface else ""
+        return f"{self.material}{surface}.{self.constant}"
+
+
+@dataclass(frozen=True)
+class PointField:
+    """A field at the strain points of its material, as a sum of modes (theory 10).
+
+    With q a point, m the mean at the parameters, and xi the coefficients of the modes, each of them
+    a parameter with the prior N(0, 1):
+
+        value_q = m (reference / m)^pull_q exp(known_q + sum_k modes_qk xi_k)
+
+    Args:
+        material: of this material.
+        constant: name among the constants of its elasticity, or the strengths of its surface.
+        surface: index of the yield surface; None for an elastic constant.
+        points: (n,) numbers of the strain points of all ground that is ever of the material,
+            ascending.
+        known: (n,) what tests say of the logarithm, against ``reference``; zero without tests.
+        modes: (n, r) modes times their standard deviation.
+        names: (r,) of the coefficients, the parameters.
+        pull: (n,) by how much tests hold the value whatever the mean: 0 for not, 1 for wholly.
+        reference: the mean against which ``known`` counts, Pa (rad).
+        explained: part of the variance that the modes hold.
+    """
+
+    material: str
+    constant: str
+    surface: int | None
+    points: Ints
+    known: Floats
+    modes: Floats
+    names: tuple[str, ...]
+    pull: Floats
+    reference: float
+    explained: float = 1.0
+
+    def factor(self, values: Values, mean: float) -> Floats:
+        """By what the mean is multiplied at the points, (n,), at parameter values."""
+        xi = np.array([values[name] for name in self.names])
+        held = self.pull * np.log(self.reference / mean)
+        return np.asarray(np.exp(self.known + held + self.modes @ xi))
 
 
 def constants(elastic: Elastic) -> dict[str, Scalar]:

@@ -79,6 +79,8 @@ class Parameter:
         prior: knowledge beside the readings, or None.
         dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
         unit: unit in which the user wrote the start value, for tables.
+        field: name of the field of which it is the coefficient of a mode; empty for a parameter
+            that the case names. People are shown the field in its place.
     """
 
     name: str
@@ -89,3 +91,4 @@ class Parameter:
     prior: Prior | None = None
     dimension: str = "dimensionless"
     unit: str = ""
+    field: str = ""

@@ -2,67 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from geoident.errors import ExitCode
-from geoident.forward.protocols import Survey
-from geoident.identify.assessment.diagnostics import effective_sd
-from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
-from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, Diagnostics, Result
+from geoident.model.result import Result
 from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
-    assess_robustly,
-    at_used,
     bound_findings,
-    diagnostics_table,
     opened,
     over_all_stages,
     parameter_table,
     remarks,
 )
-from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed, used_rows
+from geoident.workflow.running.estimate import (
+    Estimate,
+    Finished,
+    Setup,
+    look,
+    predicted,
+    searched,
+)
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.predictions import (
-    KnownErrors,
     collapse_findings,
-    predict_stages,
     predicted_stages,
     score,
 )
-from geoident.workflow.running.readings import accuracies, gauge_table, unused_notes
+from geoident.workflow.running.readings import gauge_table, unused_notes
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What a search found, and what the model says there.
-
-    Args:
-        outcome: of the identifiers.
-        assessment: how well the parameters are known.
-        readings: with what the model says of each.
-        diagnostics: the influence of each of them on the parameters.
-        survey: the model at the parameters.
-        counts: of all.
-        errors: what the used readings tell of those that later ones share; None where none do.
-    """
-
-    outcome: Outcome
-    assessment: Assessment
-    readings: ReadingTable
-    diagnostics: Diagnostics
-    survey: Survey
-    counts: Counts
-    errors: KnownErrors | None = None
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -74,23 +47,9 @@ def fit(job: Job, control: Control) -> Finished:
     """
 
     def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
-        return _result(job, setup, _look(setup, problem, outcome))
+        return _result(job, setup, look(setup, problem, outcome, fields=True))
 
     return searched(job, control, result)
-
-
-def _look(setup: Setup, problem: Problem, outcome: Outcome) -> Estimate:
-    """One survey of the model at the end of the search says everything else."""
-    survey, readings, counts = surveyed(setup, problem, outcome, fields=True)
-    computed, jacobian = at_used(readings)
-    assessment = assess_robustly(problem, outcome.values, computed, jacobian)
-    diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
-    known = None
-    if any(channel.errors for channel in setup.case.channels):
-        left = replace(problem, sd=effective_sd(problem, computed))
-        rows = used_rows(setup.case, readings.used)
-        known = KnownErrors(setup.case, left, computed, jacobian, rows)
-    return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
 
 
 def _result(job: Job, setup: Setup, found: Estimate) -> Result:
@@ -100,8 +59,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
     )
-    stages = predicted_stages(gauges)
-    prediction = predict_stages(survey, found.assessment, accuracies(case), stages, found.errors)
+    prediction = predicted(setup, found, predicted_stages(gauges))
     status = _status(found)
     return Result(
         kind="fit",

@@ -33,6 +33,7 @@ Computed once, from the Jacobian at the estimate; no evaluation of the model.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,13 +100,11 @@ def diagnose(
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
     C = assessment.covariance_x
-    leverage, distance = np.full(len(e), np.nan), np.full(len(e), np.nan)
-    influence = np.full((len(e), C.shape[0]), np.nan)
-    for k in range(int(sets.max(initial=-1)) + 1):
-        rows = np.flatnonzero(sets == k)
-        H = B[rows] @ C @ B[rows].T
-        leverage[rows] = np.diag(H)
-        influence[rows], distance[rows] = _removed(B[rows], H, np.sqrt(w[rows]) * e[rows], C)
+    leverage = np.einsum("gi,ij,gj->g", B, C, B)
+    influence, distance = np.zeros((len(e), C.shape[0])), np.zeros(len(e))
+    for rows in _members(sets):
+        squares, pull = B[rows].T @ B[rows], B[rows].T @ (np.sqrt(w[rows]) * e[rows])
+        influence[rows], distance[rows] = _removed(squares, pull, C)
     spare = np.where(leverage < ALONE, 1.0 - leverage, np.nan)
     return ReadingInfluence(
         standardized=e,
@@ -126,18 +125,16 @@ def _diagnose_correlated(
     w = weights(problem.loss, own_residuals(problem, readings)[0])
     weighted = replace(problem, sd=problem.sd / np.sqrt(w))
     assert weighted.covariance is not None
-    inverse, C = weighted.covariance.inverse, assessment.covariance_x
-    pull = weighted.covariance.solve(jacobian * assessment.slope)
-    force, own = weighted.covariance.solve(gap), np.diag(inverse)
-    P = inverse - pull @ C @ pull.T
-    left = np.maximum(np.diag(P), 0.0) / own
-    distance, influence = np.full(len(gap), np.nan), np.full((len(gap), C.shape[0]), np.nan)
-    for k in range(int(sets.max(initial=-1)) + 1):
-        rows = np.flatnonzero(sets == k)
-        within = inverse[np.ix_(rows, rows)]
-        L = np.linalg.cholesky(within)  # its inverse makes the readings of the set independent
-        B, z = np.linalg.solve(L, pull[rows]), np.linalg.solve(L, force[rows])
-        influence[rows], distance[rows] = _removed(B, B @ C @ B.T, z, C)
+    covariance, C = weighted.covariance, assessment.covariance_x
+    pull = covariance.solve(jacobian * assessment.slope)
+    force, own = covariance.solve(gap), covariance.inverse_diagonal
+    left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own
+    influence, distance = np.zeros((len(gap), C.shape[0])), np.zeros(len(gap))
+    for rows in _members(sets):
+        # errors of the set, given those of all others, weigh what it tells
+        moved = covariance.without_others(rows, np.column_stack([pull[rows], force[rows]]))
+        both = pull[rows].T @ moved
+        influence[rows], distance[rows] = _removed(both[:, :-1], both[:, -1], C)
     e = force / own / np.sqrt(1.0 / own + problem.sd**2 - weighted.sd**2)
     spare = np.where(left > 1.0 - ALONE, left, np.nan)
     return ReadingInfluence(
@@ -151,20 +148,31 @@ def _diagnose_correlated(
     )
 
 
-def _removed(B: Floats, H: Floats, weighted: Floats, C: Floats) -> tuple[Floats, float]:
-    """What the removal of a set of r readings does: the changes (n,) and Cook's distance.
+def _members(sets: Ints) -> Iterator[Ints]:
+    """The numbers (r,) of the readings of every set."""
+    order = np.argsort(sets, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(sets[order])) + 1)
+
+
+def _removed(squares: Floats, pull: Floats, C: Floats) -> tuple[Floats, float]:
+    """What the removal of a set of readings does: the changes (n,) and Cook's distance.
+
+    With its weighted rows B_I and residuals e_I, and C = F F^T, everything that it takes is of the
+    size of the parameters, however many readings it has: C B_I^T (1 - B_I C B_I^T)^-1 e_I is
+    F (1 - F^T B_I^T B_I F)^-1 F^T B_I^T e_I, and both inverses have the same eigenvalues.
 
     Args:
-        B: (r, n) their weighted rows.
-        H: (r, r) their part of the hat matrix.
-        weighted: (r,) sqrt(w) e.
+        squares: (n, n) B_I^T B_I.
+        pull: (n,) B_I^T e_I.
         C: (n, n) covariance of the parameters.
     """
     sd = np.sqrt(np.diag(C))
+    size, vectors = np.linalg.eigh(C)
+    F = vectors * np.sqrt(np.maximum(size, 0.0))
+    H = F.T @ squares @ F
     if np.linalg.eigvalsh(H).max(initial=0.0) >= ALONE:
-        pull = np.abs(C @ B.T).max(axis=1, initial=0.0) > 1e-9 * sd
-        return np.where(pull, np.inf, 0.0), np.inf
-    z = np.linalg.solve(np.eye(len(H)) - H, weighted)
-    moved = C @ B.T @ z
-    change = np.divide(moved, sd, out=np.zeros_like(sd), where=sd > 0.0)
-    return change, float(z @ H @ z) / max(1, int(np.count_nonzero(sd)))
+        moved = np.sqrt(np.maximum(np.diag(C @ squares @ C), 0.0)) > 1e-9 * sd
+        return np.where(moved, np.inf, 0.0), np.inf
+    step = np.linalg.solve(np.eye(len(H)) - H, F.T @ pull)
+    change = np.divide(F @ step, sd, out=np.zeros_like(sd), where=sd > 0.0)
+    return change, float(step @ step) / max(1, int(np.count_nonzero(sd)))

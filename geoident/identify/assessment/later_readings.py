@@ -58,13 +58,11 @@ def given_used(
     if problem.covariance is None or shared is None:
         total = sd**2 + _squares(shared) if shared is not None else sd**2
         return LaterReadings(np.zeros(len(sd)), later_jacobian, np.sqrt(total))
-    used = problem.covariance
-    common = (shared.columns @ used.shared.columns.T).toarray()
-    weights = used.solve(common.T)
-    left = sd**2 + _squares(shared) - np.sum(common.T * weights, axis=0)
+    used, B = problem.covariance, shared.columns
+    left = sd**2 + used.shared_left(B)
     return LaterReadings(
-        (problem.measured - readings) @ weights,
-        later_jacobian - weights.T @ jacobian,
+        np.asarray(B @ used.expected_shared(problem.measured - readings)),
+        later_jacobian - B @ used.expected_shared(jacobian),
         np.sqrt(np.maximum(left, sd**2)),
     )
 

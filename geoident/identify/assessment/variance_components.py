@@ -22,8 +22,13 @@ which they show hardly any, begins at zero and ends where -2 l is 3.84 above its
 that the readings cannot tell apart keep their ratio (a pseudo-inverse of I moves only what is
 seen).
 
+Of the readings all this takes sums alone: the products [B, J, y]^T diag(1/s^2) [B, J, y] of the
+readings of each component, made once. With Sigma^-1 by Woodbury's formula (`problem.errors`) they
+give -2 l and its derivatives at any t, at a cost that does not depend on how many readings there
+are.
+
 Directions of the parameters that neither readings nor priors see are left out of J, and so are
-parameters on a bound. Dense in the readings: a few products (g, g) an iteration.
+parameters on a bound.
 """
 
 from __future__ import annotations
@@ -32,8 +37,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import cho_solve
 
-from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
+from geoident.identify.problem.errors import Columns, ErrorStructure, products
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.result import NORMAL_95
@@ -112,61 +119,120 @@ class RestrictedLikelihood:
         self.jacobian = jacobian
         self.prior = prior
         self.prior_rows = prior_rows
-        self.parts = [_part(structure, c) for c in range(len(structure.names))]
+        self._sums = _sums(structure, np.column_stack([jacobian, gap]))
 
     def value(self, t: Floats) -> float:
         """-2 l at t (c,)."""
-        return self._solved(t)[0]
+        return self._solved(t).value
 
     def terms(self, t: Floats) -> _Terms:
         """-2 l at t (c,) with its derivatives."""
-        value, sigma, q, M = self._solved(t)
-        pull = sigma.solve(self.jacobian)
-        P = sigma.inverse - pull @ np.linalg.solve(M, pull.T)
-        moved = [part.times(P) for part in self.parts]  # V_c P
-        size = np.exp(t)
-        trace = np.array([np.trace(V) for V in moved])
-        squares = np.array([part.squares(q) for part in self.parts])
-        both = [[float(np.sum(A * B.T)) for B in moved] for A in moved]
-        information = 0.5 * np.outer(size, size) * np.array(both).reshape(len(t), len(t))
-        return _Terms(value, size * (trace - squares), information)
+        s = self._solved(t)
+        k, n = len(s.inverse), len(s.x)
+        # P = 1/D - 1/D F S F^T 1/D  and  P B = 1/D F Y  with F = [B, J]
+        steps = np.vstack([-s.inverse @ s.BJ, np.eye(n)])
+        S = steps @ np.linalg.solve(s.M, steps.T)
+        S[:k, :k] += s.inverse
+        Y = -steps @ np.linalg.solve(s.M, s.BJ.T @ s.inverse)
+        Y[:k] += s.inverse
+        shared = np.eye(k) - s.inverse - s.inverse @ s.BJ @ np.linalg.solve(s.M, s.BJ.T) @ s.inverse
+        z = s.inverse @ (s.By - s.BJ @ s.x)  # B^T q
+        q = np.concatenate([-z, -s.x, [1.0]])  # q = 1/D [F, y] times it
+        numbers = range(len(t))
+        own = [s.of_own[c] for c in numbers]
+        part = [S @ each[:-1, :-1] for each in own]
+        columns = [np.flatnonzero(self.structure.column_component == c) for c in numbers]
+        trace = np.array([
+            self._sums.count[c] - np.trace(part[c]) + shared[columns[c], columns[c]].sum()
+            for c in numbers
+        ])  # fmt: skip
+        squares = np.array([q @ own[c] @ q + z[columns[c]] @ z[columns[c]] for c in numbers])
+        both = np.zeros((len(t), len(t)))
+        for c in numbers:
+            mixed = np.einsum("ij,ij->j", Y, own[c][:-1, :-1] @ Y)
+            for d in numbers:
+                both[c, d] += np.sum(part[c] * part[d].T) + mixed[columns[d]].sum()
+                both[d, c] += mixed[columns[d]].sum()
+                both[c, d] += np.sum(shared[np.ix_(columns[c], columns[d])] ** 2)
+            both[c, c] += self._sums.count[c] - 2.0 * np.trace(part[c])
+        return _Terms(s.value, trace - squares, 0.5 * both)
 
-    def _solved(self, t: Floats) -> tuple[float, Covariance, Floats, Floats]:
-        """-2 l, Sigma, q and M."""
-        sd, shared = self.structure.at(t)
-        sigma = Covariance(sd, shared or SharedErrors(self.structure.columns))
-        J, R = self.jacobian, self.prior_rows
-        M = J.T @ sigma.solve(J) + R.T @ R
-        x = np.linalg.solve(M, J.T @ sigma.solve(self.gap) - R.T @ self.prior)
-        left = self.gap - J @ x
-        q = sigma.solve(left)
-        prior = self.prior + R @ x
+    def _solved(self, t: Floats) -> _Solved:
+        """What follows of the sums at t (c,)."""
+        structure, k = self.structure, self.structure.columns.shape[1]
+        root = np.exp(0.5 * np.append(t, 0.0))  # the last one for -1: given
+        scale = np.concatenate(
+            [root[structure.column_component], np.ones(len(self._sums.each[0]) - k)]
+        )
+        of_own = [
+            (each * scale[:, None] * scale) / r**2
+            for each, r in zip(self._sums.each, root, strict=True)
+        ]
+        total = np.sum(of_own, axis=0)
+        BB, BJ, By = total[:k, :k], total[:k, k:-1], total[:k, -1]
+        JJ, Jy, yy = total[k:-1, k:-1], total[k:-1, -1], total[-1, -1]
+        R = np.linalg.cholesky(BB + np.eye(k))
+        inverse = np.asarray(cho_solve((R, True), np.eye(k)))
+        J_, prior = self.prior_rows, self.prior
+        M = JJ - BJ.T @ inverse @ BJ + J_.T @ J_
+        pull = Jy - BJ.T @ inverse @ By
+        x = np.linalg.solve(M, pull - J_.T @ prior)
+        lowest = yy - By @ inverse @ By - 2.0 * x @ pull + x @ (M - J_.T @ J_) @ x
+        left = prior + J_ @ x
         _, log_det = np.linalg.slogdet(M)
-        value = sigma.log_determinant() + float(log_det) + float(left @ q + prior @ prior)
-        return value, sigma, q, M
+        value = self._sums.log_variance + float(self._sums.count @ np.append(t, 0.0))
+        value += 2.0 * float(np.log(np.diag(R)).sum()) + float(log_det)
+        return _Solved(value + float(lowest + left @ left), of_own, inverse, BJ, By, M, x)
 
 
 @dataclass(frozen=True)
-class _Part:
-    """V_c = diag(own) + B B^T at a factor of one: own (g,), B (g, k)."""
+class _Solved:
+    """-2 l at one t, and what it is made of: parts of [B, J, y]^T D^-1 [B, J, y]."""
 
-    own: Floats
-    B: Floats
-
-    def times(self, matrix: Floats) -> Floats:
-        """V_c times a matrix (g, g)."""
-        return np.asarray(self.own[:, None] * matrix + self.B @ (self.B.T @ matrix))
-
-    def squares(self, q: Floats) -> float:
-        """q^T V_c q."""
-        shared = self.B.T @ q
-        return float(q @ (self.own * q) + shared @ shared)
+    value: float
+    of_own: list[Floats]
+    inverse: Floats
+    BJ: Floats
+    By: Floats
+    M: Floats
+    x: Floats
 
 
-def _part(structure: ErrorStructure, c: int) -> _Part:
-    own = np.where(structure.component == c, structure.sd**2, 0.0)
-    columns = structure.columns[:, np.flatnonzero(structure.column_component == c)]
-    return _Part(own, np.asarray(columns.toarray()))
+@dataclass(frozen=True)
+class _Sums:
+    """All that the likelihood takes of g readings, at factors of one.
+
+    Args:
+        each: [B, J, y]^T diag(1/s^2) [B, J, y] of the readings of every component, those of
+            given size last.
+        count: of readings, likewise.
+        log_variance: sum of ln s^2 of all.
+    """
+
+    each: list[Floats]
+    count: Floats
+    log_variance: float
+
+
+def _sums(structure: ErrorStructure, more: Floats) -> _Sums:
+    """The sums, with the columns (g, n + 1) that stand beside those of shared errors."""
+    g, k = structure.columns.shape
+    whole: Columns
+    if g * (k + more.shape[1]) <= _SMALL:
+        whole = np.hstack([structure.columns.toarray(), more])
+    else:
+        whole = sp.csr_array(sp.hstack([structure.columns, sp.csr_array(more)]))
+    weight = structure.sd**-2.0
+    numbers = [*range(len(structure.names)), -1]
+    return _Sums(
+        [products(whole, np.where(structure.component == c, weight, 0.0)) for c in numbers],
+        np.array([np.count_nonzero(structure.component == c) for c in numbers], dtype=np.float64),
+        2.0 * float(np.log(structure.sd).sum()),
+    )
+
+
+_SMALL = 4_000_000
+"""Entries of a matrix that is made dense."""
 
 
 def likelihood_at(

@@ -51,6 +51,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.identify.problem.errors import Columns, products, scaled_rows
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
@@ -222,11 +223,16 @@ def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
     assert problem.shared is not None
     own, _ = own_residuals(problem, v)
     _, slope = transformed(problem.loss, own)
-    size = (slope / problem.sd)[:, None]
-    B = problem.shared.columns.toarray()
-    rows = np.concatenate([size * dv_dx, np.zeros((B.shape[1], dv_dx.shape[1]))])
-    Q, _ = np.linalg.qr(np.concatenate([-size * B, np.eye(B.shape[1])]))
-    return np.asarray(rows - Q @ (Q.T @ rows))
+    size = slope / problem.sd
+    rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(problem.shared), dv_dx.shape[1]))])
+    for readings, shared in problem.shared.blocks:
+        C = scaled_rows(size[readings], problem.shared.block(readings, shared))
+        A = products(C, np.ones(len(readings)))
+        A[np.diag_indices_from(A)] += 1.0
+        x = np.linalg.solve(A, C.T @ rows[readings])
+        rows[readings] -= C @ x
+        rows[len(own) + shared] = x
+    return rows
 
 
 def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
@@ -246,13 +252,13 @@ def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
         return own, np.zeros(0 if shared is None else len(shared))
     z = np.zeros(len(shared))
     for rows, columns in shared.blocks:
-        B = shared.dense(rows, columns) / problem.sd[rows, None]
+        B = scaled_rows(1.0 / problem.sd[rows], shared.block(rows, columns))
         z[columns] = _shared_part(problem.loss, own[rows], B)
         own[rows] -= B @ z[columns]
     return own, z
 
 
-def _shared_part(options: LossOptions, u: Floats, B: Floats) -> Floats:
+def _shared_part(options: LossOptions, u: Floats, B: Columns) -> Floats:
     """The z (k,) that minimises sum rho(u - B z) + |z|^2, from z = 0.
 
     Each step is that of reweighted least squares, which never goes up, or Newton's where that goes
@@ -263,7 +269,7 @@ def _shared_part(options: LossOptions, u: Floats, B: Floats) -> Floats:
         u: (m,) residuals in own standard deviations.
         B: (m, k) likewise.
     """
-    z = np.zeros(B.shape[1])
+    z = np.zeros(int(B.shape[1]))
     one = np.eye(len(z))
 
     def value(z: Floats) -> float:
@@ -276,7 +282,7 @@ def _shared_part(options: LossOptions, u: Floats, B: Floats) -> Floats:
         w = full_weights(options, r)
         down = B.T @ (w * r) - z
         steps = [
-            np.linalg.solve(B.T @ (c[:, None] * B) + one, down)
+            np.linalg.solve(products(B, c) + one, down)
             for c in (w, np.maximum(_curvature(options, r), 0.0))
         ]
         trials = [(value(z + step), step) for step in steps]

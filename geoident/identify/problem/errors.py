@@ -3,10 +3,19 @@
 The errors of g readings are e = own + B z with independent own errors of standard deviation s and
 K shared ones z, each of variance one; B holds their sizes. So
 
-    Sigma = diag(s^2) + B B^T = L L^T
+    Sigma = D + B B^T = L L^T ,   D = diag(s^2)
 
-and L^-1 e is white. Readings that share nothing, even through others, are blocks of their own: one
-dense Cholesky factor a block, made once.
+and L^-1 e is white. Sigma is diagonal but for the few things that are shared, so nothing of its
+size (g, g) is made. With C = D^(-1/2) B and the Cholesky factor R of the small matrix A,
+
+    A = I + C^T C = R R^T                                             (K, K)
+    L^-1      = (I - C X C^T) D^(-1/2) ,   X = (R + A)^-1 = (I + R^T)^-1 R^-1
+    Sigma^-1  = D^(-1/2) (I - C A^-1 C^T) D^(-1/2)                    (Woodbury)
+    |Sigma|   = |D| |A|
+
+L^-1 is any matrix with L^-T L^-1 = Sigma^-1: (R^T + A) A^-1 (R + A) = A + R + R^T + I shows that
+this is one. A^-1 is also the covariance of z, given the readings. Readings that share nothing,
+even through others, are blocks of their own: one factor of their shared errors a block, made once.
 """
 
 from __future__ import annotations
@@ -16,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
@@ -60,11 +69,13 @@ class SharedErrors:
         found = ((members[members < g], members[members >= g] - g) for members in groups)
         return tuple((rows, shared) for rows, shared in found if len(rows) and len(shared))
 
-    def dense(self, rows: Ints, shared: Ints) -> Floats:
-        """A block (m, k) of B."""
+    def block(self, rows: Ints, shared: Ints) -> Columns:
+        """A block (m, k) of B, dense where that is small or most of it is not zero."""
         if self._whole is not None:
             return np.asarray(self._whole[np.ix_(rows, shared)])
-        return np.asarray(self.columns[rows][:, shared].toarray())
+        block = sp.csr_array(self.columns[rows][:, shared])
+        size = len(rows) * len(shared)
+        return np.asarray(block.toarray()) if size <= max(_SMALL, 3 * block.nnz) else block
 
     @cached_property
     def _whole(self) -> Floats | None:
@@ -73,8 +84,55 @@ class SharedErrors:
         return np.asarray(self.columns.toarray()) if small else None
 
 
+Columns = Floats | sp.csr_array
+"""A matrix of shared errors (m, k), dense or sparse."""
+
 _SMALL = 4_000_000
 """Entries of a matrix that is kept dense (32 MB)."""
+
+
+def scaled_rows(scale: Floats, columns: Columns) -> Columns:
+    """diag(scale) times a matrix (m, k) for a scale (m,)."""
+    if isinstance(columns, np.ndarray):
+        return np.asarray(scale[:, None] * columns)
+    return sp.csr_array(sp.diags_array(scale) @ columns)
+
+
+def products(columns: Columns, weight: Floats) -> Floats:
+    """C^T diag(weight) C, (k, k), of C (m, k) for a weight (m,)."""
+    found = columns.T @ scaled_rows(weight, columns)
+    return np.asarray(found if isinstance(found, np.ndarray) else found.toarray())
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Readings that hang together: rows (m,), shared errors (k,), C (m, k), factor R (k, k)."""
+
+    rows: Ints
+    shared: Ints
+    C: Columns
+    R: Floats
+
+    @staticmethod
+    def of(rows: Ints, shared: Ints, C: Columns) -> _Block:
+        A = products(C, np.ones(len(rows)))
+        A[np.diag_indices_from(A)] += 1.0
+        return _Block(rows, shared, C, np.asarray(np.linalg.cholesky(A)))
+
+    def pulled(self, values: Floats) -> Floats:
+        """X C^T of values (m, ...) in own standard deviations."""
+        inner = solve_triangular(self.R, self.C.T @ values, lower=True)
+        plus = self.R + np.eye(len(self.R))
+        return np.asarray(solve_triangular(plus, inner, lower=True, trans="T"))
+
+    def given(self, values: Floats) -> Floats:
+        """The z (k, ...) to be expected, A^-1 C^T of values (m, ...) likewise."""
+        return np.asarray(cho_solve((self.R, True), self.C.T @ values))
+
+    @cached_property
+    def left(self) -> Floats:
+        """Covariance A^-1 (k, k) of z, given the readings."""
+        return np.asarray(cho_solve((self.R, True), np.eye(len(self.R))))
 
 
 class Covariance:
@@ -88,41 +146,101 @@ class Covariance:
     def __init__(self, sd: Floats, shared: SharedErrors) -> None:
         self.sd = sd
         self.shared = shared
-        self.factors: list[tuple[Ints, Floats]] = []  # readings of a block, and its L^-1
-        self._log_determinant = 2.0 * float(np.log(sd).sum())
-        for rows, columns in shared.blocks:
-            B = shared.dense(rows, columns)
-            sigma = np.diag(sd[rows] ** 2) + B @ B.T
-            L = np.linalg.cholesky(sigma)
-            inverse, _ = dtrtri(L, lower=1)
-            self.factors.append((rows, np.asarray(inverse)))
-            self._log_determinant += 2.0 * float(np.log(np.diag(L) / sd[rows]).sum())
+        self._blocks = tuple(
+            _Block.of(rows, columns, scaled_rows(1.0 / sd[rows], shared.block(rows, columns)))
+            for rows, columns in shared.blocks
+        )
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
-        white = values / _column(self.sd, values)
-        for rows, inverse in self.factors:
-            white[rows] = inverse @ values[rows]
+        own = values / _column(self.sd, values)
+        white = own.copy()
+        for block in self._blocks:
+            white[block.rows] -= block.C @ block.pulled(own[block.rows])
         return np.asarray(white)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
-        found = values / _column(self.sd**2, values)
-        for rows, inverse in self.factors:
-            found[rows] = inverse.T @ (inverse @ values[rows])
-        return np.asarray(found)
+        own = values / _column(self.sd, values)
+        left = own.copy()
+        for block in self._blocks:
+            left[block.rows] -= block.C @ block.given(own[block.rows])
+        return np.asarray(left / _column(self.sd, values))
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
-        return self._log_determinant
+        more = sum(float(np.log(np.diag(block.R)).sum()) for block in self._blocks)
+        return 2.0 * (float(np.log(self.sd).sum()) + more)
 
     @cached_property
     def inverse(self) -> Floats:
-        """Sigma^-1, (g, g)."""
-        found = np.diag(self.sd**-2.0)
-        for rows, inverse in self.factors:
-            found[np.ix_(rows, rows)] = inverse.T @ inverse
+        """Sigma^-1, (g, g): for few readings."""
+        return self.solve(np.eye(len(self.sd)))
+
+    @cached_property
+    def inverse_diagonal(self) -> Floats:
+        """Diagonal (g,) of Sigma^-1."""
+        found = np.ones(len(self.sd))
+        for block in self._blocks:
+            found[block.rows] -= row_squares(block.C, block.left)
+        return np.asarray(found / self.sd**2)
+
+    def expected_shared(self, values: Floats) -> Floats:
+        """The z (K, ...) to be expected, B^T Sigma^-1 of errors (g, ...), SI."""
+        own = values / _column(self.sd, values)
+        z = np.zeros((len(self.shared), *values.shape[1:]))
+        for block in self._blocks:
+            z[block.shared] = block.given(own[block.rows])
+        return z
+
+    def shared_left(self, columns: sp.csr_array) -> Floats:
+        """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
+        found = np.asarray(columns.power(2).sum(axis=1), dtype=np.float64).ravel()
+        for block in self._blocks:
+            part = sp.csr_array(columns[:, block.shared])
+            rows = np.flatnonzero(np.diff(part.indptr))
+            if len(rows):
+                less = block.left - np.eye(len(block.R))
+                found[rows] += row_squares(sp.csr_array(part[rows]), less)
+        return found
+
+    def without_others(self, rows: Ints, values: Floats) -> Floats:
+        """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
+
+        It is the covariance of their errors given all others, D + B (T^-1 - C^T C)^-1 B^T with T
+        the part of A^-1 of the errors that they share: of the size of what is shared, not of m.
+
+        Args:
+            rows: (m,) numbers of readings.
+            values: (m, ...), SI.
+
+        Returns:
+            (m, ...) SI.
+        """
+        found = _column(self.sd[rows] ** 2, values) * values
+        for block in self._blocks:
+            inside = np.isin(rows, block.rows)
+            if not inside.any():
+                continue
+            columns = sp.csr_array(self.shared.columns[rows[inside]][:, block.shared])
+            touched = np.flatnonzero(np.diff(columns.tocsc().indptr))
+            B = np.asarray(columns[:, touched].toarray())
+            C = B / self.sd[rows[inside], None]
+            others = np.linalg.inv(block.left[np.ix_(touched, touched)]) - C.T @ C
+            found[inside] += B @ np.linalg.solve(others, B.T @ values[inside])
         return np.asarray(found)
+
+
+def row_squares(columns: Columns, matrix: Floats) -> Floats:
+    """The diagonal (m,) of C M C^T for C (m, k) and M (k, k), some rows at a time."""
+    found = np.zeros(columns.shape[0])
+    few = max(1, _SMALL // max(1, columns.shape[1]))
+    for first in range(0, len(found), few):
+        part = columns[first : first + few]
+        moved = part @ matrix
+        both = part * moved if isinstance(part, np.ndarray) else part.multiply(moved)
+        found[first : first + few] = np.asarray(both.sum(axis=1)).ravel()
+    return found
 
 
 def _column(scale: Floats, values: Floats) -> Floats:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,23 +15,28 @@ from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
+from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result, write_result
-from geoident.model.arrays import Bools
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
 from geoident.model.response import Response
-from geoident.model.result import AccuracyTable, Counts, Result
+from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.running.errors import ChannelReading, error_structure
-from geoident.workflow.running.evaluation_log import Remembered
+from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.outputs import Standing, Target
+from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
+    accuracies,
     reading_table,
     require_enough,
     select_readings,
@@ -132,7 +137,7 @@ def _how_to_go_on(job: Job) -> str:
     )
 
 
-def problem_of(setup: Setup, log: EvaluationLog, control: Control) -> Problem:
+def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     """The readings of a setup and its model, whose evaluations are logged.
 
     Args:
@@ -199,6 +204,56 @@ def surveyed(
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """What a search found, and what the model says there.
+
+    Args:
+        outcome: of the identifiers.
+        assessment: how well the parameters are known.
+        readings: with what the model says of each.
+        diagnostics: the influence of each of them on the parameters.
+        survey: the model at the parameters.
+        counts: of all.
+        errors: what the used readings tell of those that later ones share; None where none do.
+    """
+
+    outcome: Outcome
+    assessment: Assessment
+    readings: ReadingTable
+    diagnostics: Diagnostics
+    survey: Survey
+    counts: Counts
+    errors: KnownErrors | None = None
+
+
+def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> Estimate:
+    """One survey of the model at the end of a search says everything else.
+
+    Args:
+        setup: model and readings, as `estimated` gives them.
+        problem: likewise.
+        outcome: likewise.
+        fields: whether displacements and stresses are wanted.
+    """
+    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields)
+    computed, jacobian = at_used(readings)
+    assessment = assess_robustly(problem, outcome.values, computed, jacobian)
+    diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
+    known = None
+    if any(channel.errors for channel in setup.case.channels):
+        left = replace(problem, sd=effective_sd(problem, computed))
+        rows = used_rows(setup.case, readings.used)
+        known = KnownErrors(setup.case, left, computed, jacobian, rows)
+    return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+
+
+def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
+    """Bands of the readings at some stages (n_stages,), from an estimate."""
+    sd = accuracies(setup.case)
+    return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+
+
+@dataclass(frozen=True)
 class Finished:
     """A result and where it stands.
 
@@ -249,15 +304,49 @@ def searched(
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
-        problem = problem_of(setup, log, control)
-        outcome = _search(problem, job.methods, control)
-        setup, problem, outcome = _with_accuracies(setup, problem, outcome, job, control)
-        written = result(setup, problem, outcome)
+        written = result(*estimated(setup, job.methods, log, control))
         return write(written, job.place, job.found, inputs=job.inputs.files)
 
 
+def estimated(
+    setup: Setup,
+    methods: Sequence[MethodOptions],
+    log: Log,
+    control: Control,
+    *,
+    start: Floats | None = None,
+) -> tuple[Setup, Problem, Outcome]:
+    """The parameters that meet the readings of a setup, and all that is estimated with them.
+
+    Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
+    the problem that comes back.
+
+    Args:
+        setup: model and selected readings.
+        methods: the identifiers to run, one after the other.
+        log: takes what is evaluated, and gives it again.
+        control: progress, budget and stops.
+        start: (n,) where to begin, SI; None for the start values of the case.
+
+    Returns:
+        The setup with the accuracies that were estimated, the problem, and the outcome.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    problem = problem_of(setup, log, control)
+    if start is not None:
+        problem = problem.begun_at(start)
+    outcome = _search(problem, methods, control)
+    return _with_accuracies(setup, problem, outcome, methods, control)
+
+
 def _with_accuracies(
-    setup: Setup, problem: Problem, outcome: Outcome, job: Job, control: Control
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
 ) -> tuple[Setup, Problem, Outcome]:
     """The same with the accuracies that the case wants estimated; as it is where there are none."""
     case, used = setup.case, setup.readings.used
@@ -265,7 +354,7 @@ def _with_accuracies(
     if structure is None or not structure.names:
         return setup, problem, outcome
     found = weighed(
-        problem, structure, outcome, lambda again: _search(again, job.methods[-1:], control)
+        problem, structure, outcome, lambda again: _search(again, methods[-1:], control)
     )
     root = np.exp(0.5 * found.components.log_factor)
     sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))

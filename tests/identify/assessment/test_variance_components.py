@@ -61,6 +61,20 @@ def test_repeated_readings_of_one_quantity_have_the_variance_with_n_less_one(y):
     assert found.covariance[0, 0] == pytest.approx(2.0 / 39)
 
 
+def test_a_hundred_thousand_readings_cost_their_sums_only():
+    """Repeated readings with a zero that is given: the zero is in the mean, so n - 1 it stays."""
+    g = 100_000
+    y = np.random.default_rng(5).normal(3.0, 0.2, g)
+    zero = sp.csr_array(np.full((g, 1), 0.5))
+    structure = ErrorStructure(
+        np.full(g, 0.1), np.zeros(g, dtype=int), zero, np.full(1, -1), ("own",)
+    )
+    likelihood = RestrictedLikelihood(structure, y, np.ones((g, 1)), np.zeros(0), np.zeros((0, 1)))
+    found = estimate_components(likelihood, np.zeros(1))
+    assert 0.01 * np.exp(found.log_factor[0]) == pytest.approx(y.var(ddof=1), rel=1e-9)
+    assert found.covariance[0, 0] == pytest.approx(2.0 / (g - 1))
+
+
 def likelihood_with_all(y):
     """Own errors of two sizes, a given part, shared steps, a prior."""
     generator = np.random.default_rng(3)

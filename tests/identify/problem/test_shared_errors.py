@@ -1,5 +1,6 @@
 """Errors that readings share: least squares with the full covariance, by hand and another way."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +73,7 @@ def by_hand(y, prior=None):
 
 def test_white_is_white_block_by_block():
     covariance = Covariance(SD, SHARED)
-    assert [sorted(rows.tolist()) for rows, _ in covariance.factors] == [[0, 1, 2, 3, 4], [6, 7]]
+    assert [rows.tolist() for rows, _ in SHARED.blocks] == [[0, 1, 2, 3, 4], [6, 7]]
     L_inverse = covariance.whiten(np.eye(8))
     np.testing.assert_allclose(L_inverse @ SIGMA @ L_inverse.T, np.eye(8), atol=1e-12)
     np.testing.assert_allclose(covariance.inverse, np.linalg.inv(SIGMA), rtol=1e-10, atol=1e-9)
@@ -269,3 +270,114 @@ def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):
         wide.linearize(p), Discrepancy(problem).linearize(p)
     )]  # fmt: skip
     np.testing.assert_allclose(*curvature, rtol=1e-9)
+
+
+# Many readings that differ only by their own noise
+
+
+def test_two_hundred_thousand_readings_cost_what_they_share():
+    """A zero and a year of survey days: against the closed form of means, in little memory."""
+    g, days = 200_000, 365
+    generator = np.random.default_rng(8)
+    sd = generator.uniform(0.5, 2.0, g)
+    day = generator.integers(days, size=g)
+    columns = sp.csr_array(
+        (
+            np.concatenate([np.full(g, 3.0), np.full(g, 0.7)]),
+            (np.tile(np.arange(g), 2), np.concatenate([np.zeros(g, int), 1 + day])),
+        ),
+        shape=(g, 1 + days),
+    )
+    e = generator.normal(size=(g, 2))
+    tracemalloc.start()
+    covariance = Covariance(sd, SharedErrors(columns))
+    solved, white = covariance.solve(e), covariance.whiten(e)
+    log_det = covariance.log_determinant()
+    diagonal = covariance.inverse_diagonal
+    some = np.flatnonzero(day < 40)
+    within = covariance.without_others(some, solved[some])
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2e8
+    # means of a day have the precision w of its readings; the zero is what the days share
+    w = np.bincount(day, sd**-2.0, days)
+    alpha = 1.0 / (1.0 / w + 0.7**2)  # precision of a day's mean, its own error in it
+    mean = np.stack([np.bincount(day, x / sd**2, days) / w for x in e.T], axis=1)
+    zero = (alpha @ mean) / (1.0 / 9.0 + alpha.sum())
+    of_day = (mean - zero) * (0.49 / (0.49 + 1.0 / w))[:, None]
+    np.testing.assert_allclose(solved, (e - zero - of_day[day]) / sd[:, None] ** 2, atol=1e-12)
+    np.testing.assert_allclose(white.T @ white, e.T @ solved, rtol=1e-11)
+    expected = 2.0 * np.log(sd).sum() + np.log1p(0.49 * w).sum() + np.log1p(9.0 * alpha.sum())
+    assert log_det == pytest.approx(expected, rel=1e-12)
+    left = 1.0 / (1.0 / 9.0 + alpha.sum())
+    variance = 0.49 / (1.0 + 0.49 * w) + left * (1.0 / (1.0 + 0.49 * w)) ** 2
+    np.testing.assert_allclose(diagonal, sd**-2.0 - variance[day] * sd**-4.0, rtol=1e-10)
+    # and what the others leave of a set: Sigma_II - Sigma_IR Sigma_RR^-1 Sigma_RI
+    zero_left = 1.0 / (1.0 / 9.0 + alpha[40:].sum())
+    force = solved[some]
+    sums = np.stack([np.bincount(day[some], x, days) for x in force.T], axis=1)
+    moved = sd[some, None] ** 2 * force + zero_left * force.sum(axis=0) + 0.49 * sums[day[some]]
+    np.testing.assert_allclose(within, moved, rtol=1e-9, atol=1e-9)
+
+
+def test_what_others_leave_of_a_set_is_the_inverse_of_its_block():
+    covariance = Covariance(SD, SHARED)
+    inverse = np.linalg.inv(SIGMA)
+    for rows in (np.array([3]), np.array([5]), np.array([0, 2, 6]), np.arange(8)):
+        found = covariance.without_others(rows, np.eye(len(rows)))
+        np.testing.assert_allclose(
+            found, np.linalg.inv(inverse[np.ix_(rows, rows)]), rtol=1e-9, atol=1e-12
+        )
+    np.testing.assert_allclose(covariance.inverse_diagonal, np.diag(inverse), rtol=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e4])
+def test_shared_errors_far_smaller_or_larger_than_own_ones(ratio):
+    shared = SharedErrors(sp.csr_array(ratio * B))
+    covariance = Covariance(SD, shared)
+    sigma = np.diag(SD**2) + ratio**2 * B @ B.T
+    white = covariance.whiten(np.eye(8))
+    np.testing.assert_allclose(white @ sigma @ white.T, np.eye(8), atol=1e-16 * max(1, ratio) ** 3)
+    assert covariance.log_determinant() == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-7)
+
+
+@pytest.mark.parametrize("loss", [SquaredOptions(), HuberOptions(), StudentOptions()])
+def test_many_readings_of_one_channel_count_as_their_mean(make_problem, loss):
+    """20 000 readings that share a zero and a head: phi, its minimum, and their influence."""
+    g = 20_000
+    generator = np.random.default_rng(2)
+    noise = generator.normal(size=g)
+    columns = np.zeros((g + 2, 2))
+    columns[:, 0], columns[:g, 1] = 0.5, 0.3
+    measured = np.concatenate([2.0 + noise, [2.0, 1.9]])
+    x = np.concatenate([np.ones(g), [0.0, 3.0]])
+    sd = np.concatenate([np.ones(g), [0.1, 0.1]])
+    problem = replace(
+        make_problem(lambda p: p[0] + p[1] * x, parameters(), measured, sd),
+        shared=SharedErrors(sp.csr_array(columns)),
+        loss=loss,
+    )
+    p = fitted(problem)
+    v, J = problem.response.evaluate(p)
+    known = assess(replace(problem, sd=effective_sd(problem, v)), p, J)
+    sets = np.concatenate([np.zeros(g, int), [1, 2]])
+    found = diagnose(problem, known, v, J, sets)
+    if loss == SquaredOptions():
+        few = replace(
+            make_problem(
+                lambda p: p[0] + p[1] * np.array([1.0, 0.0, 3.0]),
+                parameters(),
+                np.concatenate([[measured[:g].mean()], measured[g:]]),
+                np.concatenate([[g**-0.5], sd[g:]]),
+            ),
+            shared=SharedErrors(sp.csr_array(columns[[0, -2, -1]])),
+        )
+        q = fitted(few)
+        u, K = few.response.evaluate(q)
+        one = assess(few, q, K)
+        np.testing.assert_allclose(p, q, rtol=1e-6)
+        np.testing.assert_allclose(known.covariance, one.covariance, rtol=1e-8)
+        other = diagnose(few, one, u, K, np.arange(3))
+        np.testing.assert_allclose(found.influence[[0, -2, -1]], other.influence, rtol=1e-5)
+        np.testing.assert_allclose(found.distance[[0, -2, -1]], other.distance, rtol=1e-5)
+    assert np.all(np.isfinite(found.standardized))
