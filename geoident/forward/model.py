@@ -224,7 +224,8 @@ class StagedModel:
                 recorder.add(end)
             if self.structures.parts:
                 members.add(end.state, end.members)
-        table = self.relative(np.stack(observed))
+        seen = np.stack(observed)
+        table = self.relative(seen)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -243,7 +244,17 @@ class StagedModel:
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
             ),
+            self.observation.increments(seen[:, :, 0], self.sequence.bases),
         )
+
+    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
+
+        Args:
+            pairs: their channels and stages.
+        """
+        places = ReadingPlaces.of(self.case, pairs, ())
+        return self.observation.steps(self.sequence.built_on, places.rows, places.states)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -284,6 +295,7 @@ class StagedResponse:
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
+        self._increments: tuple[bytes, Floats] | None = None  # likewise
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
@@ -310,6 +322,17 @@ class StagedResponse:
         """v(p), (g,), and its Jacobian, (g, n)."""
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see at p (n,).
+
+        (n_states, n_channels), SI, up to the last stage that a reading needs. Of the last run if
+        it was made there.
+        """
+        if self._increments is None or self._increments[0] != p.tobytes():
+            self.readings(p)
+        assert self._increments is not None
+        return self._increments[1]
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""
@@ -403,6 +426,8 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
+        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
         table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
         added = model.instrument_errors.added(model.values(p), names, self._places)

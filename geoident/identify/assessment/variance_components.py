@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -87,12 +88,44 @@ class VarianceComponents:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class Terms:
     """-2 l at one t, its gradient (c,) and the expected information (c, c)."""
 
     value: float
     gradient: Floats
     information: Floats
+
+
+class Likelihood(Protocol):
+    """-2 l of the logarithms t (c,) of the factors of components."""
+
+    def value(self, t: Floats) -> float:
+        """-2 l at t (c,)."""
+
+    def terms(self, t: Floats) -> Terms:
+        """-2 l at t (c,) with its derivatives."""
+
+
+@dataclass(frozen=True)
+class HeldLast:
+    """The likelihood of the first c of c + 1 components, at a given factor of the last.
+
+    Args:
+        whole: of all of them.
+        last: logarithm of the factor of the last.
+    """
+
+    whole: Likelihood
+    last: float
+
+    def value(self, t: Floats) -> float:
+        """-2 l at t (c,)."""
+        return self.whole.value(np.append(t, self.last))
+
+    def terms(self, t: Floats) -> Terms:
+        """-2 l at t (c,) with its derivatives by these."""
+        found = self.whole.terms(np.append(t, self.last))
+        return Terms(found.value, found.gradient[:-1], found.information[:-1, :-1])
 
 
 class RestrictedLikelihood:
@@ -125,7 +158,7 @@ class RestrictedLikelihood:
         """-2 l at t (c,)."""
         return self._solved(t).value
 
-    def terms(self, t: Floats) -> _Terms:
+    def terms(self, t: Floats) -> Terms:
         """-2 l at t (c,) with its derivatives."""
         s = self._solved(t)
         k, n = len(s.inverse), len(s.x)
@@ -155,7 +188,7 @@ class RestrictedLikelihood:
                 both[d, c] += mixed[columns[d]].sum()
                 both[c, d] += np.sum(shared[np.ix_(columns[c], columns[d])] ** 2)
             both[c, c] += self._sums.count[c] - 2.0 * np.trace(part[c])
-        return _Terms(s.value, trace - squares, 0.5 * both)
+        return Terms(s.value, trace - squares, 0.5 * both)
 
     def _solved(self, t: Floats) -> _Solved:
         """What follows of the sums at t (c,)."""
@@ -269,7 +302,7 @@ def _free(problem: Problem, values: Floats) -> Bools:
     return np.asarray((values > lower) & (values < upper), dtype=np.bool_)
 
 
-def estimate_components(likelihood: RestrictedLikelihood, start: Floats) -> VarianceComponents:
+def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceComponents:
     """The factors that the residuals make most likely.
 
     Args:
@@ -294,7 +327,7 @@ def estimate_components(likelihood: RestrictedLikelihood, start: Floats) -> Vari
     return VarianceComponents(t, covariance, lower, upper, found.value)
 
 
-def _vanished(likelihood: RestrictedLikelihood, t: Floats) -> Floats:
+def _vanished(likelihood: Likelihood, t: Floats) -> Floats:
     """The factors (c,), at their lowest where the residuals show nothing of them."""
     found = likelihood.terms(t)
     for c in np.flatnonzero(np.diag(found.information) < _NOTHING).tolist():
@@ -305,7 +338,7 @@ def _vanished(likelihood: RestrictedLikelihood, t: Floats) -> Floats:
     return t
 
 
-def _minimised(likelihood: RestrictedLikelihood, start: Floats) -> Floats:
+def _minimised(likelihood: Likelihood, start: Floats) -> Floats:
     """The t (c,) of the lowest -2 l, by Fisher's scoring."""
     t = np.clip(start, LOWEST, HIGHEST)
     for _ in range(_MOST_STEPS):
@@ -344,7 +377,7 @@ def _inverse(information: Floats) -> tuple[Floats, Bools]:
     return inverse, np.asarray(np.any(np.abs(vectors[:, ~seen]) > 0.1, axis=1), dtype=np.bool_)
 
 
-def _upper_end(likelihood: RestrictedLikelihood, t: Floats, c: int, level: float) -> float:
+def _upper_end(likelihood: Likelihood, t: Floats, c: int, level: float) -> float:
     """The factor of a component, the others as they are, at which -2 l reaches a level."""
     low, high = LOWEST, HIGHEST
 
