@@ -100,13 +100,14 @@ def anisotropic(constants: Constants) -> Dual:
 
 
 def turned(elasticity: Dual, axes: Dual) -> Dual:
-    """E (6, 6) in the axes of the model: M E' M^T with Bond's matrix M of the material axes.
+    """E (..., 6, 6) in the axes of the model: M E' M^T with Bond's matrix M of the material axes.
 
     Args:
-        elasticity: E' (6, 6) in the material axes.
+        elasticity: E' (..., 6, 6) in the material axes.
         axes: R (3, 3); its columns are the material axes 1, 2, 3 in the axes of the model.
     """
-    M = bond(axes)
+    one = bond(axes).columns
+    M = Dual(one.reshape((1,) * (elasticity.columns.ndim - 3) + one.shape))
     return M @ elasticity @ M.T
 
 
@@ -171,7 +172,7 @@ def _sum(terms: list[Dual]) -> Dual:
 def _inverse(S: Dual) -> Dual:
     """S^-1 and -S^-1 dS S^-1 of a compliance (6, 6)."""
     E = np.linalg.inv(S.value)
-    E = (E + E.T) / 2
+    E = (E + E.swapaxes(-2, -1)) / 2
     slopes = -E @ np.moveaxis(S.columns[..., 1:], -1, 0) @ E
     return Dual(np.concatenate([E[..., None], np.moveaxis(slopes, 0, -1)], axis=-1))
 

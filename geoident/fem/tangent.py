@@ -13,14 +13,19 @@ the number of yielded points.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from geoident.fem.kinematics import BlockGeometry, Kinematics
+from geoident.fem.moduli import Moduli, ScaledModuli
 from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
+
+_SAME = 1e-14
+"""Difference of matrices of unit size that is rounding."""
 
 _CHUNK = 1_000_000  # entries of element matrices held at once
 
@@ -55,6 +60,25 @@ class PointBlocks:
             for at in range(start, stop, chunk):
                 part = slice(at, min(at + chunk, stop))
                 yield block, part, points[part] - self._first[block]
+
+    def by_block(self, points: Ints) -> Iterator[tuple[int, slice, Ints]]:
+        """Ascending points (q,) by block: as `split`, in one piece."""
+        ends = np.searchsorted(points, self._first)
+        for block, (start, stop) in enumerate(pairwise(ends)):
+            if stop > start:
+                part = slice(int(start), int(stop))
+                yield block, part, points[part] - self._first[block]
+
+    def chunks(self, block: int, n_points: int) -> Iterator[slice]:
+        """Parts of the points of some whole elements of a block; no element is cut in two."""
+        n_q = self.n_points(block)
+        chunk = n_q * max(1, _CHUNK // (n_q * self.n_unknowns(block) ** 2))
+        for at in range(0, n_points, chunk):
+            yield slice(at, min(at + chunk, n_points))
+
+    def n_points(self, block: int) -> int:
+        """Strain points of one element."""
+        return int(self._geometries[block].volumes.shape[1])
 
     def n_unknowns(self, block: int) -> int:
         """Displacements of one element."""
@@ -125,6 +149,16 @@ class TangentPattern:
                 above += _sums(place, np.where(swapped, one, other), nnz + 1)
         return below[:-1], (below if symmetric else above)[:-1]
 
+    @property
+    def length(self) -> int:
+        """Number nnz of values of K."""
+        return len(self._keys)
+
+    def places(self, block: int, elements: Ints) -> Ints:
+        """Where the lower pairs (q, n_pairs) of symmetric matrices of elements go; nnz: nowhere."""
+        slots = self._slots_of(block, elements)
+        return np.where(slots < 0, ~slots, slots)
+
     def _slots_of(self, block: int, elements: Ints) -> Ints:
         """Places (q, n_pairs) of the lower pairs of element matrices; ~place where swapped."""
         if block not in self._slots:
@@ -146,6 +180,105 @@ class TangentPattern:
         place = np.searchsorted(self._keys, (column << 32) | row)
         place[column < 0] = len(self._keys)
         return np.where(one >= other, place, ~place)
+
+
+_KEPT_PAIRS = 40_000_000
+"""Entries of unit matrices of points that are kept: 0.3 GB."""
+
+
+@dataclass(frozen=True, eq=False)
+class _UnitMatrices:
+    """Matrices (q, n_pairs) of points (q,) of a block for moduli (s, s) without size."""
+
+    law: Floats
+    points: Ints
+    matrices: Floats
+
+
+class PointwiseStiffness:
+    """What moduli that vary from point to point add to K (theory 9).
+
+    The sums over elements of `stiffness` are of no use then: K is the sum over the elements of
+    C_q^T V_q E_q C_q. Where all points have the same matrix but for a factor, the matrices of the
+    points are made once.
+
+    Args:
+        blocks: the strain points.
+    """
+
+    def __init__(self, blocks: PointBlocks) -> None:
+        self._blocks = blocks
+        self._units: dict[tuple[str, int], _UnitMatrices] = {}
+
+    def values(
+        self, pattern: TangentPattern, name: str, points: Ints, moduli: Moduli, volume: Floats
+    ) -> Floats:
+        """(nnz,) what some points add to the lower triangle of K.
+
+        Args:
+            pattern: of K.
+            name: of their material; its unit matrices are kept under it.
+            points: (q,) all strain points of some elements, ascending.
+            moduli: at these points, Pa.
+            volume: (n_points,) V.
+        """
+        total = np.zeros(pattern.length + 1)
+        for block, part, mine in self._blocks.by_block(points):
+            weight = volume[points[part]]
+            n_q = self._blocks.n_points(block)
+            elements = self._blocks.element(block, mine[::n_q])
+            unit = self._unit(name, block, mine, moduli)
+            if unit is None:
+                for some in self._blocks.chunks(block, len(mine)):
+                    places = np.arange(part.start + some.start, part.start + some.stop)
+                    change = moduli.matrices(places) * weight[some, None, None]
+                    lower = self._element_matrices(block, mine[some], change)
+                    here = elements[some.start // n_q : some.stop // n_q]
+                    total += _sums(pattern.places(block, here).ravel(), lower, len(total))
+                continue
+            assert isinstance(moduli, ScaledModuli)
+            size = float(moduli.matrix[0, 0])
+            lower = unit * (moduli.factor[part] * weight * size)[:, None]
+            if n_q > 1:
+                lower = lower.reshape(-1, n_q, lower.shape[1]).sum(axis=1)
+            total += _sums(pattern.places(block, elements).ravel(), lower, len(total))
+        return total[:-1]
+
+    def _unit(self, name: str, block: int, mine: Ints, moduli: Moduli) -> Floats | None:
+        """Lower pairs (q, n_pairs) of C^T J C with J = E / E_11, kept; None where there is no J."""
+        n = self._blocks.n_unknowns(block)
+        if not isinstance(moduli, ScaledModuli) or len(mine) * n * (n + 1) // 2 > _KEPT_PAIRS:
+            return None
+        law = moduli.matrix / moduli.matrix[0, 0]
+        kept = self._units.get((name, block))
+        same = kept is not None and np.allclose(kept.law, law, rtol=0.0, atol=_SAME)
+        if kept is None or not same or not np.isin(mine, kept.points).all():
+            points = np.union1d(kept.points, mine) if kept is not None and same else mine
+            kept = _UnitMatrices(law, points, self._unit_matrices(block, points, law))
+            self._units[name, block] = kept
+        if len(kept.points) == len(mine):
+            return kept.matrices
+        return np.asarray(kept.matrices[np.searchsorted(kept.points, mine)])
+
+    def _unit_matrices(self, block: int, points: Ints, law: Floats) -> Floats:
+        """Lower pairs (q, n_pairs) of C^T J C at some points of a block, J (s, s)."""
+        n = self._blocks.n_unknowns(block)
+        i, j = np.tril_indices(n)
+        matrices = np.empty((len(points), len(i)))
+        for some in self._blocks.chunks(block, len(points)):
+            B = self._blocks.compatibility(block, points[some])
+            matrices[some] = np.matmul(B.transpose(0, 2, 1), law @ B)[:, i, j]
+        return matrices
+
+    def _element_matrices(self, block: int, mine: Ints, change: Floats) -> Floats:
+        """Lower pairs (n_el, n_pairs) of the matrices of whole elements."""
+        n_q = self._blocks.n_points(block)
+        B = self._blocks.compatibility(block, mine)
+        _, s, n = B.shape
+        moved = np.matmul(change, B).reshape(-1, n_q * s, n)
+        full = np.matmul(B.reshape(-1, n_q * s, n).transpose(0, 2, 1), moved)
+        i, j = np.tril_indices(n)
+        return np.asarray(full[:, i, j])
 
 
 def _sums(place: Ints, values: Floats, length: int) -> Floats:

@@ -26,6 +26,7 @@ from geoident.forward.axisymmetric_checks import revolution_faults
 from geoident.forward.gauges.observation import Observation, observe, reading_faults
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
+from geoident.forward.ground.field import field_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
     edges_held,
@@ -58,7 +59,7 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
     """
     on_mesh = CaseOnMesh(case, oriented(mesh, kinematics_of(case.analysis)))
     _raise_any(_group_faults(on_mesh))
-    places = load_place_faults, zone_faults, structure_place_faults
+    places = load_place_faults, zone_faults, structure_place_faults, _field_faults
     _raise_any([fault for faults_of in places for fault in faults_of(on_mesh)])
     observation, faults = observe(on_mesh)
     _raise_any(faults or reading_faults(case, observation))
@@ -157,6 +158,11 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
             "tension, the vertical stress of Heim's model is positive in compression"
         )
     return notes
+
+
+def _field_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Measured values of fields at points that are not in their material."""
+    return field_faults(on_mesh.case, on_mesh.not_in)
 
 
 def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:

@@ -100,7 +100,7 @@ class _Exporter:
         self.march, self.point, self.n = march, point, len(point.names)
         self.p = np.array([point.values[name] for name in point.names])
         self.s = march.systems.discretization.points.n_strain
-        self.ground = GroundAt(march.case, self.point, self.s)
+        self.ground = GroundAt(march.on_mesh, self.point, self.s)
         self.sets: list[PointSet] = []
         self.laws: list[PointLaw] = []
         self.set_of: dict[int, int] = {}

@@ -11,6 +11,7 @@ import numpy as np
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
+from geoident.model.case import Case
 from geoident.model.response import Response
 from geoident.model.result import Counts, FieldSeries, MemberForces
 from geoident.model.yielding import Activity
@@ -47,6 +48,10 @@ class CaseModel(Protocol):
     """A case that is ready to answer: `StagedModel` on a mesh, `OpeningModel` without one."""
 
     on_state: Callable[[int], None] | None
+
+    @property
+    def case(self) -> Case:
+        """The case; the coefficients of modes of its fields are the last of its parameters."""
 
     @property
     def names(self) -> tuple[str, ...]:

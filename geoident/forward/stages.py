@@ -214,6 +214,25 @@ class CaseOnMesh:
         element = self.discretization.points.element
         return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
 
+    def not_in(self, material: str, point: tuple[float, ...]) -> str | None:
+        """What is at a point (dim,) that is never in ground of a material; None where it is."""
+        sites = self.locator.sites(self.kinematics.in_section(point)[0])
+        if not sites:
+            return f"is not in the mesh {self.mesh.file}"
+        states, group_of = self.sequence.states, self.sequence.group_of
+        groups = {g for state in states for g, m in state.materials.items() if m == material}
+        if any(int(group_of[site.element]) in groups for site in sites):
+            return None
+        return f"lies in the group {self.sequence.groups[group_of[sites[0].element]]!r}"
+
+    def elastic_fields(self, material: str) -> tuple[PointField, ...]:
+        """Elastic constants of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is None)
+
+    def strength_fields(self, material: str) -> tuple[PointField, ...]:
+        """Strengths of a material that are fields."""
+        return tuple(f for f in self.fields if f.material == material and f.surface is not None)
+
     def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
         """The same with fields, and with the case that has their modes among its parameters.
 

@@ -102,8 +102,8 @@ class Dual:
 
     @property
     def T(self) -> Dual:  # noqa: N802  (as numpy writes it)
-        """The transpose of a matrix."""
-        return Dual(self.columns.swapaxes(0, 1))
+        """The transpose of a matrix, or of each of several (..., i, j)."""
+        return Dual(self.columns.swapaxes(-3, -2))
 
     def reciprocal(self) -> Dual:
         """1 / value."""

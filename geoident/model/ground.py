@@ -150,12 +150,14 @@ class PointValue:
         value: SI.
         accuracy: its standard deviation, SI; 0 where it is exact.
         origin: where it is written, for messages, such as ``boreholes.csv, line 7``.
+        path: keys below the field that lead to it.
     """
 
     position: tuple[float, ...]
     value: float
     accuracy: float = 0.0
     origin: str = ""
+    path: tuple[str | int, ...] = ()
 
 
 @dataclass(frozen=True)

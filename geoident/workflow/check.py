@@ -65,7 +65,7 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         require_enough(inputs.case, readings)
     require_possible(model, inputs.case, inputs.case.fit.methods)
     if isinstance(model, StagedModel) and model.yields:
-        next(model.at(start_values(inputs.case, model)).states())
+        next(model.at(start_values(model.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
     return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files)
 

@@ -40,8 +40,8 @@ def identifiability(
         ModelError: the model has no solution at the start values.
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
-    case = inputs.case
     model = build_model(inputs, solver=solver)
+    case = model.case
     p = start_values(case, model)
     survey = model.survey(p, fields=False)
     rows = planned_readings(case, survey.computed)

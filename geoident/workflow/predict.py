@@ -250,12 +250,11 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     )
     assert readings.sensitivity is not None  # see `_read_fit`
     jacobian = readings.sensitivity[used]
-    assessment = assess(problem, fit.parameters.values, jacobian)
+    computed = readings.computed[used]
+    assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = pick_parameters(fit.parameters, order)
-    known = KnownErrors(
-        case, problem, readings.computed[used], jacobian[:, order], used_rows(origin, used)
-    )
+    known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     return Known(
         parameters, pick_assessment(assessment, order), readings, known if shares else None
@@ -293,8 +292,10 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         assessment,
         covariance=assessment.covariance[square],
         correlation=assessment.correlation[square],
-        covariance_x=assessment.covariance_x[square],
+        posterior=assessment.posterior.pick(order),
+        determined_x=assessment.determined_x[order],
         gaps_x=assessment.gaps_x[order],
+        held_covariance_x=assessment.held_covariance_x[square],
         **{name: getattr(assessment, name)[order] for name in columns},
     )
 

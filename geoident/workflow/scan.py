@@ -43,7 +43,7 @@ def _result(
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
-        parameters=bare_parameter_table(job.inputs.case.parameters, outcome.values),
+        parameters=bare_parameter_table(setup.case.parameters, outcome.values),
         gauges=gauges,
         counts=counts,
         history=outcome.iterations,

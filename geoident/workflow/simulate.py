@@ -67,7 +67,7 @@ def simulate(
     if output is not None:
         refuse_inputs(output, inputs.files)
     model = build_model(inputs, solver=solver)
-    computed = model.survey(start_values(inputs.case, model), fields=False).computed
+    computed = model.survey(start_values(model.case, model), fields=False).computed
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)

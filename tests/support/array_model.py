@@ -14,6 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geoident.errors import CollapseError
+from geoident.fem.moduli import UniformModuli
 from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.forward.march.equilibrium import Balance, solve
@@ -183,7 +184,8 @@ class ArrayModel:
             if given.n_planes:
                 moduli = _dual(given.elasticity, p)
                 yielding = PolyhedralLaw(moduli, self._planes(given, moduli, p))
-            grounds.append(Ground(str(s), self.places[s], E, yielding, borne.lam[s][..., 0]))
+            hardened = borne.lam[s][..., 0]
+            grounds.append(Ground(str(s), self.places[s], UniformModuli(E), yielding, hardened))
         stiffness = self._stiffness(grounds, volume)[stage.dofs][:, stage.dofs]
 
         def tangents(points: Ints, change: Floats, *, symmetric: bool) -> DenseFactor:
@@ -218,7 +220,8 @@ class ArrayModel:
     def _stiffness(self, grounds: list[Ground], volume: Floats) -> Floats:
         E = np.zeros((self.s, self.s, self.operators.n_points))
         for ground in grounds:
-            E[:, :, ground.points] = ground.elasticity[..., None]
+            first = np.zeros(1, dtype=np.int64)
+            E[:, :, ground.points] = ground.elasticity.matrices(first)[0][..., None]
         moduli = sp.block_array(
             [[sp.diags_array(E[a, b] * volume) for b in range(self.s)] for a in range(self.s)]
         )
@@ -254,7 +257,7 @@ class ArrayModel:
         du[stage.dofs, 1:] = factor.solve(rest[stage.dofs])
         more = self.operators.strain(du[:, 1:])
         for ground in equations.grounds:
-            more[:, ground.points] = np.tensordot(ground.elasticity, more[:, ground.points], axes=1)
+            more[:, ground.points] = ground.elasticity.stress(more[:, ground.points])
         for s, projection, where in flowing:
             more[:, where], extra = projection.derivatives(more[:, where], of_law=False)
             dlam[s][:, projection.yielded, 1:] += extra

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from geoident.fem.solvers import pick_solver
+from geoident.forward.checks import check_on_mesh
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.march.stage import StageEnd
@@ -21,7 +23,7 @@ from geoident.model.case import (
 )
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
-from geoident.model.ground import Isotropic
+from geoident.model.ground import Isotropic, PointField
 from geoident.model.in_situ import InSitu
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions
@@ -75,6 +77,44 @@ def displacement(
 def model(mesh: Mesh, **changes: Any) -> StagedModel:
     """A staged model of a case made by `make_case`."""
     return staged_model(mesh, make_case(mesh, **changes), solver=pick_solver("auto"))
+
+
+FieldsOf = Callable[[CaseOnMesh], Sequence[PointField]]
+"""Makes the fields of a case once its strain points are known."""
+
+
+def model_with_fields(mesh: Mesh, fields_of: FieldsOf, **changes: Any) -> StagedModel:
+    """A staged model of a case made by `make_case`, with constants that are fields."""
+    on_mesh, observation = check_on_mesh(make_case(mesh, **changes), mesh)
+    fields = tuple(fields_of(on_mesh))
+    on_mesh = on_mesh.with_fields(on_mesh.case, fields)
+    return StagedModel(on_mesh, observation, solver=pick_solver("auto"))
+
+
+def field_on(
+    on_mesh: CaseOnMesh,
+    material: str,
+    constant: str,
+    modes_at: Callable[[np.ndarray], np.ndarray],
+    **changes: Any,
+) -> PointField:
+    """A field of a material whose modes (q, n) are a function of positions (q, dim)."""
+    points = on_mesh.material_points(material)
+    modes = modes_at(on_mesh.discretization.points.position[points])
+    return PointField(
+        **{
+            "material": material,
+            "constant": constant,
+            "surface": None,
+            "points": points,
+            "known": np.zeros(len(points)),
+            "modes": modes,
+            "names": tuple(f"{material}.{constant}.mode-{k + 1}" for k in range(modes.shape[1])),
+            "pull": np.zeros(len(points)),
+            "reference": 1.0,
+            **changes,
+        }
+    )
 
 
 NOWHERE = ParameterPoint({}, ())

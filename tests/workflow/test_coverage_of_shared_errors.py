@@ -91,7 +91,7 @@ def later_part(J, structure, used, problem, p, known):
     later = given_used(
         problem, v, Jg, later=structure.rows(np.arange(used, len(J))), later_jacobian=J[used:]
     )
-    return J[used:] @ p + later.shift, predict_band(known, later.jacobian, later.sd)
+    return J[used:] @ p + later.shift, predict_band(known, later.jacobian, later.sd).sd
 
 
 def test_linear_model_with_zeros_and_heads():

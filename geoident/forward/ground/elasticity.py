@@ -40,11 +40,35 @@ def elasticity(elastic: Elastic, point: ParameterPoint, *, section: bool) -> Dua
         point: the parameters.
         section: the model is a plane section, seen looking north.
     """
-    matrix = _FORMULAS[type(elastic)]({n: point.number(s) for n, s in constants(elastic).items()})
+    numbers = {n: point.number(s) for n, s in constants(elastic).items()}
+    return elasticity_of(elastic, numbers, point, section=section)
+
+
+def elasticity_of(
+    elastic: Elastic,
+    numbers: formulas.Constants,
+    point: ParameterPoint,
+    *,
+    section: bool,
+    extra: int = 0,
+) -> Dual:
+    """E (6, 6), or (q, 6, 6) at several points, of constants that are given.
+
+    Args:
+        elastic: symmetry and axes.
+        numbers: its constants, or (q, 1, 1) of them, with derivatives by n parameters and by
+            ``extra`` things more.
+        point: the n parameters.
+        section: the model is a plane section, seen looking north.
+        extra: number of further derivatives.
+    """
+    matrix = _FORMULAS[type(elastic)](numbers)
     frame: Frame | None = getattr(elastic, "frame", None)
     if frame is None:
         return matrix
-    return formulas.turned(matrix, material_axes(frame, point, section=section))
+    axes = material_axes(frame, point, section=section).columns
+    wide = np.concatenate([axes, np.zeros((3, 3, extra))], axis=2)
+    return formulas.turned(matrix, Dual(wide))
 
 
 def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual:

@@ -6,11 +6,13 @@ ground that is ever of the material, so that it has its value wherever the mater
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from geoident.errors import Fault
+from geoident.fem.location import format_point
 from geoident.fem.random_field import (
     Matern,
     conditioning,
@@ -32,6 +34,9 @@ MOST_MODES = 300
 
 _MOST_OF_IT = 0.9
 """Part of the variance below which it is said that the modes leave some of the field out."""
+
+MODE = ".mode-"
+"""Between the name of a field and the number of a mode, from 1."""
 
 FARTHEST = 10.0
 """Bounds of the coefficient of a mode, in standard deviations of its prior."""
@@ -70,7 +75,7 @@ def point_field(field: Field, points: Ints, positions: Floats, start: Values) ->
         points=points,
         known=given.weights @ np.log(values / reference),
         modes=modes.shapes,
-        names=tuple(f"{field.name}.mode-{k + 1}" for k in range(modes.shapes.shape[1])),
+        names=tuple(f"{field.name}{MODE}{k + 1}" for k in range(modes.shapes.shape[1])),
         pull=given.weights.sum(axis=1),
         reference=reference,
         explained=modes.explained,
@@ -84,7 +89,18 @@ def with_modes(case: Case, fields: Sequence[PointField]) -> Case:
         case: as it is written.
         fields: one for each of its `Case.fields`.
     """
-    added = [
+    names = [name for made in fields for name in made.names]
+    return replace(case, parameters=(*named_parameters(case), *mode_parameters(case, names)))
+
+
+def mode_parameters(case: Case, names: Sequence[str]) -> tuple[Parameter, ...]:
+    """The coefficients of modes as parameters.
+
+    Args:
+        case: with their fields.
+        names: of parameters; those that are of no field are passed over.
+    """
+    return tuple(
         Parameter(
             name=name,
             start=0.0,
@@ -93,10 +109,15 @@ def with_modes(case: Case, fields: Sequence[PointField]) -> Case:
             prior=Prior(0.0, 1.0),
             field=field.name,
         )
-        for field, made in zip(case.fields, fields, strict=True)
-        for name in made.names
-    ]
-    return replace(case, parameters=(*case.parameters, *added)) if added else case
+        for name in names
+        for field in case.fields
+        if name.rpartition(MODE)[0] == field.name
+    )
+
+
+def named_parameters(case: Case) -> tuple[Parameter, ...]:
+    """The parameters that the case names, without those of modes."""
+    return tuple(parameter for parameter in case.parameters if not parameter.field)
 
 
 def field_notes(case: Case, fields: Sequence[PointField]) -> list[str]:
@@ -118,3 +139,28 @@ def field_notes(case: Case, fields: Sequence[PointField]) -> list[str]:
             )
         notes.append(note)
     return notes
+
+
+def field_faults(case: Case, not_in: Callable[[str, tuple[float, ...]], str | None]) -> list[Fault]:
+    """Measured points that do not lie in their material.
+
+    Args:
+        case: the case.
+        not_in: of a material and a point (dim,): None where the point lies in such ground, else
+            what is there, half a sentence.
+    """
+    faults = []
+    for field in case.fields:
+        for test in field.measured:
+            found = not_in(field.material, test.position)
+            if found is None:
+                continue
+            origin = f" ({test.origin})" if test.origin else ""
+            message = f"the measured point {format_point(test.position)}{origin} {found}"
+            hint = f"Correct its coordinates, or remove it: it says nothing of {field.material!r}."
+            faults.append(
+                case.source.fault(
+                    (*field.path, *test.path), code="point-outside", message=message, hint=hint
+                )
+            )
+    return faults

@@ -176,7 +176,7 @@ class Run:
         self._structures = systems.structures
         self._point = point if options.derivatives else ParameterPoint(point.values, ())
         n_strain = systems.discretization.points.n_strain
-        self._ground = GroundAt(march.case, point, n_strain)
+        self._ground = GroundAt(march.on_mesh, point, n_strain)
         record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
         self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
@@ -325,6 +325,7 @@ def _impose(task: StageTask, thermal: Floats) -> None:
     """Take E eps_0 from the stress, with the derivatives of eps_0; those of E come later."""
     moduli = task.elasticity()
     for material, mine in task.system.points_of.items():
-        pressure = moduli[material][:, :NORMAL_COMPONENTS].sum(axis=1)
-        change = pressure[:, None, None] * thermal[mine]
-        task.carried.stress[:, mine, : thermal.shape[1]] -= change
+        normal = thermal[mine]
+        strain = np.zeros((task.carried.stress.shape[0], *normal.shape))
+        strain[:NORMAL_COMPONENTS] = normal
+        task.carried.stress[:, mine, : thermal.shape[1]] -= moduli[material].stress(strain)

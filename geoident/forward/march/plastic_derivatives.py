@@ -81,7 +81,7 @@ def _following(task: StageTask, strain: Floats, equations: StageEquations, trial
     stress = strain
     for ground in equations.grounds:
         mine = ground.points
-        stress[:, mine] = np.tensordot(ground.elasticity, stress[:, mine], axes=1)
+        stress[:, mine] = ground.elasticity.stress(stress[:, mine])
     for ground, projection, points in flowing(equations, trial):
         stress[:, points], more = projection.derivatives(stress[:, points], of_law=False)
         _add_multipliers(task, ground, points, more)

@@ -17,6 +17,7 @@ import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
+from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.solvers.splu import GeneralFactor
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
@@ -333,7 +334,7 @@ class _Tangents:
     """Factors of K plus changes at strain points, for one stage and parameter vector."""
 
     def __init__(
-        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Floats]
+        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Moduli]
     ) -> None:
         self._systems = systems
         self._system = task.system

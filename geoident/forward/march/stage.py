@@ -5,12 +5,13 @@ There one factorization serves all columns; for stages with yielding see `plasti
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
@@ -202,11 +203,9 @@ class StageTask:
         """Number of parameters to differentiate by."""
         return len(self.point.names)
 
-    def elasticity(self) -> dict[str, Floats]:
-        """E (s, s) of every material that is there, Pa."""
-        return {
-            m: np.ascontiguousarray(self.ground.elasticity(m).value) for m in self.system.points_of
-        }
+    def elasticity(self) -> dict[str, Moduli]:
+        """E of every material that is there, at its points, Pa."""
+        return {m: self.ground.moduli(m, mine).value for m, mine in self.system.points_of.items()}
 
 
 class LastFactor:
@@ -274,12 +273,28 @@ def add_moduli_slopes(task: StageTask, strain: Floats, slopes: Floats) -> None:
         strain: eps (s, n_points) of the step, without thermal strains.
         slopes: (s, n_points, n + k), changed in place.
     """
+    columns = {name: column for column, name in enumerate(task.point.names)}
     for material, mine in task.system.points_of.items():
-        elasticity = task.ground.elasticity(material)
-        for column in range(task.n):
-            slope = elasticity.slope(column)
-            if slope is not None:
-                slopes[:, mine, column] += slope @ strain[:, mine]
+        moduli = task.ground.moduli(material, mine)
+        for name, slope in moduli.slopes.items():
+            if name in columns:
+                slopes[:, mine, columns[name]] += slope.stress(strain[:, mine])
+        for modes in moduli.modes:
+            change, phi = modes.moduli.stress(strain[:, mine]), modes.modes
+            for some, place in _runs(modes.field.names, columns):
+                slopes[:, mine, place] += change[..., None] * phi[None, :, some]
+
+
+def _runs(names: Sequence[str], columns: Mapping[str, int]) -> Iterator[tuple[slice, slice]]:
+    """Modes (a part of names) whose columns stand together, and these columns."""
+    found = [(k, columns[name]) for k, name in enumerate(names) if name in columns]
+    for n, (k, column) in enumerate(found):
+        if n and (k - 1, column - 1) == found[n - 1]:
+            continue
+        end = n + 1
+        while end < len(found) and found[end] == (k + end - n, column + end - n):
+            end += 1
+        yield slice(k, k + end - n), slice(column, column + end - n)
 
 
 def not_positive_definite(stage: str, place: str) -> ModelError:
@@ -303,7 +318,7 @@ def _advance(
         du[dofs] = factor.solve(rest[dofs])
     strain, moduli = points.strain(du), task.elasticity()
     for material, mine in task.system.points_of.items():
-        carried.stress[:, mine] += np.tensordot(moduli[material], strain[:, mine], axes=1)
+        carried.stress[:, mine] += moduli[material].stress(strain[:, mine])
     if structures.n_rows:
         carried.members[:] += task.moduli[:, :1] * structures.strain(du)
     return du

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
@@ -56,14 +57,14 @@ class Ground:
     Args:
         name: of the material.
         points: which they are.
-        elasticity: E, (s, s).
+        elasticity: E at these points.
         law: its yield law, or None.
         hardened: (y, m) multipliers of earlier stages at these points, or None.
     """
 
     name: str
     points: Index
-    elasticity: Floats
+    elasticity: Moduli
     law: YieldLaw | None = None
     hardened: Floats | None = None
 
@@ -174,7 +175,7 @@ class StageEquations:
     def _respond(self, ground: Ground, stress: Floats, strain: Floats) -> Projection | None:
         """Stress of one material, in place."""
         mine = ground.points
-        trial = stress[:, mine] + ground.elasticity @ strain[:, mine]
+        trial = stress[:, mine] + ground.elasticity.stress(strain[:, mine])
         if ground.law is None:
             stress[:, mine] = trial
             return None
@@ -202,7 +203,7 @@ class StageEquations:
             energy += 0.5 * float(ends @ trial.du)
         for ground, projection in zip(self.grounds, trial.projections, strict=True):
             mine = ground.points
-            stress = self.stress[:, mine] + 0.5 * ground.elasticity @ strain[:, mine]
+            stress = self.stress[:, mine] + 0.5 * ground.elasticity.stress(strain[:, mine])
             energy += float(self.volume[mine] @ (stress * strain[:, mine]).sum(axis=0))
             if projection is not None:
                 flowing = numbers(mine, self.operators.n_points)[projection.yielded]
@@ -230,7 +231,8 @@ class StageEquations:
                 continue
             mine = numbers(ground.points, self.operators.n_points)[projection.yielded]
             points.append(mine)
-            tangent = (projection.reduction - np.eye(s)) @ ground.elasticity
+            moduli = ground.elasticity.matrices(projection.yielded)
+            tangent = (projection.reduction - np.eye(s)) @ moduli
             changes.append(tangent * self.volume[mine][:, None, None])
         joined = np.concatenate(points)
         if not changes:

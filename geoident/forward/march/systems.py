@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.location import format_point
+from geoident.fem.moduli import Moduli, UniformModuli
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
 from geoident.fem.stiffness import (
@@ -18,17 +19,17 @@ from geoident.fem.stiffness import (
     node_graph,
     stiffness_pattern,
 )
-from geoident.fem.tangent import PointBlocks, TangentPattern
+from geoident.fem.tangent import PointBlocks, PointwiseStiffness, TangentPattern
 from geoident.fem.yielding.law import YieldLaw, YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.forward.actions.supports import fixed_dofs
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index
+from geoident.forward.ground.moduli import MaterialModuli, field_moduli, uniform_moduli
+from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
@@ -82,6 +83,7 @@ class StageSystems:
         self._systems: dict[int, StageSystem] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
+        self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
         self._analyses: dict[frozenset[int], SymbolicFactorization | None] = {}
         self._analysed: dict[bytes, SymbolicFactorization] = {}
@@ -112,23 +114,29 @@ class StageSystems:
         self,
         system: StageSystem,
         state: ConstructionState,
-        laws: Mapping[str, Floats],
+        laws: Mapping[str, Moduli],
         values: Values,
     ) -> Floats:
         """Values (nnz,) of K at a state.
 
-        Structures take theirs from the parameter values.
+        Structures take theirs from the parameter values. What moduli that vary from point to point
+        add is summed over elements.
 
         Args:
             system: the equations of the state.
             state: what is there.
-            laws: material to its moduli (n_strain, n_strain), Pa.
+            laws: material to its moduli at its points, Pa.
             values: parameters by name, SI.
         """
         map_of = self.discretization.kinematics.stiffness_map
-        maps = {name: map_of(law) for name, law in laws.items()}
-        ground = {group: maps[material] for group, material in state.materials.items()}
-        return system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
+        maps = {n: map_of(law.matrix) for n, law in laws.items() if isinstance(law, UniformModuli)}
+        ground = {g: maps[material] for g, material in state.materials.items() if material in maps}
+        total = system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
+        for name in laws.keys() - maps.keys():
+            points = numbers(system.points_of[name], len(system.volume))
+            tangents = self.tangents(system)
+            total += self._pointwise.values(tangents, name, points, laws[name], system.volume)
+        return total
 
     def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
         """Where an unknown stands, for a message."""
@@ -180,21 +188,46 @@ class GroundAt:
     A law keeps the active sets that it meets, so one serves a whole march.
 
     Args:
-        case: the case.
+        on_mesh: the case on its mesh, with its fields.
         point: the parameters; all derivatives are by its names.
         n_strain: number s of strain components of the analysis.
     """
 
-    def __init__(self, case: Case, point: ParameterPoint, n_strain: int) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, point: ParameterPoint, n_strain: int) -> None:
         self.n_strain = n_strain
-        self._case = case
+        self._on_mesh, self._case = on_mesh, on_mesh.case
         self._point = point
+        self._moduli: dict[str, MaterialModuli] = {}
         self._elasticities: dict[str, Dual] = {}
         self._planes: dict[str, YieldPlanes] = {}
         self._laws: dict[str, YieldLaw | None] = {}
 
+    def moduli(self, material: str, points: Index | None = None) -> MaterialModuli:
+        """E at strain points of a material with its derivatives.
+
+        Args:
+            material: its name.
+            points: (q,) which of its points; needed only where a constant is a field.
+        """
+        if material not in self._moduli:
+            fields = self._on_mesh.elastic_fields(material)
+            if fields:
+                elastic = self._case.materials[material].elastic
+                found = field_moduli(elastic, fields, self._point, self.n_strain)
+            else:
+                found = uniform_moduli(self.elasticity(material), self._point.names)
+            self._moduli[material] = found
+        found = self._moduli[material]
+        if points is None or isinstance(found.value, UniformModuli):
+            return found
+        mine = self._on_mesh.material_points(material)
+        wanted = numbers(points, self._on_mesh.discretization.points.n_points)
+        if len(wanted) == len(mine):
+            return found
+        return found.at(np.searchsorted(mine, wanted))
+
     def elasticity(self, material: str) -> Dual:
-        """E (s, s) of a material, Pa."""
+        """E (s, s) of a material, Pa; where a constant is a field, that of its mean."""
         if material not in self._elasticities:
             elastic, s = self._case.materials[material].elastic, self.n_strain
             full = elasticity(elastic, self._point, section=s < 6)

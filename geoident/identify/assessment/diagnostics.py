@@ -99,7 +99,7 @@ def diagnose(
     e = (problem.measured - readings) / problem.sd
     w = weights(problem.loss, e)
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
-    C = assessment.covariance_x
+    C = assessment.held_covariance_x
     leverage = np.einsum("gi,ij,gj->g", B, C, B)
     influence, distance = np.zeros((len(e), C.shape[0])), np.zeros(len(e))
     for rows in _members(sets):
@@ -125,7 +125,7 @@ def _diagnose_correlated(
     w = weights(problem.loss, own_residuals(problem, readings)[0])
     weighted = replace(problem, sd=problem.sd / np.sqrt(w))
     assert weighted.covariance is not None
-    covariance, C = weighted.covariance, assessment.covariance_x
+    covariance, C = weighted.covariance, assessment.held_covariance_x
     pull = covariance.solve(jacobian * assessment.slope)
     force, own = covariance.solve(gap), covariance.inverse_diagonal
     left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own

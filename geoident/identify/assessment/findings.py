@@ -257,5 +257,6 @@ def _bounds(known: Knowledge) -> Iterator[str]:
             near_lower = known.values[i] - parameter.lower < parameter.upper - known.values[i]
             yield (
                 f"{parameter.name} lies on its {'lower' if near_lower else 'upper'} bound: "
-                "the results for the other parameters hold for that value."
+                f"intervals and bands take it as unknown {'above' if near_lower else 'below'}. If "
+                f"the ground may have {'less' if near_lower else 'more'}, widen the bound."
             )

@@ -63,8 +63,12 @@ class SingularDirections:
     @property
     def determined_covariance(self) -> Floats:
         """Sum over the determined directions of v v^T / S^2, (n, n) in z."""
-        determined = self.V[:, ~self.undetermined] / self.S[~self.undetermined]
-        return determined @ determined.T
+        return self.determined_columns @ self.determined_columns.T
+
+    @property
+    def determined_columns(self) -> Floats:
+        """Determined directions (n, d) in z, one standard deviation long each."""
+        return self.V[:, ~self.undetermined] / self.S[~self.undetermined]
 
     @property
     def undetermined_vectors(self) -> Floats:

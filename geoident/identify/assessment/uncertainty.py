@@ -17,13 +17,17 @@ directions, so from the bounds of other parameters, at most a quarter; and if, h
 better known than that, its standard deviation below 0.95 of the prior's. What one parameter
 lacks does not touch the number of another that has no part in it.
 
-A parameter on its bound is fixed in cov_x: the numbers of the others hold for that value. Whether
-it and the others are determined is judged as if it were free, or a bound would hide that two
-parameters cannot be told apart.
+**A bound limits, it does not inform.** Of a parameter on its bound only one side is unknown, not
+nothing. Intervals and bands are those of the normal posterior cut at the bounds (see `posterior`),
+with its mode where the estimate is: a parameter on a bound has the gradient of phi that holds it
+there. Its interval is one-sided, from the bound on, and what depends on it is as uncertain as that
+makes it. Whether parameters are determined is judged as if none was on a bound, or a bound would
+hide that two parameters cannot be told apart. (The influence of readings alone is judged with
+parameters on bounds held there: without a reading they would not move.)
 
-A prediction with Jacobian J_l has the variance J_l cov J_l^T + s_l^2, with the part of the
-undetermined directions on top. Where that part is larger than all the rest, the prediction is not
-determined and its standard deviation infinite. A prediction that does not depend on what is
+A prediction with Jacobian J_l is J_l dx with the error s_l of the gauge beside. Where the part of
+the undetermined directions is larger than all the rest, J_l cov J_l^T + s_l^2, the prediction is
+not determined and its standard deviation infinite. A prediction that does not depend on what is
 undetermined keeps its band.
 
 Computed once, from the Jacobian at the estimate; no evaluation of the model.
@@ -36,6 +40,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
+from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
@@ -49,26 +54,35 @@ PRIOR_SHARE = 0.95
 """Posterior by prior standard deviation from which on a parameter is known from its prior only."""
 
 
+FLAT = 10.0
+"""Standard deviation of an undetermined direction, in admissible extents: flat between bounds."""
+
+
 @dataclass(frozen=True)
 class Assessment:
     """How well each of n parameters is known.
 
     Args:
-        sd: (n,) standard deviation, SI; NaN where at a bound or not determined.
-        lower95: (n,) lower end of the 95 % interval, SI, symmetric in x (so in the logarithm of a
-            parameter scaled by it), not cut at the bounds; NaN where ``sd`` is.
+        sd: (n,) root of the mean square deviation from the estimate, SI; where no bound is near,
+            the standard deviation. NaN where not determined or given.
+        lower95: (n,) lower end of the 95 % interval, SI: symmetric in x (so in the logarithm of a
+            parameter scaled by it) where no bound is near, never beyond a bound; NaN where ``sd``
+            is.
         upper95: (n,) its upper end.
-        beyond_bounds: (n,) the interval reaches beyond a bound.
-        covariance: (n, n) SI; NaN rows and columns where ``sd`` is NaN.
+        beyond_bounds: (n,) a bound cuts the interval.
+        covariance: (n, n) SI, mean products of deviations; NaN rows and columns where ``sd`` is.
         correlation: (n, n) likewise.
-        at_bound: (n,) the value lies on a bound; treated as fixed there.
+        at_bound: (n,) the value lies on a bound.
         determined: (n,) readings, or readings and priors together, determine it.
         from_prior: (n,) not determined by readings, but known from its prior: nothing is missing.
         singular_values: (min(g, n),) of B, the readings alone, largest first.
         findings: sentences on what is not determined and what only a prior fixes.
         slope: (n,) dp/dx, SI.
-        covariance_x: (n, n) of the determined directions in x; zero rows at bounds.
-        gaps_x: (n, u) the undetermined directions in x, one standard deviation long each.
+        posterior: of x, from the estimate, cut at the bounds.
+        determined_x: (n, d) the determined directions in x, one standard deviation long each.
+        gaps_x: (n, u) the undetermined directions, likewise.
+        held_covariance_x: (n, n) of the determined directions in x while parameters on bounds are
+            held there; zero rows of these.
     """
 
     sd: Floats
@@ -83,60 +97,89 @@ class Assessment:
     singular_values: Floats
     findings: tuple[str, ...]
     slope: Floats
-    covariance_x: Floats
+    posterior: Posterior
+    determined_x: Floats
     gaps_x: Floats
+    held_covariance_x: Floats
 
 
-def assess(problem: Problem, values: Floats, jacobian: Floats) -> Assessment:
+@dataclass(frozen=True)
+class Band:
+    """Where l later readings are expected, from their predicted values, SI.
+
+    Args:
+        lower95: (l,) lower end of the 95 % band; -inf where not determined.
+        upper95: (l,) upper end; inf where not determined.
+        sd: (l,) root of the mean square deviation from the prediction; inf where not determined.
+    """
+
+    lower95: Floats
+    upper95: Floats
+    sd: Floats
+
+
+def assess(
+    problem: Problem, values: Floats, jacobian: Floats, readings: Floats | None = None
+) -> Assessment:
     """Covariance, intervals and what is not determined, theory 6.
 
     Args:
         problem: standard deviations of the readings, and the parameters.
         values: (n,) the estimate, SI.
         jacobian: (g, n) derivative of the readings there, SI.
+        readings: (g,) v there, SI, from which is known how strongly a parameter is pressed against
+            its bound; None for readings that are met.
     """
     scaling = Scaling(problem.parameters)
     slope, width = scaling.slope(values), _ranges(scaling)
     B = problem.whiten(jacobian * slope) * width
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
-    at_bound = ~varies | _on_bound(problem.parameters, values, slope * width)
-    whole, readings = SingularDirections.of(A, varies), SingularDirections.of(B, varies)
-    covariance_x, gaps_x = _scaled(SingularDirections.of(A, ~at_bound), width)
+    on_bound = _on_bound(problem.parameters, values, slope * width)
+    at_bound = ~varies | on_bound
+    whole, alone = SingularDirections.of(A, varies), SingularDirections.of(B, varies)
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
     from_prior = _only_from_prior(P, total)
     known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * undetermined <= 0.25)
     determined = known_enough & ~from_prior
     known = Knowledge(
-        problem.parameters, values, at_bound, from_prior, P, slope * width, whole, readings
+        problem.parameters, values, at_bound, from_prior, P, slope * width, whole, alone
     )
-    covariance = covariance_x + gaps_x @ gaps_x.T
+    pressed = np.zeros(len(values))
+    if readings is not None:
+        r = np.concatenate(
+            [problem.whiten(readings - problem.measured), scaling.prior_residuals(values)]
+        )
+        pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
+    posterior, uncut = _posterior(scaling, whole, width, values, pressed)
     every_x, every_gap_x = _scaled(whole, width)
-    sd_x = np.where(determined & ~at_bound, np.sqrt(np.diag(covariance)), np.nan)
-    lower95, upper95 = _interval(scaling, values, sd_x)
+    sd_x = np.where(determined & varies, np.sqrt(np.diag(posterior.covariance)), np.nan)
+    lower95, upper95, cut = _interval(scaling, values, posterior, uncut, determined & varies)
     return Assessment(
         sd=slope * sd_x,
         lower95=lower95,
         upper95=upper95,
-        beyond_bounds=_beyond(problem.parameters, lower95, upper95),
-        covariance=_only(np.isfinite(sd_x), np.outer(slope, slope) * covariance),
-        correlation=_only(np.isfinite(sd_x), covariance / np.outer(sd_x, sd_x)),
+        beyond_bounds=cut,
+        covariance=_only(np.isfinite(sd_x), np.outer(slope, slope) * posterior.covariance),
+        correlation=_only(np.isfinite(sd_x), posterior.covariance / np.outer(sd_x, sd_x)),
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
-        singular_values=readings.S[: min(B.shape)],
+        singular_values=alone.S[: min(B.shape)],
         findings=describe_gaps(
             known, np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T)
         ),
         slope=slope,
-        covariance_x=covariance_x,
-        gaps_x=gaps_x,
+        posterior=posterior,
+        determined_x=whole.determined_columns * width[:, None],
+        gaps_x=every_gap_x,
+        held_covariance_x=_scaled(SingularDirections.of(A, ~at_bound), width)[0],
     )
 
 
-def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Floats:
-    """Standard deviation of later readings, sqrt(diag(J_l cov J_l^T) + s_l^2), theory 6.
+def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Band:
+    """Where later readings are expected, theory 6.
 
     Args:
         assessment: how well the parameters are known.
@@ -144,12 +187,62 @@ def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Floats
         sd: (l,) accuracy of the later readings, SI.
 
     Returns:
-        (l,) SI; infinite where the reading depends mainly on what is not determined.
+        Infinite where the reading depends mainly on what is not determined.
     """
     rows = jacobian * assessment.slope
-    known = np.einsum("li,ij,lj->l", rows, assessment.covariance_x, rows) + sd**2
+    found = assessment.posterior.of(rows, sd)
+    lower95, upper95 = found.interval()
+    loose = depends_on_gaps(assessment, rows, sd)
+    return Band(
+        np.where(loose, -np.inf, np.minimum(lower95, 0.0)),
+        np.where(loose, np.inf, np.maximum(upper95, 0.0)),
+        np.where(loose, np.inf, found.rms),
+    )
+
+
+def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
+    """Whether linear functions of x (l, n), with an own error (l,), are not determined.
+
+    They are where the part of undetermined directions is larger than all the rest.
+    """
+    known = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
     undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)
-    return np.where(undetermined > known, np.inf, np.sqrt(known + undetermined))
+    return np.asarray(undetermined > known, dtype=np.bool_)
+
+
+def _pressed(
+    gradient: Floats, parameters: tuple[Parameter, ...], values: Floats, on_bound: Bools
+) -> Floats:
+    """The gradient (n,) of phi / 2 in z that holds parameters on their bounds; zero elsewhere."""
+    middle = np.array([0.5 * (q.lower + q.upper) for q in parameters])
+    inwards = np.where(values <= middle, 1.0, -1.0)
+    return np.where(on_bound & (gradient * inwards > 0.0), gradient, 0.0)
+
+
+def _posterior(
+    scaling: Scaling, whole: SingularDirections, width: Floats, values: Floats, pressed: Floats
+) -> tuple[Posterior, NormalMixture]:
+    """The posterior in x from the estimate, cut at the bounds, and its margins before the cut.
+
+    Args:
+        scaling: with the bounds.
+        whole: directions of readings and priors in z.
+        width: (n,) of the parameters in x.
+        values: (n,) the estimate, SI.
+        pressed: (n,) the gradient in z that bounds hold.
+    """
+    unbounded = ~np.isfinite(scaling.upper - scaling.lower)
+    open_ended = np.abs(whole.V[unbounded]).max(axis=0, initial=0.0) > 0.01
+    widest = np.where(open_ended, 1.0, FLAT) * whole.extent
+    size = 1.0 / np.maximum(whole.S, 1.0 / widest)
+    factor = width[:, None] * whole.V * size
+    mean = -factor @ (size * (whole.V.T @ pressed))
+    x = scaling.to_scaled(values)
+    fixed = width <= 0.0
+    lower = np.where(fixed, -np.inf, np.minimum(scaling.lower - x, 0.0))
+    upper = np.where(fixed, np.inf, np.maximum(scaling.upper - x, 0.0))
+    uncut = NormalMixture(mean[:, None], np.linalg.norm(factor, axis=1)[:, None], np.ones(1))
+    return cut_normal(mean, factor, lower, upper), uncut
 
 
 def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
@@ -180,19 +273,18 @@ def _only_from_prior(P: Floats, total: Floats) -> Bools:
     return np.asarray(precision * total >= PRIOR_SHARE, dtype=np.bool_)
 
 
-def _interval(scaling: Scaling, values: Floats, sd_x: Floats) -> tuple[Floats, Floats]:
-    """Ends of the 95 % interval (n,), (n,), SI."""
-    half = NORMAL_95 * sd_x
-    factor = np.exp(half)
-    lower = np.where(scaling.log, values / factor, values - half * scaling.reference)
-    upper = np.where(scaling.log, values * factor, values + half * scaling.reference)
-    return lower, upper
-
-
-def _beyond(parameters: tuple[Parameter, ...], lower95: Floats, upper95: Floats) -> Bools:
-    lower = np.array([q.lower for q in parameters])
-    upper = np.array([q.upper for q in parameters])
-    return (lower95 < lower) | (upper95 > upper)
+def _interval(
+    scaling: Scaling, values: Floats, posterior: Posterior, uncut: NormalMixture, shown: Bools
+) -> tuple[Floats, Floats, Bools]:
+    """Ends of the 95 % interval (n,), (n,), SI, and whether a bound cuts it (n,)."""
+    n = len(values)
+    x = scaling.to_scaled(values)
+    first, last = scaling.lower - x, scaling.upper - x
+    low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
+    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
+    ends = [np.where(shown, scaling.away(values, end), np.nan) for end in (low, high)]
+    wide_low, wide_high = uncut.interval()
+    return ends[0], ends[1], shown & ((wide_low < first) | (wide_high > last))
 
 
 def _only(kept: Bools, matrix: Floats) -> Floats:

@@ -92,6 +92,12 @@ class Scaling:
         p[x >= self.upper] = self._natural_upper[x >= self.upper]
         return np.clip(p, self._natural_lower, self._natural_upper)
 
+    def away(self, p: Floats, step: Floats) -> Floats:
+        """Natural p (n,) at steps (n,) in x from p (n,), never outside the bounds."""
+        with np.errstate(over="ignore"):
+            moved = np.where(self.log, p * np.exp(step), p + step * self.reference)
+        return np.clip(moved, self._natural_lower, self._natural_upper)
+
     def slope(self, p: Floats) -> Floats:
         """dp/dx (n,), the diagonal, SI: a Jacobian in p times it is the Jacobian in x."""
         return np.where(self.log, p, self.reference)

@@ -123,6 +123,8 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     gravity = section.gravity is not None
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
+    if section.mesh is None:
+        _refuse_fields(materials, context)
     structures = {
         name: part.structure(context.at("structures", name))
         for name, part in section.structures.items()
@@ -151,6 +153,15 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         water=None if section.water is None else section.water.water(),
         structures=structures,
     )
+
+
+def _refuse_fields(materials: Mapping[str, Material], context: Context) -> None:
+    """Without a mesh the ground is the same everywhere."""
+    for material in materials.values():
+        for field in material.fields:
+            message = f"{field.name} varies from place to place, and there is no mesh"
+            hint = "Closed forms are of uniform ground: write one number."
+            context.at(*field.path).refuse("no-mesh", message, hint, key=True)
 
 
 def _supports(values: Mapping[str, SupportValue], context: Context) -> tuple[Support, ...]:
@@ -365,7 +376,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
     """Every number of the case with its path."""
     if isinstance(node, Given):
-        yield path, node
+        yield (path if node.field is None else (*path, "field", "mean")), node
     elif isinstance(node, BaseModel):
         for name, info in type(node).model_fields.items():
             yield from _numbers(getattr(node, name), (*path, info.alias or name))

@@ -22,6 +22,7 @@ from pydantic import ValidationError
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection, build_case, check_references
+from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
@@ -103,7 +104,7 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     refuse_blanks(places)
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
-    places = with_temperatures(places, folder)
+    places = with_measured(with_temperatures(places, folder), folder)
     section = _validate(places)
     faults = Faults(places)
     mesh_path = None

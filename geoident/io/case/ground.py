@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from geoident.io.case.field import FieldModulus, fields_in
 from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
-from geoident.io.case.yielding import YieldSections, build_yields
+from geoident.io.case.yielding import YieldSections, build_yields, fields_of_yields
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,
@@ -19,7 +20,6 @@ from geoident.io.schema.values import (
     DirectionVector,
     Expansion,
     Given,
-    Modulus,
     Ratio,
     Stress,
     scalar_of,
@@ -76,10 +76,12 @@ class IsotropicSection(_MaterialBase):
     """A material: isotropic elasticity by E and nu, or by K and G."""
 
     elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
-    E: Modulus | None = Field(None, description="Young's modulus.", examples=["15 GPa", "$E_rock"])
+    E: FieldModulus | None = Field(
+        None, description="Young's modulus.", examples=["15 GPa", "$E_rock"]
+    )
     nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
-    K: Modulus | None = Field(None, description="Bulk modulus.")
-    G: Modulus | None = Field(None, description="Shear modulus.")
+    K: FieldModulus | None = Field(None, description="Bulk modulus.")
+    G: FieldModulus | None = Field(None, description="Shear modulus.")
 
     @model_validator(mode="after")
     def _one_pair(self) -> IsotropicSection:
@@ -124,20 +126,24 @@ class TransverselyIsotropicSection(_InclinedBase):
     normal: DirectionVector | None = Field(
         None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
     )
-    E_p: Modulus | None = Field(None, description="Young's modulus in the plane of the strata.")
+    E_p: FieldModulus | None = Field(
+        None, description="Young's modulus in the plane of the strata."
+    )
     nu_p: Coefficient | None = Field(None, description="Poisson's ratio in the plane.")
-    E_n: Modulus | None = Field(None, description="Young's modulus along the normal.")
+    E_n: FieldModulus | None = Field(None, description="Young's modulus along the normal.")
     nu_np: Coefficient | None = Field(
         None,
         description="Poisson's ratio for a stress along the normal: -strain in the plane / strain "
         "along the normal; so nu_pn = nu_np E_p / E_n.",
     )
-    G_np: Modulus | None = Field(None, description="Shear modulus between normal and plane.")
-    A: Modulus | None = Field(None, description="Love's A = c11 = c22, axis 3 being the normal.")
-    C: Modulus | None = Field(None, description="Love's C = c33.")
+    G_np: FieldModulus | None = Field(None, description="Shear modulus between normal and plane.")
+    A: FieldModulus | None = Field(
+        None, description="Love's A = c11 = c22, axis 3 being the normal."
+    )
+    C: FieldModulus | None = Field(None, description="Love's C = c33.")
     F: Stress | None = Field(None, description="Love's F = c13 = c23.")
-    L: Modulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
-    N: Modulus | None = Field(None, description="Love's N, shear modulus in the plane.")
+    L: FieldModulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
+    N: FieldModulus | None = Field(None, description="Love's N, shear modulus in the plane.")
 
     @model_validator(mode="after")
     def _one_set(self) -> TransverselyIsotropicSection:
@@ -165,15 +171,15 @@ class OrthotropicSection(_InclinedBase):
     """
 
     elastic: Literal["orthotropic"] = Field(description="Symmetry of the elasticity.")
-    E_1: Modulus = Field(description="Young's modulus along axis 1.")
-    E_2: Modulus = Field(description="Young's modulus along axis 2.")
-    E_3: Modulus = Field(description="Young's modulus along axis 3.")
+    E_1: FieldModulus = Field(description="Young's modulus along axis 1.")
+    E_2: FieldModulus = Field(description="Young's modulus along axis 2.")
+    E_3: FieldModulus = Field(description="Young's modulus along axis 3.")
     nu_12: Coefficient = Field(description="Poisson's ratio: contraction along 2, stress along 1.")
     nu_13: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 1.")
     nu_23: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 2.")
-    G_12: Modulus = Field(description="Shear modulus between axes 1 and 2.")
-    G_13: Modulus = Field(description="Shear modulus between axes 1 and 3.")
-    G_23: Modulus = Field(description="Shear modulus between axes 2 and 3.")
+    G_12: FieldModulus = Field(description="Shear modulus between axes 1 and 2.")
+    G_13: FieldModulus = Field(description="Shear modulus between axes 1 and 3.")
+    G_23: FieldModulus = Field(description="Shear modulus between axes 2 and 3.")
     rotation: Angle | None = Field(
         None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
@@ -219,27 +225,27 @@ class AnisotropicSection(_MaterialBase):
     """
 
     elastic: Literal["anisotropic"] = Field(description="Symmetry of the elasticity.")
-    c11: Modulus = _entry("xx", "xx")
+    c11: FieldModulus = _entry("xx", "xx")
     c12: Stress | None = _entry("xx", "yy", "0 if missing")
     c13: Stress | None = _entry("xx", "zz", "0 if missing")
     c14: Stress | None = _entry("xx", "xy", "0 if missing")
     c15: Stress | None = _entry("xx", "yz", "0 if missing")
     c16: Stress | None = _entry("xx", "xz", "0 if missing")
-    c22: Modulus = _entry("yy", "yy")
+    c22: FieldModulus = _entry("yy", "yy")
     c23: Stress | None = _entry("yy", "zz", "0 if missing")
     c24: Stress | None = _entry("yy", "xy", "0 if missing")
     c25: Stress | None = _entry("yy", "yz", "0 if missing")
     c26: Stress | None = _entry("yy", "xz", "0 if missing")
-    c33: Modulus = _entry("zz", "zz")
+    c33: FieldModulus = _entry("zz", "zz")
     c34: Stress | None = _entry("zz", "xy", "0 if missing")
     c35: Stress | None = _entry("zz", "yz", "0 if missing")
     c36: Stress | None = _entry("zz", "xz", "0 if missing")
-    c44: Modulus = _entry("xy", "xy")
+    c44: FieldModulus = _entry("xy", "xy")
     c45: Stress | None = _entry("xy", "yz", "0 if missing")
     c46: Stress | None = _entry("xy", "xz", "0 if missing")
-    c55: Modulus | None = _entry("yz", "yz", "needed in a solid")
+    c55: FieldModulus | None = _entry("yz", "yz", "needed in a solid")
     c56: Stress | None = _entry("yz", "xz", "0 if missing")
-    c66: Modulus | None = _entry("xz", "xz", "needed in a solid")
+    c66: FieldModulus | None = _entry("xz", "xz", "needed in a solid")
 
     def elasticity(self, context: Context) -> Anisotropic:
         """By the entries that are given; a solid needs two more."""
@@ -290,6 +296,10 @@ def build_materials(
             scalar_of(section.density) or none,
             scalar_of(section.expansion) or none,
             build_yields(section.yields, elastic, parameters, place.at("yield")),
+            (
+                *fields_in(section, place, material=name),
+                *fields_of_yields(section.yields, place.at("yield"), material=name),
+            ),
         )
     return materials
 

@@ -9,11 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from geoident.io.case.field import FieldAngle, FieldStrength, fields_in
 from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.schema.section import Context, Section, require_one_of
 from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
 from geoident.model.ground import Elastic, Isotropic
+from geoident.model.ground import Field as RandomField
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
@@ -37,8 +39,8 @@ _FIT = (
 _TENSION = (
     "Tensile strength: largest principal stress; if missing, the other strengths alone limit it."
 )
-_COHESION = Field(description="Cohesion.", examples=["1.5 MPa", "$c"])
-_FRICTION = Field(description="Friction angle, from 0 to below 90 deg.", examples=["35 deg"])
+_COHESION: Any = Field(description="Cohesion.", examples=["1.5 MPa", "$c"])
+_FRICTION: Any = Field(description="Friction angle, from 0 to below 90 deg.", examples=["35 deg"])
 
 
 class _SurfaceBase(Section):
@@ -124,7 +126,7 @@ class PlanesSection(_SurfaceBase):
 
 
 class _CoulombBase(_SurfaceBase):
-    tension: Stress | None = Field(None, description=_TENSION)
+    tension: FieldStrength | None = Field(None, description=_TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
         description="Planes in place of the smooth surface: in 2-D the sides of the polygon in "
@@ -148,10 +150,10 @@ class TrescaSection(_CoulombBase):
     """Tresca: the shear stress is limited, whatever the pressure."""
 
     type: Literal["tresca"] = Field(description="Kind of yield surface.")
-    strength: Stress | None = Field(
+    strength: FieldStrength | None = Field(
         None, description="Shear strength: half the compressive one.", examples=["2 MPa"]
     )
-    cohesion: Stress | None = Field(None, description="Another name of the shear strength.")
+    cohesion: FieldStrength | None = Field(None, description="Another name of the shear strength.")
 
     @model_validator(mode="after")
     def _one_strength(self) -> TrescaSection:
@@ -175,8 +177,8 @@ class MohrCoulombSection(_CoulombBase):
     """Mohr-Coulomb: smooth (exact in principal stresses), or by `planes`."""
 
     type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
-    cohesion: Stress = _COHESION
-    friction: Angle = _FRICTION
+    cohesion: FieldStrength = _COHESION
+    friction: FieldAngle = _FRICTION
     dilation: Angle | None = Field(
         None,
         description="Dilation angle, from 0 to the friction angle: the flow is associated if "
@@ -205,14 +207,14 @@ class DruckerPragerSection(_SurfaceBase):
     """Drucker-Prager's cone by planes, from the cohesion and friction of Mohr-Coulomb."""
 
     type: Literal["drucker-prager"] = Field(description="Kind of yield surface.")
-    cohesion: Stress = _COHESION
-    friction: Angle = _FRICTION
+    cohesion: FieldStrength = _COHESION
+    friction: FieldAngle = _FRICTION
     match: Literal["outer", "inner", "plane-strain"] = Field(
         "plane-strain",
         description="Where the cone meets Mohr-Coulomb: in triaxial compression (its outer edges), "
         "in extension (inner edges), or so that both carry the same in plane strain.",
     )
-    tension: Stress | None = Field(None, description=_TENSION)
+    tension: FieldStrength | None = Field(None, description=_TENSION)
     planes: Annotated[int, Count()] = Field(
         24, description="Least number of planes: from 6 on in 2-D, from 10 on in a solid."
     )
@@ -246,9 +248,9 @@ class WeakPlaneSection(_SurfaceBase):
     normal: DirectionVector | None = Field(
         None, description="Normal of the planes in x, y, z; its length does not matter."
     )
-    cohesion: Stress = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
-    friction: Angle = Field(description="Friction angle on the planes.", examples=["25 deg"])
-    tension: Stress | None = Field(
+    cohesion: FieldStrength = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
+    friction: FieldAngle = Field(description="Friction angle on the planes.", examples=["25 deg"])
+    tension: FieldStrength | None = Field(
         None, description="Tensile strength across the planes; cohesion / tan(friction) if missing."
     )
     planes: Annotated[int, Count()] = Field(
@@ -312,6 +314,25 @@ def build_yields(
         _check_smooth(surface, elastic, place, alone=len(sections) == 1)
         _check_strengths(section, surface, parameters, place)
     return tuple(surfaces)
+
+
+def fields_of_yields(
+    given: YieldSections | None, context: Context, *, material: str
+) -> tuple[RandomField, ...]:
+    """The fields among the strengths of a material.
+
+    Args:
+        given: what stands under the key `yield`.
+        context: of the key `yield`.
+        material: its name.
+    """
+    return tuple(
+        field
+        for n, (place, section) in enumerate(_listed(given, context))
+        for field in fields_in(
+            section, place, material=material, surface=n, names={"strength": "cohesion"}
+        )
+    )
 
 
 def _listed(

@@ -124,6 +124,8 @@ class Given:
         parameter: the parameter that it is tied to, or None.
         dimension: key of `geoident.units.DIMENSIONS`.
         unit: as normalised by `geoident.units`, empty for a tie.
+        field: the section of the field of which the number is the mean; None for one number
+            everywhere.
     """
 
     text: str
@@ -131,6 +133,7 @@ class Given:
     parameter: str | None
     dimension: str
     unit: str = ""
+    field: Any = None
 
     @property
     def scalar(self) -> Scalar:
@@ -373,6 +376,7 @@ BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
 Dimensionless = Annotated[Given, Of(DIMENSIONLESS)]
 GivenAngle = Annotated[Given, Of("angle")]
+GivenSize = Annotated[Given, Of("length", above=0.0)]
 Acceleration = Annotated[Given, Of("acceleration")]
 AnyQuantity = Annotated[Given, Of(None)]
 

@@ -48,7 +48,7 @@ def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Flo
         readings: (g,) v there, SI.
         jacobian: (g, n) its derivative.
     """
-    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian)
+    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian, readings)
 
 
 def diagnostics_table(

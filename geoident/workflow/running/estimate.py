@@ -71,7 +71,7 @@ def prepare(job: Job) -> Setup:
         ModelError: the model moves freely somewhere.
     """
     model = build_model(job.inputs, solver=job.request.solver)
-    case = job.inputs.case
+    case = model.case
     readings = select_readings(case, model)
     require_enough(case, readings)
     require_possible(model, case, job.methods)

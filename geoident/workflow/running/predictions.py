@@ -14,7 +14,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.model.result import NORMAL_95, GaugeTable, Prediction
+from geoident.model.result import GaugeTable, Prediction
 from geoident.workflow.running.errors import ChannelReading, error_structure
 
 
@@ -48,15 +48,22 @@ def predict_stages(
     computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
-    sd = np.full(computed.shape, np.nan)
     sensitivity = survey.sensitivity[wanted]
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
-        sd[wanted] = predict_band(assessment, later.jacobian, later.sd)
+        band = predict_band(assessment, later.jacobian, later.sd)
     else:
-        sd[wanted] = predict_band(assessment, sensitivity, accuracy[wanted])
-    return Prediction(mean, sd, mean - NORMAL_95 * sd, mean + NORMAL_95 * sd)
+        band = predict_band(assessment, sensitivity, accuracy[wanted])
+
+    def placed(values: Floats) -> Floats:
+        table = np.full(computed.shape, np.nan)
+        table[wanted] = values
+        return table
+
+    return Prediction(
+        mean, placed(band.sd), mean + placed(band.lower95), mean + placed(band.upper95)
+    )
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import scipy.sparse.linalg as spla
 from support.array_model import DenseFactor, Operators
 from support.plastic import Planes, polyhedral
 
+from geoident.fem.moduli import UniformModuli
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.plastic_derivatives import _SAME_TANGENT, _exact_factor
@@ -36,7 +37,7 @@ def bar(load: float, k: float, h: float) -> StageEquations:
         Operators(sp.csr_array([[1.0]]), 1),
         volume=np.ones(1),
         dofs=np.array([0]),
-        grounds=[Ground("bar", slice(0, 1), np.eye(1), law)],
+        grounds=[Ground("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
         stress=np.zeros((1, 1)),
         forces=np.array([load]),
         tangents=tangents,
@@ -66,7 +67,7 @@ def test_ground_hardens_where_its_law_does():
     ground = bar(1.0, 0.1, 0.5).grounds[0]
     assert ground.hardens is True
     assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
-    assert Ground("elastic", slice(0, 1), np.eye(1)).hardens is False
+    assert Ground("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
 
 
 def test_the_last_factor_serves_again_where_the_pieces_are_the_same():

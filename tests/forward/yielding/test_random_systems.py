@@ -139,7 +139,7 @@ def moduli_of(staged: StagedModel) -> np.ndarray:
 
 
 def ground_of(staged: StagedModel) -> GroundAt:
-    return GroundAt(staged.case, NOWHERE, staged.discretization.points.n_strain)
+    return GroundAt(staged.on_mesh, NOWHERE, staged.discretization.points.n_strain)
 
 
 def blocks(problem: Problem) -> tuple[sp.csr_array, sp.csr_array]:

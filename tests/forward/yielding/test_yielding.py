@@ -13,6 +13,7 @@ from support.meshes import box
 from support.plastic import Planes
 
 from geoident.forward.march.systems import GroundAt
+from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.mohr_coulomb import cut_off
 from geoident.forward.yielding.surfaces import yield_planes
 from geoident.model.case import Material
@@ -320,7 +321,8 @@ def test_every_plane_has_its_own_name():
 
 def test_what_does_not_yield_has_no_law():
     steel = Material("steel", ROCK)
-    case = make_case(box("tri3", (1, 1)), materials={"steel": steel})
-    ground = GroundAt(case, ParameterPoint(VALUES, ()), 4)
+    mesh = box("tri3", (1, 1))
+    on_mesh = CaseOnMesh(make_case(mesh, materials={"steel": steel}), mesh)
+    ground = GroundAt(on_mesh, ParameterPoint(VALUES, ()), 4)
     assert ground.yield_law("steel") is None
     assert ground.yield_planes() == {}

@@ -153,8 +153,10 @@ def test_a_value_on_a_bound_up_to_rounding_is_on_it(away, at_bound):
         found = assessed([[10.0]], 0.01, LINEAR, [value])
         assert found.at_bound.tolist() == [at_bound]
         side = "lower" if value < 0.5 else "upper"
+        way, beyond = ("above", "less") if side == "lower" else ("below", "more")
         said = (
-            f"a lies on its {side} bound: the results for the other parameters hold for that value."
+            f"a lies on its {side} bound: intervals and bands take it as unknown {way}. If the "
+            f"ground may have {beyond}, widen the bound."
         )
         assert found.findings == ((said,) if at_bound else ())
 
@@ -237,6 +239,6 @@ def test_a_prediction_is_determined_while_what_is_not_stays_below_the_rest(part,
     q = (Parameter("a", 0.5, 0.0, 1.0), Parameter("b", 0.5, 0.0, 1.0))
     found = assessed([[1.0, 0.0]], 0.01, q, [0.5, 0.5])
     rest = np.hypot(0.01, 0.02)
-    (band,) = predict_band(found, np.array([[1.0, part * rest]]), np.array([0.02]))
+    (band,) = predict_band(found, np.array([[1.0, part * rest]]), np.array([0.02])).sd
     assert np.isfinite(band) == known
-    assert not known or band == pytest.approx(np.hypot(rest, part * rest))
+    assert not known or band == pytest.approx(np.hypot(rest, part * rest / np.sqrt(12.0)), rel=2e-3)

@@ -218,7 +218,7 @@ def test_studentized_residuals_are_deletion_residuals(problem, measured):
             SD[[i]], np.array([-1]), sp.csr_array(B[[i]]), np.full(3, -1), ()
         )
         later = given_used(others, u, K, later=structure, later_jacobian=J[[i]])
-        sd = predict_band(assess(others, q, K), later.jacobian, later.sd)
+        sd = predict_band(assess(others, q, K), later.jacobian, later.sd).sd
         t = (measured[i] - line(q)[i] - later.shift[0]) / sd[0]
         assert found.studentized[i] == pytest.approx(t, rel=1e-6)
     assert np.all((found.leverage > 0.0) & (found.leverage < 1.0))
@@ -245,7 +245,7 @@ def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
     known = assess(wide, q, wide.response.evaluate(q)[1])
     later = np.array([[1.0, 9.0, 0.0, 0.0, -0.4], [1.0, 3.0, 0.3, 0.0, 0.0]])
     sd = np.array([0.2, 0.1])
-    bands = predict_band(known, later, sd)
+    bands = predict_band(known, later, sd).sd
 
     problem = replace(make_problem(line, parameters(), measured, SD), shared=SHARED)
     p = fitted(problem)
@@ -256,7 +256,7 @@ def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
     found = given_used(problem, v, J, later=structure, later_jacobian=later[:, :2])
     np.testing.assert_allclose(later[:, :2] @ p + found.shift, later @ q, rtol=1e-7)
     np.testing.assert_allclose(
-        predict_band(assess(problem, p, J), found.jacobian, found.sd), bands, rtol=1e-7
+        predict_band(assess(problem, p, J), found.jacobian, found.sd).sd, bands, rtol=1e-7
     )
     alone = np.sqrt(np.sum(later[:, 2:] ** 2, axis=1) + sd**2)  # as if nothing were known of them
     assert np.all(found.sd < alone)

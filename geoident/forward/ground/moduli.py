@@ -1,0 +1,194 @@
+"""Moduli of a material with their derivatives: uniform, or with constants that are fields.
+
+Where constants are fields, the formulas of `fem.elasticity` are taken at all strain points at once,
+with dual numbers whose derivatives are by few things: the parameters that the material's own
+numbers depend on, and the logarithm of each field. The modes follow by the chain rule,
+dE/dxi_k = (dE/dlog c) modes[:, k]; no array has as many columns as there are modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.moduli import (
+    Moduli,
+    PointwiseModuli,
+    ScaledModuli,
+    SummedModuli,
+    UniformModuli,
+)
+from geoident.forward.ground.elasticity import elasticity, elasticity_of
+from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import Elastic, PointField, constants, numbers_of
+
+
+@dataclass(frozen=True, eq=False)
+class ModeSlopes:
+    """Derivatives of moduli by the modes of a field.
+
+    Args:
+        moduli: dE/dlog c at the points (q).
+        field: whose modes multiply it.
+        places: (q,) the points among those of the field; None: all of them, in order.
+    """
+
+    moduli: Moduli
+    field: PointField
+    places: Ints | None = None
+
+    @property
+    def modes(self) -> Floats:
+        """(q, n_modes) Phi at the points."""
+        return self.field.modes if self.places is None else self.field.modes[self.places]
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialModuli:
+    """E at strain points (q) of a material, and its derivatives.
+
+    Args:
+        value: E, Pa.
+        slopes: parameter to dE/dp, for those that E depends on otherwise than by a mode.
+        modes: derivatives by modes.
+    """
+
+    value: Moduli
+    slopes: Mapping[str, Moduli]
+    modes: tuple[ModeSlopes, ...] = ()
+
+    def at(self, places: Ints) -> MaterialModuli:
+        """At some of the points, (k,) by place."""
+        return MaterialModuli(
+            self.value.at(places),
+            {name: moduli.at(places) for name, moduli in self.slopes.items()},
+            tuple(ModeSlopes(m.moduli.at(places), m.field, places) for m in self.modes),
+        )
+
+
+def uniform_moduli(columns: Dual, names: Sequence[str]) -> MaterialModuli:
+    """Moduli without fields.
+
+    Args:
+        columns: E (s, s) with its derivatives by n parameters.
+        names: of these.
+    """
+    slopes = ((name, columns.slope(n)) for n, name in enumerate(names))
+    return MaterialModuli(
+        UniformModuli(np.ascontiguousarray(columns.value)),
+        {name: UniformModuli(slope) for name, slope in slopes if slope is not None},
+    )
+
+
+def field_moduli(
+    elastic: Elastic, fields: Sequence[PointField], point: ParameterPoint, n_strain: int
+) -> MaterialModuli:
+    """Moduli with constants that are fields, at all strain points of their material.
+
+    Args:
+        elastic: symmetry, constants and axes; the constants of the fields are their means.
+        fields: of the material, one at least.
+        point: the parameters.
+        n_strain: number s of strain components of the analysis.
+    """
+    own = {scalar.parameter for scalar in numbers_of(elastic).values()}
+    local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
+    by_modes = any(name in point.names for field in fields for name in field.names)
+    if scales_whole(elastic, fields):
+        return _scaled(elastic, fields[0], local, n_strain, by_modes=by_modes)
+    return _pointwise(elastic, fields, local, n_strain, by_modes=by_modes)
+
+
+def scales_whole(elastic: Elastic, fields: Sequence[PointField]) -> bool:
+    """Whether fields multiply the whole matrix by one factor.
+
+    That is so where all moduli (not the ratios) vary together: E grows in proportion to them.
+    """
+    moduli = {name for name in constants(elastic) if not name.startswith("nu")}
+    alike = all(_vary_alike(fields[0], field) for field in fields[1:])
+    return moduli == {field.constant for field in fields} and alike
+
+
+def _vary_alike(one: PointField, other: PointField) -> bool:
+    """Whether two constants differ from their means by the same factor, whatever the means."""
+    return (
+        one.names == other.names
+        and np.array_equal(one.known, other.known)
+        and np.array_equal(one.modes, other.modes)
+        and not (one.pull.any() or other.pull.any())
+    )
+
+
+def _scaled(
+    elastic: Elastic, field: PointField, local: ParameterPoint, s: int, *, by_modes: bool
+) -> MaterialModuli:
+    """E times a factor of every point.
+
+    Where tests hold the field, the factor also depends on the mean m, by m^-pull.
+    """
+    section = s < 6
+    matrix = Dual(elasticity(elastic, local, section=section).columns[:s, :s])
+    mean = local.number(constants(elastic)[field.constant])
+    factor = field.factor(local.values, float(mean.value))
+    value = ScaledModuli(np.ascontiguousarray(matrix.value), factor)
+    slopes: dict[str, Moduli] = {}
+    for n, name in enumerate(local.names):
+        slope, grows = matrix.slope(n), float(mean.columns[1 + n])
+        parts = [] if slope is None else [ScaledModuli(slope, factor)]
+        if grows and field.pull.any():
+            relative = -grows / float(mean.value)
+            parts.append(ScaledModuli(relative * value.matrix, factor * field.pull))
+        if parts:
+            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
+    return MaterialModuli(value, slopes, (ModeSlopes(value, field),) if by_modes else ())
+
+
+def _pointwise(
+    elastic: Elastic,
+    fields: Sequence[PointField],
+    local: ParameterPoint,
+    s: int,
+    *,
+    by_modes: bool,
+) -> MaterialModuli:
+    """A matrix of its own at every point."""
+    extra = len(fields) if by_modes else 0
+    numbers = {name: _wide(local.number(c), extra) for name, c in constants(elastic).items()}
+    for n, field in enumerate(fields):
+        numbers[field.constant] = varying(field, numbers[field.constant], local.values)
+        if by_modes:
+            columns = numbers[field.constant].columns
+            columns[..., columns.shape[-1] - extra + n] = columns[..., 0]
+    dual = elasticity_of(elastic, numbers, local, section=s < 6, extra=extra)
+    entries = np.moveaxis(dual.columns[:, :s, :s], 0, 2)  # (s, s, q, 1 + k)
+    parts = [PointwiseModuli(np.ascontiguousarray(entries[..., k])) for k in range(dual.n + 1)]
+    k = 1 + len(local.names)
+    slopes = zip(local.names, parts[1:k], strict=True)
+    return MaterialModuli(
+        parts[0],
+        {name: part for name, part in slopes if part.entries.any()},
+        tuple(ModeSlopes(part, field) for part, field in zip(parts[k:], fields, strict=False)),
+    )
+
+
+def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
+    """A constant (q, 1, 1) at the points of its field, with the derivatives that its mean has.
+
+    Args:
+        field: the field; its modes are not differentiated by.
+        mean: the mean (1, 1, 1).
+        values: parameters by name, SI.
+    """
+    m = mean.value.item()
+    factor = field.factor(values, m)[:, None, None]
+    slope = (factor * (1.0 - field.pull[:, None, None]))[..., None] * mean.columns[..., 1:]
+    return Dual(np.concatenate([(factor * m)[..., None], slope], axis=-1))
+
+
+def _wide(number: Dual, extra: int) -> Dual:
+    """A number as an array (1, 1, 1) that broadcasts to matrices at points, with more columns."""
+    columns = np.concatenate([number.columns, np.zeros(extra)])
+    return Dual(columns[None, None, None])

@@ -1,0 +1,302 @@
+"""The normal posterior cut at the bounds, and what linear functions of it are (theory 6.3).
+
+With the model linearised at the estimate, the posterior of the scaled parameters x is normal within
+the bounds and zero outside. Written from the estimate, dx = x - x^,
+
+    dx = mean + F xi ,   xi ~ N(0, 1) independent ,   lower <= dx <= upper .
+
+Only bounds that the normal reaches matter. Let F_R be the rows of their parameters and
+F_R^T = Q U its QR decomposition: of xi only the components y = Q^T xi are cut, by the
+triangular system U^T y, one after the other (Genz 1992): given y_1 .. y_(j-1), y_j lies between
+two numbers, drawn through its distribution function, and the product of the probabilities of the
+intervals is the weight of the draw. What F xi has beside is normal as ever. So the cut normal is a
+mixture of K normals of one covariance,
+
+    dx = shift_k + G xi   with the weight w_k ,   shift_k = mean + F Q y_k ,   G = F (1 - Q Q^T) ,
+
+and so is every linear function of it, with or without a normal error of its own. The points y_k are
+those of a lattice, not random: the same input gives the same numbers. With one bound they are a
+quadrature by midpoints; with several an interval holds 95 +- 1 % and is at most 3 % too wide.
+
+The 95 % interval is the shortest: symmetric where no bound is near, one-sided, from the bound on,
+where the density is highest on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri_exp
+
+from geoident.model.arrays import Floats, Ints
+from geoident.model.result import NORMAL_95
+
+REACHED = 3.0
+"""A bound farther than this, in standard deviations, is not reached: one in 700."""
+
+POINTS = 512
+"""Of the lattice for one bound; four times as many for several."""
+
+_MOST_POINTS = 65536
+_FEW = 200
+"""Effective number of points below which more are taken."""
+
+_BEYOND = 1e-8
+"""Probability of the tails that are left out."""
+
+_PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73])
+
+_COVERED = 0.95
+_GRID = 65
+_HALVINGS = 12
+_GRAIN = 0.02
+"""Distance between points, in standard deviations, over which they are smeared."""
+_NO_TAIL = 2.5e-3
+"""Probability beyond the end of an interval that is none: the end is that of what is possible."""
+_TOGETHER = 2_000_000
+"""Entries of a table that is made at once (16 MB)."""
+
+
+@dataclass(frozen=True)
+class NormalMixture:
+    """l quantities, each of which is a mixture of K normals with common weights.
+
+    Args:
+        mean: (l, K).
+        sd: (l, K) or (l, 1).
+        weight: (K,) with the sum one.
+    """
+
+    mean: Floats
+    sd: Floats
+    weight: Floats
+
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[float, NormalMixture]]) -> NormalMixture:
+        """One of several mixtures of the same quantities, each with a probability."""
+        whole = [(p, m.mean, np.broadcast_to(m.sd, m.mean.shape), m.weight) for p, m in parts]
+        return cls(
+            np.concatenate([mean for _, mean, _, _ in whole], axis=1),
+            np.concatenate([sd for _, _, sd, _ in whole], axis=1),
+            np.concatenate([p * weight for p, _, _, weight in whole]),
+        )
+
+    @property
+    def centre(self) -> Floats:
+        """Expected values (l,)."""
+        return np.asarray(self.mean @ self.weight)
+
+    @property
+    def rms(self) -> Floats:
+        """Root of the mean square (l,): the deviation from zero, which stands for the estimate."""
+        return np.asarray(np.sqrt((self.mean**2 + self.sd**2) @ self.weight))
+
+    def below(self, t: Floats) -> Floats:
+        """Probability (l, m) of being below t (l, m)."""
+        sd = np.broadcast_to(np.maximum(self.sd, 1e-300), self.mean.shape)
+        with np.errstate(over="ignore"):
+            z = (t[:, :, None] - self.mean[:, None, :]) / sd[:, None, :]
+        return np.asarray(ndtr(z) @ self.weight)
+
+    def interval(
+        self, lower: Floats | None = None, upper: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Ends (l,), (l,) of the shortest interval that holds 95 %.
+
+        Args:
+            lower: (l,) below which there is nothing, -inf for no such limit; None for none at all.
+            upper: (l,) above which there is nothing.
+        """
+        low, high = np.empty(len(self.mean)), np.empty(len(self.mean))
+        size = max(1, _TOGETHER // (_GRID * self.mean.shape[1]))
+        for first in range(0, len(self.mean), size):
+            rows = slice(first, first + size)
+            part = NormalMixture(self.mean[rows], self.sd[rows], self.weight)
+            low[rows], high[rows] = part._interval()
+        if lower is not None:
+            slack = self.below(low[:, None])[:, 0] <= _NO_TAIL
+            low = np.where(slack & np.isfinite(lower), lower, np.maximum(low, lower))
+        if upper is not None:
+            slack = self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL
+            high = np.where(slack & np.isfinite(upper), upper, np.minimum(high, upper))
+        return low, high
+
+    def _interval(self) -> tuple[Floats, Floats]:
+        centre = self.mean @ self.weight
+        own = np.sqrt(self.sd**2 @ (self.weight if self.sd.shape[1] > 1 else np.ones(1)))
+        low, high = centre - NORMAL_95 * own, centre + NORMAL_95 * own
+        spread = np.abs(self.mean - centre[:, None]).max(axis=1)
+        uneven = np.abs(self.sd - own[:, None]).max(axis=1)
+        mixed = np.flatnonzero(np.maximum(spread, uneven) > 1e-9 * own)
+        if len(mixed):
+            part = NormalMixture(self.mean[mixed], self.sd[mixed], self.weight)
+            low[mixed], high[mixed] = part._shortest()
+        return low, high
+
+    def _shortest(self) -> tuple[Floats, Floats]:
+        """The same where a normal distribution will not do."""
+        weighty = self.weight > 1e-12
+        mean, weight = self.mean[:, weighty], self.weight[weighty] / self.weight[weighty].sum()
+        scatter = np.sqrt(np.maximum(mean**2 @ weight - (mean @ weight) ** 2, 0.0))
+        sd = np.broadcast_to(self.sd, self.mean.shape)[:, weighty]
+        sd = np.hypot(sd, _GRAIN * scatter[:, None])
+        part = NormalMixture(mean, sd, weight)
+        grid = part._grid()
+        F = part.below(grid)
+        tails = np.linspace(0.0, 1.0 - _COVERED, 51)
+        width = np.empty((len(mean), len(tails)))
+        for i in range(len(mean)):
+            low = np.interp(tails, F[i], grid[i])
+            width[i] = np.interp(tails + _COVERED, F[i], grid[i]) - low
+        tail = tails[np.argmin(width, axis=1)]
+        return part._quantile(tail, grid, F), part._quantile(tail + _COVERED, grid, F)
+
+    def _grid(self) -> Floats:
+        """Values (l, m) from end to end, dense where the means of the normals begin and end."""
+        first = (self.mean - 5.0 * self.sd).min(axis=1)
+        last = (self.mean + 5.0 * self.sd).max(axis=1)
+        even = first[:, None] + np.linspace(0.0, 1.0, _GRID) * (last - first)[:, None]
+        order = np.argsort(self.mean, axis=1)
+        mean = np.take_along_axis(self.mean, order, axis=1)
+        sd = np.take_along_axis(self.sd, order, axis=1)
+        F = np.cumsum(self.weight[order], axis=1)
+        ends = []
+        for tail in (*np.linspace(0.0, 0.06, 11), *np.linspace(0.94, 1.0, 11)):
+            k = np.minimum(np.sum(tail > F, axis=1), F.shape[1] - 1)[:, None]
+            ends.append(np.take_along_axis(mean, k, axis=1))
+        little = np.take_along_axis(sd, np.zeros_like(order[:, :1]), axis=1)
+        spaced = little * np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+        grid = np.concatenate([even, *ends, ends[0] + spaced, ends[-1] + spaced], axis=1)
+        return np.sort(grid, axis=1)
+
+    def _quantile(self, p: Floats, grid: Floats, F: Floats) -> Floats:
+        """Where the probability (l,) is reached, by bisection between points of a grid (l, m)."""
+        cell = np.clip(np.sum(p[:, None] > F, axis=1), 1, grid.shape[1] - 1)
+        row = np.arange(len(p))
+        low, high = grid[row, cell - 1], grid[row, cell]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            short = self.below(middle[:, None])[:, 0] < p
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        return np.asarray(0.5 * (low + high))
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """The cut normal of n scaled parameters as a mixture of normals of one covariance.
+
+    Args:
+        shift: (n, K) means, from the estimate.
+        weight: (K,) with the sum one.
+        factor: (n, q) G: each normal has the covariance G G^T.
+    """
+
+    shift: Floats
+    weight: Floats
+    factor: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """Mean squares and products of the deviations from the estimate, (n, n)."""
+        return np.asarray(self.factor @ self.factor.T + (self.shift * self.weight) @ self.shift.T)
+
+    def of(self, rows: Floats, sd: Floats) -> NormalMixture:
+        """Linear functions of the deviations from the estimate, each with an error of its own.
+
+        Args:
+            rows: (l, n) their coefficients.
+            sd: (l,) standard deviation of the error; zero for none.
+        """
+        own = np.sqrt(np.sum((rows @ self.factor) ** 2, axis=1) + sd**2)
+        return NormalMixture(rows @ self.shift, own[:, None], self.weight)
+
+    def pick(self, order: Ints) -> Posterior:
+        """The same of some parameters, by their numbers (k,), whatever the others are."""
+        return replace(self, shift=self.shift[order], factor=self.factor[order])
+
+
+def cut_normal(mean: Floats, factor: Floats, lower: Floats, upper: Floats) -> Posterior:
+    """A normal density that is cut at bounds.
+
+    Args:
+        mean: (n,) of the normal, from the estimate.
+        factor: (n, q) F, covariance F F^T; a row of zeros for what is fixed.
+        lower: (n,) lower bounds from the estimate, -inf for none.
+        upper: (n,) upper bounds.
+    """
+    sd = np.sqrt(np.sum(factor**2, axis=1))
+    reached = (sd > 0.0) & ((mean - lower < REACHED * sd) | (upper - mean < REACHED * sd))
+    R = np.flatnonzero(reached)
+    if not len(R):
+        return Posterior(mean[:, None], np.ones(1), factor)
+    room = ndtr((upper[R] - mean[R]) / sd[R]) - ndtr((lower[R] - mean[R]) / sd[R])
+    R = R[np.argsort(room, kind="stable")][: factor.shape[1]]  # what is cut most comes first
+    Q, U = np.linalg.qr(factor[R].T)
+    points = POINTS if len(R) == 1 else 4 * POINTS
+    while True:
+        y, weight = _lattice(U.T, lower[R] - mean[R], upper[R] - mean[R], points)
+        if points >= _MOST_POINTS or 1.0 / np.sum(weight**2) >= _FEW:
+            break
+        points *= 4
+    shift = mean[:, None] + factor @ Q @ y
+    shift[R] = np.clip(shift[R], lower[R, None], upper[R, None])
+    return Posterior(shift, weight, factor - factor @ Q @ Q.T)
+
+
+def _lattice(L: Floats, lower: Floats, upper: Floats, points: int) -> tuple[Floats, Floats]:
+    """Points y (r, K) with weights (K,) of independent normals under lower <= L y <= upper.
+
+    Args:
+        L: (r, r) lower triangular.
+        lower: (r,) bounds.
+        upper: (r,) bounds.
+        points: K.
+    """
+    r = len(L)
+    k = np.arange(points) + 0.5
+    y = np.zeros((r, points))
+    y[0], log_weight = _midpoints(lower[0] / L[0, 0], upper[0] / L[0, 0], k / points)
+    for j in range(1, r):
+        u = np.modf(k * np.sqrt(_prime(j - 1)))[0]
+        before, size = L[j, :j] @ y[:j], L[j, j]
+        size = np.copysign(max(abs(size), 1e-12 * float(np.linalg.norm(L[j]))), size)
+        ends = np.sort([(lower[j] - before) / size, (upper[j] - before) / size], axis=0)
+        y[j], log_p = _between(ends[0], ends[1], u)
+        log_weight += log_p
+    weight = np.exp(log_weight - log_weight.max())
+    return y, weight / weight.sum()
+
+
+def _midpoints(a: float, b: float, part: Floats) -> tuple[Floats, Floats]:
+    """Points (K,) of a standard normal variable between a and b, with logarithms of weights."""
+    ends, low, high = np.array([_BEYOND, 1.0 - _BEYOND]), *sorted((a, b))
+    (first, last), _ = _between(np.full(2, low), np.full(2, high), ends)
+    if low > first - 0.1 * (last - first):
+        first = low  # the slices begin at the bound
+    if high < last + 0.1 * (last - first):
+        last = high
+    y = first + part * (last - first)
+    return y, -0.5 * (y**2 - y[np.argmin(np.abs(y))] ** 2)
+
+
+def _prime(j: int) -> float:
+    return float(_PRIMES[j % len(_PRIMES)] + 80 * (j // len(_PRIMES)))
+
+
+def _between(a: Floats, b: Floats, u: Floats) -> tuple[Floats, Floats]:
+    """A standard normal variable between a and b (K,), at the part u (K,) of its probability.
+
+    And the logarithm of that probability. Computed in the lower tail, by logarithms: exact however
+    far the two numbers are from zero.
+    """
+    upper = a > 0.0
+    low, high = np.where(upper, -b, a), np.where(upper, -a, b)
+    part = np.where(upper, 1.0 - u, u)
+    log_high = log_ndtr(high)
+    ratio = np.exp(np.minimum(log_ndtr(low) - log_high, 0.0))
+    z = ndtri_exp(np.minimum(log_high + np.log(part + (1.0 - part) * ratio), -1e-300))
+    log_p = log_high + np.log1p(-np.minimum(ratio, 1.0 - 1e-16))
+    z = np.clip(z, low, high)
+    return np.where(upper, -z, z), log_p
