@@ -28,7 +28,7 @@ class ModelErrorOptions:
 
 
 @dataclass(frozen=True)
-class ModelError:
+class ModelErrorTable:
     """The model error of a fit.
 
     Args:
@@ -44,6 +44,7 @@ class ModelError:
             that are not used.
         floors: (k, J) the error at eta = 1 that each reading has of a step, however little the step
             adds to it, SI.
+        sentence: its size in words.
         findings: sentences on what cannot be told from it.
     """
 
@@ -57,4 +58,14 @@ class ModelError:
     states: tuple[str, ...]
     steps: Floats
     floors: Floats
+    sentence: str = ""
     findings: tuple[str, ...] = ()
+
+    @property
+    def large(self) -> bool:
+        """Larger than models of ground usually are."""
+        return self.lower95 > USUAL
+
+
+USUAL = 0.3
+"""Up to which part of the motion models of ground usually are wrong."""

@@ -13,6 +13,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
@@ -439,6 +440,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        model_error: how far the ground may differ from the model, or None for none.
     """
 
     kind: str
@@ -465,6 +467,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    model_error: ModelErrorTable | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

@@ -27,6 +27,7 @@ from geoident.workflow.running.estimate import (
     searched,
 )
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predicted_stages,
@@ -74,6 +75,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
             *bound_findings(found.outcome.certificate, case.parameters),
             *remarks(found.diagnostics, gauges, parameters.names),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *model_error_findings(setup.model_error),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
@@ -89,10 +91,12 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        model_error=setup.model_error_table,
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
+            *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *unused_notes(found.readings),
             *score(gauges, prediction),
         ),

@@ -5,9 +5,9 @@
 
 A cavern in plane strain is excavated in a pilot drift, a heading and two benches. What the gauges
 read up to the first bench is fitted (two parameters, ten readings; a hundred with ``--gauges
-many``), the second bench is predicted with its 95 % bands. The readings come from a truth on a finer
-mesh that differs from the model as its name says, with noise of the size of the accuracies. Each
-run has its own noise and, where the truth is drawn, its own truth.
+many``), the second bench is predicted with its 95 % bands. The readings come from a truth on a
+finer mesh that differs from the model as its name says, with noise of the size of the accuracies.
+Each run has its own noise and, where the truth is drawn, its own truth.
 
 The table has, for every truth and every setting of ``fit.model_error``, the later readings inside
 their band; the median width of the band over that of an oracle (see `Oracle`); the root mean square
@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -458,9 +457,7 @@ def report(name: str, setting: str, runs: Sequence[Run]) -> str:
     )
 
 
-HEAD = (
-    "truth        setting    coverage  width/s  RMS error  parameters   said  model error"
-)
+HEAD = "truth        setting    coverage  width/s  RMS error  parameters   said  model error"
 
 
 def all_runs(

@@ -113,6 +113,8 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
+    if result.model_error is not None:
+        tables.write_model_error(file, result.model_error)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -236,6 +238,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        model_error=(
+            tables.read_model_error(file) if tables.MODEL_ERROR in contents else None
+        ),
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),

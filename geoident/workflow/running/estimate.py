@@ -14,9 +14,10 @@ import numpy as np
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify import identify, refusals
+from geoident.identify import descend, identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
@@ -25,14 +26,24 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.model_error import (
+    FittedModelError,
+    LaterModelError,
+    ModelErrorSearch,
+    ReadingSteps,
+    correlation_length,
+    no_model_error,
+    reading_steps,
+)
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
@@ -55,12 +66,19 @@ class Setup:
         case: the case.
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
+        model_error: that of the fit; None where there is none.
     """
 
     model: CaseModel
     case: Case
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
+    model_error: FittedModelError | None = None
+
+    @property
+    def model_error_table(self) -> ModelErrorTable | None:
+        """The model error for a result."""
+        return None if self.model_error is None else self.model_error.table(self.readings.used)
 
 
 def prepare(job: Job) -> Setup:
@@ -239,12 +257,50 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
-    known = None
-    if any(channel.errors for channel in setup.case.channels):
-        left = replace(problem, sd=effective_sd(problem, computed))
-        rows = used_rows(setup.case, readings.used)
-        known = KnownErrors(setup.case, left, computed, jacobian, rows)
+    left = replace(problem, sd=effective_sd(problem, computed))
+    known = known_errors(setup, left, survey, computed, jacobian)
     return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+
+
+def known_errors(
+    setup: Setup, problem: Problem, survey: Survey, computed: Floats, jacobian: Floats
+) -> KnownErrors | None:
+    """What the used readings tell of the errors of later ones; None where none have to do with it.
+
+    Args:
+        setup: model and readings.
+        problem: the used readings, with their own standard deviations as the loss leaves them.
+        survey: the model at the estimate.
+        computed: (g,) what it says of the used readings, SI.
+        jacobian: (g, n) its derivative, SI.
+    """
+    case, found = setup.case, setup.model_error
+    if found is None and not any(channel.errors for channel in case.channels):
+        return None
+    rows = used_rows(case, setup.readings.used)
+    return KnownErrors(
+        case, problem, computed, jacobian, rows, later_errors(setup.model, case, survey, found)
+    )
+
+
+def later_errors(
+    model: CaseModel, case: Case, survey: Survey, found: FittedModelError | None
+) -> LaterModelError | None:
+    """The model error of a fit in later readings.
+
+    Args:
+        model: of the case to predict.
+        case: to predict.
+        survey: of that model at the estimate.
+        found: the model error of the fit, or None for none.
+    """
+    if found is None:
+        return None
+
+    def later(pairs: Sequence[tuple[str, str]]) -> ReadingSteps:
+        return reading_steps(case, model, survey.increments, pairs, found.length)
+
+    return LaterModelError(found, later)
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
@@ -338,7 +394,64 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     outcome = _search(problem, methods, control)
+    why_none = no_model_error(setup.case, setup.readings, methods)
+    if why_none is None:
+        found = _with_model_error(setup, problem, outcome, methods, control)
+        if found is not None:
+            return found
     return _with_accuracies(setup, problem, outcome, methods, control)
+
+
+def _with_model_error(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome] | None:
+    """The same with the model error, and with accuracies that the case wants estimated.
+
+    None where no reading can have a model error.
+    """
+    case, readings = setup.case, setup.readings
+    length = correlation_length(case, case.fit.model_error)
+    rows = used_rows(case, readings.used)
+    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
+
+    def descent(again: Problem) -> Outcome:
+        found = descend(again, methods[-1], control.observe)
+        control.stop.check()
+        return found
+
+    structure = gauge_errors(rows)
+    search = ModelErrorSearch(
+        case.fit.model_error,
+        length,
+        structure,
+        tuple(channel for channel, _ in rows),
+        lambda increments: reading_steps(case, setup.model, increments, pairs, length),
+        descent,
+    )
+    found = search.run(problem, outcome)
+    if found is None:
+        return None
+    again = replace(setup, model_error=found.found)
+    if structure.names:
+        again = _sized(again, structure, found.components)
+    return again, found.problem, found.outcome
+
+
+def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
+    """The setup with the accuracies that were estimated."""
+    root = np.exp(0.5 * found.log_factor)
+    factors = dict(zip(structure.names, map(float, root), strict=True))
+    sized = with_accuracies(setup.case, factors)
+    return replace(
+        setup,
+        case=sized,
+        readings=reading_table(sized, setup.readings.reason),
+        accuracies=accuracy_table(setup.case, structure.names, found),
+    )
 
 
 def _with_accuracies(
@@ -356,15 +469,7 @@ def _with_accuracies(
     found = weighed(
         problem, structure, outcome, lambda again: _search(again, methods[-1:], control)
     )
-    root = np.exp(0.5 * found.components.log_factor)
-    sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))
-    again = Setup(
-        setup.model,
-        sized,
-        reading_table(sized, setup.readings.reason),
-        accuracy_table(case, structure.names, found.components),
-    )
-    return again, found.problem, found.outcome
+    return _sized(setup, structure, found.components), found.problem, found.outcome
 
 
 def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:

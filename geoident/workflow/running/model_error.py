@@ -6,11 +6,12 @@ near to each other, and three quarters of it alike in all stages:
     C = eta^2 [ (1 - t) sum_j (D_j R D_j + F_j M F_j) + t (sum_j D_j) R (sum_j D_j) + ... ]
 
 D_j are the signed steps, so nothing depends on which direction counts as positive. R is the
-correlation of relative errors. F_j M F_j is an error that a reading has however little it changes: of
-a field of displacements as large as a tenth of what the gauges feel, at the points of the gauge.
+correlation of relative errors. F_j M F_j is an error that a reading has however little it changes:
+of a field of displacements as large as a tenth of what the gauges feel, at the points of the gauge.
 
-An error is known by its rows: the steps of each reading and where its gauge is. Rows of the readings
-used and of later ones together give the columns of shared errors (theory 7), in which both are one.
+An error is known by its rows: the steps of each reading and where its gauge is. Rows of the
+readings used and of later ones together give the columns of shared errors (theory 7), in which
+both are one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import scipy.sparse as sp
 from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.protocols import CaseModel
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.model_error import (
     PRIOR_SD,
     SIZES,
@@ -41,10 +43,17 @@ from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import STOPPED, HasIncrements, Outcome, Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Channel
-from geoident.model.methods import SquaredOptions
-from geoident.model.model_error import ModelError, ModelErrorOptions
+from geoident.model.gauges import Channel, ReadingTable
+from geoident.model.methods import (
+    ComplementarityOptions,
+    MethodOptions,
+    ScanOptions,
+    SquaredOptions,
+)
+from geoident.model.model_error import USUAL, ModelErrorOptions, ModelErrorTable
 from geoident.model.structures import Bars
+from geoident.units import in_unit, shown_unit
+from geoident.workflow.running.accuracies import after
 
 PERSISTENT = 0.75
 """Part t of the variance of a relative error that is the same in all stages."""
@@ -303,6 +312,40 @@ def _root(matrix: Floats) -> Floats:
 _NOTHING = 1e-12
 
 
+def no_model_error(
+    case: Case, readings: ReadingTable, methods: Sequence[MethodOptions]
+) -> str | None:
+    """Why a fit has no model error, a sentence; empty where the case says so, None if it has one.
+
+    Args:
+        case: with its parameters.
+        readings: of which some are used.
+        methods: by which it is fitted.
+    """
+    options = case.fit.model_error
+    if options.kind == "none":
+        return ""
+    last = methods[-1]
+    if isinstance(last, ScanOptions):
+        return "A scan shows the misfit without model error."
+    if isinstance(last, ComplementarityOptions) and last.formulation == "global":
+        return (
+            "The bound that the formulation global proves holds without model error, so none is "
+            "estimated."
+        )
+    if options.kind == "given":
+        return None
+    places = {pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used}
+    unknown = sum(not parameter.field for parameter in case.parameters)
+    if len(places) >= unknown + ENOUGH:
+        return None
+    return (
+        f"{len(places)} readings are too few beside {unknown} parameters to say how well the model "
+        f"describes the ground ({ENOUGH} more than parameters would do): intervals and bands are "
+        "those of a model without error. 'model_error: 15 %' under 'fit' takes one for granted."
+    )
+
+
 # The estimation ----------------------------------------------------------------------------------
 
 
@@ -334,13 +377,13 @@ class FittedModelError:
         columns = self.size * shared_columns([self.used, later], self.length)
         return structure.with_component(sp.csr_array(columns), NAME)
 
-    def table(self, used: Bools) -> ModelError:
+    def table(self, used: Bools) -> ModelErrorTable:
         """For a result, with rows for all readings (k,) of which some are used."""
         shape = (len(used), len(self.used.states))
         steps, floors = np.zeros(shape), np.zeros(shape)
         steps[used], floors[used] = self.used.steps, self.used.floors
         weighed = self.weighed
-        return ModelError(
+        return ModelErrorTable(
             kind="given" if weighed is None else "estimated",
             size=self.size,
             lower95=self.size if weighed is None else weighed.quantile(0.025),
@@ -351,12 +394,93 @@ class FittedModelError:
             states=self.used.states,
             steps=steps,
             floors=floors,
+            sentence=self.sentence(),
             findings=self.findings,
         )
 
+    def sentence(self) -> str:
+        """Its size in words."""
+        what = "motion" if all(_family(c) == "motion" for c in self.used.channels) else "change"
+        within = f"The model meets the readings within {_accuracies(self.used.channels)}"
+        if self.weighed is None:
+            taken = f"{_percent(self.size)} of the computed {what}"
+            return f"The model is taken to be right within {taken}, as the case says."
+        low, high = (self.weighed.quantile(part) for part in (0.025, 0.975))
+        if low <= _NONE:
+            return (
+                f"{within} and at most {_percent(high)} of the computed {what} (95 %): the "
+                "residuals hardly show a model error."
+            )
+        return (
+            f"{within} and {_percent(self.size)} of the computed {what} "
+            f"(95 %: {_percent(low)} to {_percent(high)})."
+        )
+
+
+_NONE = 0.01
+"""Lower end of the interval of the size below which no model error shows."""
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
+
+
+def _accuracies(channels: Sequence[Channel]) -> str:
+    """The accuracies of channels: one number or a range for each unit."""
+    sizes: dict[tuple[str, str], list[float]] = {}
+    for channel in channels:
+        sizes.setdefault((channel.unit, channel.dimension), []).append(channel.accuracy)
+    said = []
+    for (unit, dimension), found in sizes.items():
+        low, high = (f"{in_unit(x, unit, dimension):.2g}" for x in (min(found), max(found)))
+        spread = low if low == high else f"{low} to {high}"
+        said.append(f"{spread} {shown_unit(unit, dimension)}".rstrip())
+    return join(said)
+
+
+def model_error_findings(found: FittedModelError | None) -> tuple[str, ...]:
+    """Sentences on a model error that is larger than usual, or not told from other errors."""
+    if found is None:
+        return ()
+    large = found.weighed is not None and found.weighed.quantile(0.025) > USUAL
+    return (*((found.sentence(),) if large else ()), *found.findings)
+
+
+def model_error_notes(
+    found: FittedModelError | None,
+    case: Case,
+    readings: ReadingTable,
+    methods: Sequence[MethodOptions],
+) -> tuple[str, ...]:
+    """The size of the model error in words, or why there is none.
+
+    Args:
+        found: the model error of a fit, None for none.
+        case: of the fit.
+        readings: of which some were used.
+        methods: of the fit.
+    """
+    if found is not None:
+        return () if found.sentence() in model_error_findings(found) else (found.sentence(),)
+    why = no_model_error(case, readings, methods)
+    return (why,) if why else ()
+
+
+@dataclass(frozen=True)
+class LaterModelError:
+    """The model error of a fit, and what it is made of at later readings.
+
+    Args:
+        fitted: of the fit.
+        later: of (channel, stage) pairs.
+    """
+
+    fitted: FittedModelError
+    later: Callable[[Sequence[tuple[str, str]]], ReadingSteps]
+
 
 def of_result(
-    found: ModelError, channels: Sequence[Channel], rows: Bools | Ints
+    found: ModelErrorTable, channels: Sequence[Channel], rows: Bools | Ints
 ) -> FittedModelError:
     """The model error that a result holds.
 
@@ -393,7 +517,8 @@ class ModelErrorSearch:
     Args:
         options: what the case says.
         length: over which it is correlated, m.
-        structure: the errors of the readings without it.
+        structure: the errors of the g readings without it.
+        channels: of the readings.
         steps_at: what it is made of where the increments of the channels are as given.
         search: for the parameters, from where the problem begins.
     """
@@ -401,6 +526,7 @@ class ModelErrorSearch:
     options: ModelErrorOptions
     length: float
     structure: ErrorStructure
+    channels: tuple[Channel, ...]
     steps_at: Callable[[Floats], ReadingSteps]
     search: Callable[[Problem], Outcome]
 
@@ -429,6 +555,7 @@ class ModelErrorSearch:
             now = self._steps(problem, outcome.values)
             weighed = self._weighed(problem, outcome, now, t, size if given else None)
             known = FittedModelError(used, size, self.length, None if given else weighed)
+            known = replace(known, findings=explanations(problem, outcome, self, known))
             found = WithModelError(problem, outcome, weighed.components, known)
             rest = given or _near(weighed.size, size)
             if outcome.status == STOPPED or (
@@ -438,9 +565,7 @@ class ModelErrorSearch:
             used, t = now, weighed.components.log_factor
             size = size if given else weighed.size
         remark = f"parameters and model error did not come to rest in {ROUNDS} rounds"
-        return replace(
-            found, outcome=replace(outcome, remarks=(*outcome.remarks, remark))
-        )
+        return replace(found, outcome=replace(outcome, remarks=(*outcome.remarks, remark)))
 
     def _steps(self, problem: Problem, values: Floats) -> ReadingSteps:
         """What the model error is made of at parameters (n,), SI."""
@@ -474,6 +599,43 @@ class ModelErrorSearch:
         weakened = replace(structure, sd=structure.sd * left)
         return likelihood_at(problem, weakened, outcome.values, readings, jacobian)
 
+    def others(self, problem: Problem, outcome: Outcome) -> list[_Explanation]:
+        """What else may be behind the residuals, one after the other, without model error.
+
+        Args:
+            problem: with the accuracies that were estimated.
+            outcome: its solution.
+        """
+        plain = replace(self.structure, sd=problem.sd)
+        found = []
+        if not self.structure.names:
+            worse = self._likelihood(problem, outcome, plain.with_one_factor("accuracies"))
+            factor = estimate_components(worse, np.zeros(1))
+            times = float(np.exp(0.5 * factor.log_factor[0]))
+            if times > 1.0:
+                words = f"gauges {times:.2g} times less accurate than stated"
+                found.append(_Explanation(words, factor.minus_two_l))
+            zeros = self._zeros()
+            if zeros is not None:
+                off = self._likelihood(problem, outcome, plain.with_component(zeros, "zeros"))
+                size = estimate_components(off, np.zeros(1))
+                times = float(np.exp(0.5 * size.log_factor[0]))
+                words = f"errors of the zeros {times:.2g} times as large as the accuracies"
+                found.append(_Explanation(words, size.minus_two_l))
+        return found
+
+    def _zeros(self) -> sp.csr_array | None:
+        """Errors of the zeros (g, channels) as large as the accuracies; None if they are known."""
+        channels = self.channels
+        if any(c.errors is not None and c.errors.zero > 0.0 for c in channels):
+            return None
+        number = {name: k for k, name in enumerate(dict.fromkeys(c.name for c in channels))}
+        at = np.array([number[c.name] for c in channels])
+        if len(number) == len(at):
+            return None  # one reading of each: no other than errors of the readings
+        size = np.array([c.accuracy for c in channels])
+        return sp.csr_array((size, (np.arange(len(at)), at)), shape=(len(at), len(number)))
+
     def _again(
         self, problem: Problem, outcome: Outcome, used: ReadingSteps, t: Floats, size: float
     ) -> tuple[Problem, Outcome]:
@@ -486,13 +648,66 @@ class ModelErrorSearch:
 
 def _near(size: float, other: float) -> bool:
     least = 0.01  # below one per cent of the motion nothing changes any more
-    return abs(np.log(max(size, least) / max(other, least))) <= AT_REST
+    return bool(abs(np.log(max(size, least) / max(other, least))) <= AT_REST)
 
 
 def _alike(now: ReadingSteps, before: ReadingSteps) -> bool:
-    change = np.abs(now.steps - before.steps).max(axis=1)
-    return bool(np.all(change <= AT_REST * np.abs(before.steps).max(axis=1) + _TINY * now.steps.max()))
+    size = np.abs(before.steps).max(axis=0, initial=0.0)
+    return bool(np.all(np.abs(now.steps - before.steps) <= AT_REST * size))
 
 
 def _close(t: Floats, before: Floats) -> bool:
     return float(np.abs(t - before).max(initial=0.0)) <= AT_REST
+
+
+# What cannot be told from it ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Explanation:
+    """Something that may be behind the residuals: the words for it, and its -2 l."""
+
+    words: str
+    minus_two_l: float
+
+
+def explanations(
+    problem: Problem, outcome: Outcome, search: ModelErrorSearch, found: FittedModelError
+) -> tuple[str, ...]:
+    """Sentences on what explains the residuals as well as the model error, or better.
+
+    Args:
+        problem: of the fit, with the model error.
+        outcome: its solution.
+        search: that found it.
+        found: the model error.
+    """
+    if found.weighed is None:
+        return ()
+    nothing, with_error = found.weighed.minus_two_l[0], float(found.weighed.minus_two_l.min())
+    others = [e for e in search.others(problem, outcome) if e.minus_two_l < nothing - TELLS]
+    best = min([with_error, *(e.minus_two_l for e in others)])
+    said = f"a model error of {100.0 * found.size:.2g} %"
+    better = [e.words for e in others if e.minus_two_l < with_error - TELLS]
+    alike = [e.words for e in others if abs(e.minus_two_l - with_error) <= TELLS]
+    if better:
+        return (
+            f"{_capital(join(better, 'or'))} would explain the residuals better than {said}: check "
+            f"that first. {_REMEDY}",
+        )
+    if alike and nothing - best > TELLS:
+        return (
+            f"The readings cannot tell {said} from {join(alike, 'or')}: intervals and bands are "
+            f"those of the model error. {_REMEDY}",
+        )
+    return ()
+
+
+_REMEDY = (
+    "'accuracies: estimate' under 'fit' lets the residuals say how accurate the gauges are; "
+    "'zero: estimate' in the accuracy of a gauge, what its zero is worth."
+)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
