@@ -52,11 +52,12 @@ class ParameterEstimate:
 
     Args:
         value: the estimate.
-        sd: its standard deviation; NaN where it is not determined.
+        sd: its standard deviation, about that of its prior where only that knows it; NaN where
+            neither readings nor prior determine it.
         lower95, upper95: its 95 % interval.
         unit: the SI unit.
         at_bound: it lies on a bound.
-        determined: readings and prior determine it.
+        determined: the readings (with its prior) determine it, not the prior alone.
     """
 
     value: float

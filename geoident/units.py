@@ -74,6 +74,7 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "kN/cm2": 1e7,
         "mH2O": _KGF * 1e3,  # conventional: 1000 kg/m3
         "ftH2O": _KGF * 1e3 * _FT,
+        "Mpsi": _PSI * 1e6,
     },
     "length": {
         "m": 1.0,
@@ -252,6 +253,11 @@ _WORDS = {
 }
 """Units written out or otherwise, to the units that are meant."""
 _SAME = {
+    **dict.fromkeys(("lbf/ft2", "lb/ft2", "lbs/ft2"), "psf"),
+    **dict.fromkeys(("lbf/in2", "lb/in2", "lbs/in2"), "psi"),
+    **dict.fromkeys(("kip/ft2", "kips/ft2"), "ksf"),
+    **dict.fromkeys(("kip/in2", "kips/in2", "kpsi"), "ksi"),
+    **dict.fromkeys(("msi", "MPSI"), "Mpsi"),
     "°": "deg",
     "°C": "degC",
     "-": "",
@@ -266,6 +272,12 @@ _SAME = {
     "kcf": "kip/ft3",
 }
 """Spellings to the units that they are, once signs and blanks are gone."""
+
+
+_SHORT = 3
+
+LEAST_SPREAD, MOST_SPREAD = 1e-60, 1e60
+"""Standard deviations (SI) between which weights, and their ratios, can be computed with."""
 
 
 class UnitError(ValueError):
@@ -448,7 +460,9 @@ def _unit_hint(unit: str, dimension: str = "") -> str:
 
 def _nearest(unit: str, dimension: str) -> str:
     folded = {name.lower(): name for name in (_TABLE[dimension] if dimension else UNITS) if name}
-    near = difflib.get_close_matches(unit.lower(), folded, n=1, cutoff=0.5)
+    # of three letters, two are no likeness: psg is neither psi nor psf
+    cutoff = 0.5 if len(unit) > _SHORT else 0.7
+    near = difflib.get_close_matches(unit.lower(), folded, n=1, cutoff=cutoff)
     return folded[near[0]] if near else ""
 
 

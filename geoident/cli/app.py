@@ -20,6 +20,7 @@ COMMANDS = (
     "fit",
     "predict",
     "scan",
+    "backtest",
     "show",
     "report",
     "export",

@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geoident.fem.kinematics import Kinematics, block_geometry
 from geoident.model.arrays import Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.summary import MeshSummary, PartSummary
 
@@ -17,6 +19,23 @@ def element_volumes(mesh: Mesh, kinematics: Kinematics) -> Floats:
     """(n_elements,) volumes, m3, of a unit thickness in plane strain."""
     geometries = [block_geometry(mesh.points, block, kinematics) for block in mesh.blocks]
     return np.concatenate([np.abs(g.volumes.sum(axis=1)) for g in geometries])
+
+
+def coinciding_nodes(mesh: Mesh) -> Ints:
+    """Pairs (k, 2) of nodes of elements that stand at one place, up to a part of an edge."""
+    used = nodes_in(mesh.blocks, np.ones(mesh.n_elements, dtype=np.bool_))
+    shortest = np.inf
+    for block in mesh.blocks:
+        edges = np.array(CELLS[block.kind].shape.edges)
+        ends = mesh.points[block.nodes[:, edges]]
+        shortest = min(shortest, np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min())
+    found = cKDTree(mesh.points[used]).query_pairs(_ONE_PLACE * shortest, output_type="ndarray")
+    pairs = used[np.sort(found, axis=1)]
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])], dtype=np.int64)
+
+
+_ONE_PLACE = 1e-3
+"""Distance of nodes, in parts of the shortest edge, up to which they stand at one place."""
 
 
 def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:

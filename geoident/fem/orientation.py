@@ -1,4 +1,9 @@
-"""Orientation of elements: turned ones are mended, folded ones are refused by their number."""
+"""Orientation of elements: turned ones are mended, folded ones are refused by their number.
+
+Right-handed neighbours lie on both sides of the face that they share, and so see its nodes in
+opposite order. Where they see them in the same order both lie on one side and overlap: the mesh is
+tangled, as by a node that stands in the wrong place.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +13,11 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, Location
 from geoident.fem.elements import ReferenceElement, reference_element
+from geoident.fem.faces import FaceTable
 from geoident.fem.kinematics import Kinematics
-from geoident.model.arrays import Floats, Ints
-from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
+from geoident.model.mesh import ElementBlock, Mesh, spans
 
 _FLAT = 1e-12  # of the volume of a regular element: below this an element has no volume
 _SHOWN = 10
@@ -27,6 +34,39 @@ def oriented(mesh: Mesh, kinematics: Kinematics) -> Mesh:
     if faults:
         raise InputError(faults)
     return replace(mesh, blocks=blocks)
+
+
+def turned_elements(before: Mesh, after: Mesh) -> Ints:
+    """Numbers (k,) of the elements that `oriented` has turned."""
+    pairs = zip(before.blocks, after.blocks, strict=True)
+    changed = [a.numbers[np.any(a.nodes != b.nodes, axis=1)] for a, b in pairs]
+    return np.concatenate([np.empty(0, np.int64), *changed])
+
+
+def overlapping(mesh: Mesh, table: FaceTable) -> Ints:
+    """Pairs (k, 2) of elements that lie on the same side of the face that they share.
+
+    Args:
+        mesh: of right-handed elements.
+        table: its faces.
+    """
+    seen = np.empty(len(table.element), dtype=np.bool_)
+    for number, (block, span) in enumerate(spans(mesh.blocks)):
+        for local, face in enumerate(CELLS[block.kind].shape.faces):
+            mine = np.flatnonzero((table.block == number) & (table.local == local))
+            seen[mine] = _forwards(block.nodes[table.element[mine] - span.start][:, face])
+    order = np.lexsort((seen, table.face))  # those of one face together, seen alike side by side
+    same = (np.diff(table.face[order]) == 0) & (seen[order][1:] == seen[order][:-1])
+    at = np.flatnonzero(same)
+    return np.asarray(table.element[np.stack([order[at], order[at + 1]], axis=1)])
+
+
+def _forwards(nodes: Ints) -> Bools:
+    """Which faces (n, k) go on from their smallest node towards the smaller of its neighbours."""
+    n, k = nodes.shape
+    rows, first = np.arange(n), nodes.argmin(axis=1)
+    after, before = nodes[rows, (first + 1) % k], nodes[rows, first - 1]
+    return np.asarray(first == 0 if k <= 2 else after < before)
 
 
 def _oriented_block(

@@ -172,11 +172,13 @@ class CaseOnMesh:
         mesh: its mesh, every element turned so that its volume is positive (see `oriented`); one
             without elements where the case has none.
         fields: constants of its materials that vary from strain point to strain point.
+        turned: numbers (k,) of the elements that were turned.
     """
 
     case: Case
     mesh: Mesh
     fields: tuple[PointField, ...] = ()
+    turned: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     @property
     def kinematics(self) -> Kinematics:

@@ -156,6 +156,7 @@ class FitSettings:
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
+        backtest: whether the last fitted stage is predicted from those before it, too.
     """
 
     methods: tuple[MethodOptions, ...]
@@ -163,6 +164,7 @@ class FitSettings:
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
     model_error: ModelErrorOptions = ModelErrorOptions()
+    backtest: bool = True
 
 
 @dataclass(frozen=True)

@@ -186,6 +186,7 @@ class Reading:
         count: how many readings it is the mean of.
         epochs: how many days these are from, if it is a mean of dated ones.
         note: remark of the field sheet; empty for none.
+        zone: seconds by which the clock of its date is ahead of UTC, if the file says it.
     """
 
     channel: str
@@ -200,6 +201,7 @@ class Reading:
     count: int = field(default=1, compare=False)
     epochs: int = field(default=1, compare=False)
     note: str = field(default="", compare=False)
+    zone: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

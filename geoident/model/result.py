@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
+
+if TYPE_CHECKING:
+    from geoident.model.backtest import Backtest
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -43,8 +46,9 @@ class Counts:
 class ParameterTable:
     """The identified parameters, one entry of every array each.
 
-    A parameter that is not determined keeps its ``value`` for further computing but has NaN in
-    ``sd``, ``lower95``, ``upper95``; whoever shows it says "not determined" in place of the number.
+    A parameter that neither readings nor its prior determine keeps its ``value`` for further
+    computing but has NaN in ``sd``, ``lower95``, ``upper95``; whoever shows it says "not
+    determined" in place of the number. One that only its prior knows has the numbers of the prior.
 
     Args:
         names: n names.
@@ -421,10 +425,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Result:
-    """All that ``geoident fit``, ``predict``, ``simulate`` or ``scan`` found.
+    """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``simulate`` or ``scan``.
+        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
@@ -441,6 +445,8 @@ class Result:
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         model_error: how far the ground may differ from the model, or None for none.
+        backtest: fits of the first stages and their predictions of later ones; of a fit that of all
+            but its last stage; or None.
     """
 
     kind: str
@@ -468,6 +474,7 @@ class Result:
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None
+    backtest: Backtest | None = None
 
 
 Labelled = Sequence[tuple[str, Result]]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from geoident.errors import ExitCode
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
-from geoident.model.result import Result
+from geoident.model.result import GaugeTable, Result
 from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
@@ -26,6 +28,8 @@ from geoident.workflow.running.estimate import (
     predicted,
     searched,
 )
+from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
@@ -34,6 +38,7 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.trials import LastStage, added, last_stage
 
 MISFIT = 3.0
 """Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
@@ -47,13 +52,22 @@ def fit(job: Job, control: Control) -> Finished:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
 
-    def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
-        return _result(job, setup, look(setup, problem, outcome, fields=True))
+    def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
+        found = look(setup, problem, outcome, fields=True)
+        return _result(job, setup, found, _last_stage(setup, outcome, log, control))
 
     return searched(job, control, result)
 
 
-def _result(job: Job, setup: Setup, found: Estimate) -> Result:
+def _last_stage(setup: Setup, outcome: Outcome, log: Log, control: Control) -> LastStage:
+    """The last fitted stage, predicted from those before it: the cheapest backtest."""
+    if not setup.case.fit.backtest or outcome.status == STOPPED:
+        return LastStage()
+    left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
+    return last_stage(setup, outcome.values, log, left)
+
+
+def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     case, survey = setup.case, found.survey
     gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
@@ -74,6 +88,8 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *remarks(found.diagnostics, gauges, parameters.names),
+            *last.findings,
+            *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
             *model_error_findings(setup.model_error),
         ),
@@ -82,7 +98,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         provenance=job_provenance(job),
         parameters=parameters,
         gauges=gauges,
-        counts=found.counts,
+        counts=added(found.counts, last.counts),
         sensitivity=survey.sensitivity,
         prediction=prediction if np.isfinite(prediction.mean).any() else None,
         history=found.outcome.iterations,
@@ -92,6 +108,7 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
         model_error=setup.model_error_table,
+        backtest=last.backtest,
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
             *case.notes,
@@ -99,8 +116,20 @@ def _result(job: Job, setup: Setup, found: Estimate) -> Result:
             *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *unused_notes(found.readings),
             *score(gauges, prediction),
+            *last.notes,
         ),
     )
+
+
+def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[str, ...]:
+    """Whether predicted stages load the ground more than the fitted ones did."""
+    fitted = np.flatnonzero(~predicted_stages(gauges))
+    if not fitted.size:
+        return ()
+    later = np.arange(len(gauges.stages)) > fitted[-1]
+    levels = stress_levels(setup.model, setup.case, found.survey.fields)
+    states = np.concatenate([[False], later])
+    return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
 def _status(found: Estimate) -> str:

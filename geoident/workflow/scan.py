@@ -9,6 +9,7 @@ from geoident.model.result import Counts, GaugeTable, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import bare_parameter_table
 from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes
 
@@ -20,7 +21,7 @@ def scan(job: Job, control: Control) -> Finished:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
 
-    def result(setup: Setup, problem: Problem, outcome: Outcome) -> Result:
+    def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         survey, readings, counts = surveyed(setup, problem, outcome, fields=False)
         gauges = gauge_table(setup.case, readings, survey.computed)
         return _result(job, setup, outcome, counts, gauges=gauges)

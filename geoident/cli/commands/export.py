@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
     "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
-    "structures", "grid", "readings", "accuracies",
+    "structures", "grid", "readings", "accuracies", "backtest", "backtest-parameters",
 )  # fmt: skip
 
 EPILOG = """\b

@@ -64,7 +64,7 @@ class Assessment:
 
     Args:
         sd: (n,) root of the mean square deviation from the estimate, SI; where no bound is near,
-            the standard deviation. NaN where not determined or given.
+            the standard deviation. NaN where neither readings nor prior determine it, or given.
         lower95: (n,) lower end of the 95 % interval, SI: symmetric in x (so in the logarithm of a
             parameter scaled by it) where no bound is near, never beyond a bound; NaN where ``sd``
             is.
@@ -154,8 +154,10 @@ def assess(
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
     posterior, uncut = _posterior(scaling, whole, width, values, pressed)
     every_x, every_gap_x = _scaled(whole, width)
-    sd_x = np.where(determined & varies, np.sqrt(np.diag(posterior.covariance)), np.nan)
-    lower95, upper95, cut = _interval(scaling, values, posterior, uncut, determined & varies)
+    # a prior is knowledge too: what is known from it alone has its number, and says so
+    numbered = (determined | (known_enough & from_prior)) & varies
+    sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
+    lower95, upper95, cut = _interval(scaling, values, posterior, uncut, numbered)
     return Assessment(
         sd=slope * sd_x,
         lower95=lower95,

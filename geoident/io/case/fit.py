@@ -121,6 +121,11 @@ class FitBase(Section):
         "or {size: , length: }. Intervals and bands of later stages follow.",
         examples=["estimate", "none", "15 %", {"size": "15 %", "length": "20 m"}],
     )
+    backtest: bool = Field(
+        True,
+        description="Whether a fit also predicts its last stage from those before it, which costs "
+        "a few evaluations, and says whether that came true.",
+    )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
         description="How much a large residual counts: huber and student-t are robust against "
@@ -157,6 +162,7 @@ class FitBase(Section):
             self._loss(),
             opening,
             model_error_options(self.model_error),
+            self.backtest,
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.values import READ, quantity_read
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import Given, Name, Text, require_text
-from geoident.io.text.dates import DateError, read_date
-from geoident.io.text.wording import Refusal
+from geoident.io.text.dates import DateError, read_date, utc_offset
+from geoident.io.text.wording import Refusal, shorten
 
 
 def _date(value: object) -> str:
@@ -23,6 +24,11 @@ def _date(value: object) -> str:
         raise Refusal(
             "bad-date", str(error), "Write it like 2024-03-01 or 2024-03-01 14:30."
         ) from None
+    if utc_offset(text) is not None:
+        message = (
+            f"'{shorten(text)}' has an offset from UTC; the local time of the site is expected"
+        )
+        raise Refusal("bad-date", message, "Write it without, like 2024-03-01 14:30.")
     return text
 
 
@@ -32,7 +38,7 @@ Date = Annotated[
     WithJsonSchema({"type": "string", "description": "a date such as 2024-03-01 [14:30]"}),
 ]
 ReadValue = Annotated[Given, quantity_read(READ)]
-ReadAccuracy = Annotated[Given, quantity_read(READ, above=0.0)]
+ReadAccuracy = Annotated[Given, quantity_read(READ, above=0.0), AfterValidator(computable)]
 
 
 class ReadingSection(Section):

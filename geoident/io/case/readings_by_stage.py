@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
@@ -25,7 +26,7 @@ from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import Layout
 from geoident.io.schema.values import Given
-from geoident.io.text.dates import date_text, read_date
+from geoident.io.text.dates import date_text, offset_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
@@ -184,6 +185,7 @@ def _rows(
             rows += format_of(path).read(path, layout)
         except InputError as error:
             faults.extend(error.faults)
+    rows = _on_one_clock(rows, notes)
     if len(paths) == 1:
         return tuple(rows)
     once: dict[tuple[object, ...], Reading] = {}
@@ -195,6 +197,28 @@ def _rows(
         readings = "reading stands" if repeated == 1 else "readings stand"
         notes.append(f"{repeated} {readings} in several files alike, and count once.")
     return tuple(replace(row, bad=row.bad or why.get(_what_was_read(row), "")) for row in kept)
+
+
+def _on_one_clock(rows: list[Reading], notes: list[str]) -> list[Reading]:
+    """Readings whose dates say an offset from UTC, on the clock of the first of them.
+
+    The dates of stages are local time, so that clock is taken to be the one of the site.
+    """
+    zones = {row.zone: row for row in reversed(rows) if row.zone is not None}
+    if not zones:
+        return rows
+    clock = next(row.zone for row in rows if row.zone is not None)
+    others = [offset_text(zone) for zone in sorted(zones) if zone != clock]
+    file = Path(zones[clock].location.file).name
+    note = f"Dates of '{file}' are taken as local time of the site at {offset_text(clock)}"
+    moved = f"; those at {', '.join(others)} are converted to it" if others else ""
+    notes.append(f"{note}{moved}.")
+    return [
+        row
+        if row.zone is None or row.time is None
+        else replace(row, time=row.time - row.zone + clock)
+        for row in rows
+    ]
 
 
 def _what_was_read(row: Reading) -> tuple[object, ...]:

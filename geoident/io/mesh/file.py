@@ -64,6 +64,8 @@ def _with_parts(path: Path, seen: set[Path]) -> Iterator[str]:
     if pattern is None or path in seen:
         return
     seen.add(path)
+    if not path.is_file():  # a pipe would never end
+        return
     try:
         with path.open(encoding="utf-8", errors="replace") as lines:
             found = [match[1].strip() for line in lines if (match := pattern.match(line))]

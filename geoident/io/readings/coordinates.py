@@ -12,6 +12,7 @@ import re
 
 from geoident.io.readings.survey import SurveyGrid, SurveyTarget
 from geoident.io.readings.table import POINT_COLUMNS, Cell, Table, flag
+from geoident.io.text.dates import utc_offset
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading
 
@@ -105,6 +106,7 @@ class CoordinateReader:
                 value=_component(self.survey, direction, found),
                 location=table.place(number, point),
                 time=time,
+                zone=utc_offset(when.text) if self.dated else None,
                 when=table.place(number, when),
                 bad=bad,
                 note=note,

@@ -34,6 +34,7 @@ from geoident.io.readings.table import (
 )
 from geoident.io.readings.wide import WideReader
 from geoident.io.readings.workbook import open_sheet
+from geoident.io.text.dates import utc_offset
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing, shorten
@@ -298,6 +299,7 @@ class _LongReader:
                 bad=flag(row["bad"].text) if "bad" in row else "",
                 location=table.place(number, row["gauge"]),
                 time=time,
+                zone=utc_offset(when.text) if time is not None else None,
                 when=table.place(number, when),
                 note=row["remarks"].text if "remarks" in row else "",
             )

@@ -19,6 +19,8 @@ from geoident.io.text.dates import ISO, DateError, read_date
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.units import (
     DIMENSIONLESS,
+    LEAST_SPREAD,
+    MOST_SPREAD,
     UNITS,
     UnitError,
     normal_unit,
@@ -28,7 +30,11 @@ from geoident.units import (
     with_article,
 )
 
-_GOOD = frozenset({"", "0", "no", "false", "good", "ok"})
+_GOOD = frozenset(
+    {"", "0", "0.0", "0,0", "n", "no", "nein", "non", "false", "f", "good", "ok", "none", "nil"}
+    | {"n/a", "na", "nan", "null", "not bad", ".", "-", "--", "---", "\N{EN DASH}", "\N{EM DASH}"}
+)
+"""What people write in a cell that has nothing to say."""
 _BAD = frozenset({"1", "x", "yes", "true", "bad"})
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 
@@ -300,6 +306,10 @@ class Table:
         if accuracy is not None and accuracy <= 0:
             message = f"the accuracy '{cell.text}' is not positive"
             self.refuse((number, cell.column), "out-of-range", message)
+        elif accuracy is not None and not LEAST_SPREAD <= accuracy <= MOST_SPREAD:
+            message = f"the accuracy '{cell.text}' is no accuracy of a gauge"
+            hint = f"From {LEAST_SPREAD:g} to {MOST_SPREAD:g} is expected."
+            self.refuse((number, cell.column), "out-of-range", message, hint)
         return accuracy
 
     def require_ignored(self, number: int, cells: Sequence[Cell]) -> None:
@@ -430,8 +440,10 @@ class Table:
 def flag(text: str) -> str:
     """Why a reading is not to be used, from the column ``bad``; empty for a good one.
 
-    >>> flag("no"), flag("x"), flag("head hit by blast")
-    ('', 'flagged in the file', 'head hit by blast')
+    A dash, or what else stands for an empty cell, is no reason.
+
+    >>> flag("no"), flag("-"), flag("x"), flag("head hit by blast")
+    ('', '', 'flagged in the file', 'head hit by blast')
     """
     word = text.strip().lower()
     if word in _GOOD:

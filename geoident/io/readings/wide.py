@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, replace
 
 from geoident.io.readings.table import Cell, Origin, Table, UnitScale
+from geoident.io.text.dates import utc_offset
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
 
@@ -142,6 +143,7 @@ class WideReader:
         when = cells[self.when]
         time = self.table.date(number, when) if self.dated else None
         place, stage = self.table.place(number, when), "" if self.dated else when.text
+        zone = utc_offset(when.text) if self.dated else None
         at = self.remarks
         note = cells[at].text if at is not None and at < len(cells) else ""
         readings = []
@@ -150,7 +152,14 @@ class WideReader:
             here = self.table.place(number, cells[column.at])
             if column.scale is not None and (value is not None or not cells[column.at].text):
                 reading = Reading(
-                    column.channel, stage, value, location=here, time=time, when=place, note=note
+                    column.channel,
+                    stage,
+                    value,
+                    location=here,
+                    time=time,
+                    when=place,
+                    note=note,
+                    zone=zone,
                 )
                 readings.append(reading)
         return [] if self.dated and time is None else readings

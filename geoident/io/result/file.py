@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
@@ -115,6 +115,8 @@ def _write(file: h5py.File, result: Result) -> None:
         reading_tables.write_accuracies(file, result.accuracies)
     if result.model_error is not None:
         tables.write_model_error(file, result.model_error)
+    if result.backtest is not None:
+        backtest.write_backtest(file, result.backtest, gauges, names)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     if result.members is not None:
@@ -238,12 +240,11 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
-        model_error=(
-            tables.read_model_error(file) if tables.MODEL_ERROR in contents else None
-        ),
+        model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),
+        backtest=(backtest.read_backtest(file, gauges, n) if backtest.GROUP in contents else None),
     )
 
 

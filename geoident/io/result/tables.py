@@ -12,9 +12,10 @@ from dataclasses import fields
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
+from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
@@ -79,7 +80,11 @@ def _of_priors(priors: Sequence[Prior | None], name: str) -> Floats:
 
 
 def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
-    """The table, and the singular values (k,) or None."""
+    """The table, and the singular values (k,) or None.
+
+    Raises:
+        ValueError: a value is no finite number.
+    """
     group = TableReader(file, "parameters")
     names = group.texts("name")
     n = len(names)
@@ -98,6 +103,9 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         covariance=group.floats("covariance", n, n),
         correlation=group.floats("correlation", n, n),
     )
+    if not np.all(np.isfinite(table.values)):
+        lost = names[int(np.flatnonzero(~np.isfinite(table.values))[0])]
+        raise ValueError(f"the value of the parameter {lost!r} is not a finite number")
     if "singular_values" not in group:
         return table, None
     return table, group.floats("singular_values", len(group.array("direction", "f")))

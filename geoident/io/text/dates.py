@@ -1,6 +1,8 @@
 """Dates as field sheets have them: ISO unless another format is declared, never guessed.
 
-A date is kept as seconds since 1970 without time zone: construction sites live in one.
+A date is kept as seconds since 1970 of the clock that it was read from: construction sites live in
+one time zone. An offset from UTC that a logger writes is read beside it (`utc_offset`); who knows
+all dates of a file brings them to one clock.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ _TOKENS = {"YYYY": "%Y", "MM": "%m", "DD": "%d", "hh": "%H", "mm": "%M", "ss": "
 _TOKEN = re.compile("|".join(_TOKENS))
 _FORMAT = re.compile(r"(?:YYYY|MM|DD|hh|mm|ss|[-./: T])+")
 _LONGEST = 40
+_OFFSET = re.compile(r":\d{2}.*(?:[+-]\d{2}|[Zz])|T.*(?:[+-]\d{2}|[Zz])")
+"""What can be an offset from UTC: behind a time of day."""
 
 
 class DateError(ValueError):
@@ -65,6 +69,33 @@ def read_date(text: str, pattern: str = ISO) -> float:
     except ValueError:
         raise DateError(f"'{text}' is no date of the form {pattern}") from None
     return found.replace(tzinfo=UTC).timestamp()
+
+
+def utc_offset(text: str) -> float | None:
+    """Seconds by which the clock of an ISO date is ahead of UTC; None where it does not say.
+
+    >>> utc_offset("2024-03-01T10:00+02:00"), utc_offset("2024-03-01 10:00Z")
+    (7200.0, 0.0)
+    >>> utc_offset("2024-03-01 10:00")
+    """
+    text = text.strip()
+    if len(text) > _LONGEST or not _OFFSET.search(text):
+        return None
+    try:
+        ahead = datetime.fromisoformat(text).utcoffset()
+    except ValueError:
+        return None
+    return None if ahead is None else ahead.total_seconds()
+
+
+def offset_text(seconds: float) -> str:
+    """An offset from UTC as people write it.
+
+    >>> offset_text(7200.0), offset_text(-12600.0)
+    ('UTC+02:00', 'UTC-03:30')
+    """
+    minutes = round(abs(seconds) / 60.0)
+    return f"UTC{'-' if seconds < 0.0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
 
 
 def date_text(seconds: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import re
+import stat
 import sys
 from pathlib import Path
 
@@ -28,6 +29,30 @@ def seen_from(folder: Path, path: Path | str) -> str:
         return str(Path(path).absolute())
 
 
+def require_file(path: str | Path, what: str) -> None:
+    """Refuse what is no file of a disk: a pipe or a device, of which reading may never end.
+
+    What is not there at all, and a folder, are left to whoever opens it.
+
+    Args:
+        path: the file.
+        what: name of the kind of file in messages.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return
+    found = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+    message = f"the {what} is {found}, not a file"
+    hint = "Save what comes out of it as a file, and name that."
+    raise InputError([Fault("not-a-file", message, hint, Location(str(path)))])
+
+
 def read_bytes(path: str, *, limit: int, what: str) -> bytes:
     """The bytes of a file, of stdin for ``-``.
 
@@ -37,12 +62,13 @@ def read_bytes(path: str, *, limit: int, what: str) -> bytes:
         what: name of the kind of file in messages.
 
     Raises:
-        InputError: it cannot be read, or is larger than the limit.
+        InputError: it cannot be read, is no file, or is larger than the limit.
     """
     try:
         if path == STDIN:
             data = sys.stdin.buffer.read(limit + 1)
         else:
+            require_file(path, what)
             with Path(path).open("rb") as file:
                 data = file.read(limit + 1)
     except (OSError, ValueError) as error:

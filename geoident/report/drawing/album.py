@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from geoident.model.result import Labelled, Result
+from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields import field_pictures
 from geoident.report.drawing.gauges import (
     compared_gauge_pictures,
@@ -36,13 +37,14 @@ class Album:
     fields: tuple[Picture, ...]
     quality: tuple[Picture, ...]
     structures: tuple[Picture, ...]
+    backtest: tuple[Picture, ...]
 
     @property
     def all(self) -> tuple[Picture, ...]:
         """Every figure."""
         return (
             *self.overview, *self.parameters, *self.readings, *self.fields, *self.quality,
-            *self.structures,
+            *self.structures, *self.backtest,
         )  # fmt: skip
 
 
@@ -62,6 +64,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         fields,
         quality_pictures(result),
         structure_pictures(result),
+        backtest_pictures(result),
     )
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
 

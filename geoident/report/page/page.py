@@ -14,7 +14,7 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, structures, yielding
+from geoident.report.text import accuracies, backtest, structures, yielding
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -95,6 +95,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             _figures(pictures.structures),
             table(structures.force_table(result.members)),
         ),
+        _section(backtest.TITLE, *_backtest(result), _figures(pictures.backtest)),
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )
@@ -154,6 +155,25 @@ def _yield_planes(result: Result) -> Html:
         return Html("")
     said = tag("p", " ".join(yielding.certificate_sentences(found)))
     return joined([said, table(yielding.plane_table(found))])
+
+
+def _backtest(result: Result) -> tuple[Html, ...]:
+    """How predictions of stages that were read came true, in tables."""
+    found = result.backtest
+    if found is None or not found.steps:
+        return ()
+    if result.kind != "backtest":
+        words = "The last fitted stage, predicted from the readings of those before it."
+        return tag("p", words), table(backtest.prediction_table(result))
+    return (
+        table(backtest.fits_table(result), caption="Fits of the readings up to each stage"),
+        table(backtest.scores_table(found), caption="Predictions against later readings"),
+        table(backtest.errors_table(result), caption=f"{backtest.ERRORS_TITLE}: next stage"),
+        table(
+            backtest.errors_table(result, ahead=False),
+            caption=f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage",
+        ),
+    )
 
 
 def _provenance(result: Result) -> Html:

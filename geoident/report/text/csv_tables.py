@@ -2,7 +2,8 @@
 
 Numbers stand in the units in which the user wrote them, lengths that were read in mm, with the unit
 in a column or in the header, to 12 digits. An empty cell is a value that does not exist or is not
-determined.
+determined. A text that a spreadsheet would take for a formula (a gauge may be called ``=A1``) has
+an apostrophe before it; numbers are numbers.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from geoident.model.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
 from geoident.units import in_unit, shown_unit
@@ -56,7 +58,7 @@ def csv_text(table: CsvTable) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.header)
+    writer.writerow([_text(cell) for cell in table.header])
     writer.writerows([_text(cell) for cell in row] for row in table.rows)
     return text.getvalue()
 
@@ -72,7 +74,21 @@ def _text(cell: CsvCell) -> str:
         return "yes" if cell else "no"
     if isinstance(cell, float):
         return "" if math.isnan(cell) else f"{cell:.12g}"
+    if isinstance(cell, str) and cell.startswith(_FORMULA) and not _is_number(cell):
+        return f"'{cell}"
     return str(cell)
+
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""Beginnings of texts that a spreadsheet takes for a formula, and would compute (CWE-1236)."""
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _parameters(result: Result) -> CsvTable:
@@ -83,7 +99,8 @@ def _parameters(result: Result) -> CsvTable:
 
 
 def _parameter(table: ParameterTable, i: int) -> CsvRow:
-    value = float(table.values[i]) if table.determined[i] else math.nan
+    known = table.determined[i] or math.isfinite(table.sd[i])  # from readings, or its prior
+    value = float(table.values[i]) if known else math.nan
     found = (value, *(float(column[i]) for column in (table.sd, table.lower95, table.upper95)))
     given = (float(column[i]) for column in (table.start, table.lower, table.upper))
     unit, dimension = table.units[i], table.dimensions[i]
@@ -310,6 +327,10 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
         yield (*coordinates, phi if math.isfinite(phi) else math.nan)
 
 
+def _of_rows(header: tuple[str, ...], rows: Sequence[CsvRow]) -> CsvTable:
+    return CsvTable(header, tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -322,6 +343,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,
+    "backtest": lambda result: _of_rows(*csv_rows(result)),
+    "backtest-parameters": lambda result: _of_rows(*csv_fit_rows(result)),
 }
 
 CSV_TABLES = tuple(_TABLES)

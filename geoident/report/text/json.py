@@ -19,6 +19,7 @@ from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
     by_stage,
     diagnostics_object,
@@ -78,6 +79,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.accuracies is not None
             else {}
         ),
+        **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
@@ -102,8 +104,9 @@ def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
 
 def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
     determined, prior = bool(parameters.determined[i]), parameters.priors[i]
+    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
     return {
-        "value": parameters.values[i] if determined else None,
+        "value": parameters.values[i] if known else None,
         "unit": si_unit(parameters.dimensions[i]),
         "sd": parameters.sd[i],
         "lower95": parameters.lower95[i],

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, structures, yielding
+from geoident.report.text import accuracies, backtest, structures, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -47,6 +47,7 @@ _STATUS = {
     "not-determined": "The readings do not determine all parameters",
     "out-of-budget": "The search ran out of its budget: the values are the best found so far",
     "done": "The computation is complete",
+    "bands-fail": "Later readings do not lie inside the bands as they should",
 }
 
 
@@ -68,6 +69,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
         section("Scan", grid_text(result)),
+        backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),
         f"Cost: {counts_text(result.counts)}",
     )
@@ -79,6 +81,7 @@ def summary_text(result: Result) -> str:
         head(result),
         parameters_text(result.parameters, result.certificate),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
+        backtest.backtest_text(result) if result.kind == "backtest" else "",
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)
@@ -117,6 +120,8 @@ def outcome_sentences(result: Result) -> list[str]:
 def _identified(result: Result) -> list[str]:
     n, used = len(result.parameters.names), int(result.gauges.used.sum())
     status = _STATUS.get(result.status, result.status)
+    if result.kind == "backtest":
+        return [f"{status}. {result.reason}"]
     if result.kind != "fit" or not used:
         return [f"{status}."]
     stages = [
@@ -161,7 +166,7 @@ def _predicted(result: Result) -> list[str]:
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
     said = list(result.findings)
-    if result.status in ("not-converged", "not-determined", "out-of-budget"):
+    if result.status in ("not-converged", "not-determined", "out-of-budget", "bands-fail"):
         said.insert(0, result.reason)
     for i in np.flatnonzero(result.parameters.at_bound).tolist():
         name = result.parameters.names[i]

@@ -19,9 +19,9 @@ from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_result, write_result
+from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -42,6 +42,7 @@ from geoident.workflow.running.model_error import (
     ReadingSteps,
     correlation_length,
     no_model_error,
+    of_result,
     reading_steps,
 )
 from geoident.workflow.running.outputs import Standing, Target
@@ -180,6 +181,41 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
+def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
+    """The problem that a fit ended with, from its result: the readings used and all their errors.
+
+    What is computed from it is what the fit computed: accuracies and model error are those that were
+    estimated with the parameters.
+
+    Args:
+        fit: the result.
+        case: of the fit, as `geoident.workflow.running.jobs.inputs_of_result` gives it.
+        response: in the readings used, or of a model whose readings are not asked for.
+    """
+    readings = fit.gauges.readings
+    used = readings.used
+    structure = gauge_errors(used_rows(case, used))
+    found = model_error_of_result(fit, case)
+    if found is not None:
+        structure = found.with_later(structure)
+    _, shared = structure.at(np.zeros(len(structure.names)))
+    own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
+    return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
+
+
+def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
+    """The model error of a fit, from its result; None for none.
+
+    Args:
+        fit: the result.
+        case: of the fit.
+    """
+    if fit.model_error is None:
+        return None
+    used = fit.gauges.readings.used
+    return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
+
+
 def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
     """The errors of the used readings of a case; None where all are independent.
 
@@ -304,7 +340,13 @@ def later_errors(
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages (n_stages,), from an estimate."""
+    """Bands of the readings at some stages, from an estimate.
+
+    Args:
+        setup: as `estimated` gave it.
+        found: the estimate.
+        stages: (n_stages,) which to predict.
+    """
     sd = accuracies(setup.case)
     return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
 
@@ -339,18 +381,25 @@ def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[st
         inputs: paths that were read, and so must not be written.
     """
     overwrite = found is not Standing.NOTHING
+    if not overwrite:  # the same may have been computed by another run meanwhile
+        other = read_identity(place.path) if place.path.exists() else None
+        if other is not None and other.identity == result.provenance.identity:
+            if other.status != STOPPED:
+                return keep(place)
+            overwrite = True
     return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
 
 
 def searched(
-    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome], Result]
+    job: Job, control: Control, result: Callable[[Setup, Problem, Outcome, Log], Result]
 ) -> Finished:
     """Runs the search of a command and writes its result; keeps one that is up to date.
 
     Args:
         job: what to do.
         control: progress, budget and stops.
-        result: what is written of the case, its problem and the outcome of the search.
+        result: what is written of the case, its problem and the outcome of the search; it may
+            evaluate more, and log that.
 
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
@@ -360,7 +409,7 @@ def searched(
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
-        written = result(*estimated(setup, job.methods, log, control))
+        written = result(*estimated(setup, job.methods, log, control), log)
         return write(written, job.place, job.found, inputs=job.inputs.files)
 
 

@@ -23,7 +23,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
-from geoident.io.text.text_file import STDIN, seen_from
+from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
@@ -183,6 +183,7 @@ def sha256(content: bytes) -> str:
 
 
 def _hash_file(path: str, what: str) -> str:
+    require_file(path, what)
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -270,7 +271,7 @@ class Job:
 
     Args:
         request: what was asked for.
-        command: ``fit`` or ``scan``.
+        command: ``fit``, ``scan`` or ``backtest``.
         methods: the identifiers to run, one after the other.
         inputs: the case.
         place: of the result.
@@ -301,6 +302,12 @@ def plan_fit(request: Request) -> Job:
     """
     inputs = load_inputs(request.case, overrides=request.overrides)
     return _plan(request, inputs, "fit", inputs.case.fit.methods)
+
+
+def plan_backtest(request: Request) -> Job:
+    """The same for a case that is to be fitted to ever more of its stages."""
+    inputs = load_inputs(request.case, overrides=request.overrides)
+    return _plan(request, inputs, "backtest", inputs.case.fit.methods)
 
 
 def plan_scan(request: Request) -> Job:

@@ -367,14 +367,14 @@ class FittedModelError:
     weighed: SizeWeights | None = None
     findings: tuple[str, ...] = ()
 
-    def with_later(self, structure: ErrorStructure, later: ReadingSteps) -> ErrorStructure:
-        """The errors of the readings used and of later ones below, with the model error.
+    def with_later(self, structure: ErrorStructure, *later: ReadingSteps) -> ErrorStructure:
+        """The errors of the readings used, and of later ones below them, with the model error.
 
         Args:
             structure: without it.
-            later: what it is made of there.
+            *later: what it is made of there.
         """
-        columns = self.size * shared_columns([self.used, later], self.length)
+        columns = self.size * shared_columns([self.used, *later], self.length)
         return structure.with_component(sp.csr_array(columns), NAME)
 
     def table(self, used: Bools) -> ModelErrorTable:

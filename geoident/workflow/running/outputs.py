@@ -49,7 +49,7 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
 
     Args:
         case: path of the case or of a result that the name is made from; ``-`` for stdin.
-        kind: ``fit``, ``scan`` or ``predict``.
+        kind: of the result, such as ``fit``.
         output: a file, an existing folder, or None for beside the case.
 
     Raises:
@@ -84,7 +84,7 @@ def _is_folder(output: str) -> bool:
 def _stem(path: Path) -> str:
     """Name without its endings: of a case, or of a result made from one."""
     stem = path.name
-    for ending in (".h5", ".fit", ".scan", ".predict", ".yaml", ".yml"):
+    for ending in (".h5", ".fit", ".scan", ".predict", ".backtest", ".yaml", ".yml"):
         stem = stem.removesuffix(ending)
     return stem or path.name
 

@@ -67,6 +67,28 @@ def predict_stages(
     )
 
 
+def correlations(
+    survey: Survey, assessment: Assessment, prediction: Prediction, places: Bools
+) -> Floats:
+    """Of the errors of predictions: what the parameters lack is common to all of them.
+
+    Args:
+        survey: the model at the estimate.
+        assessment: how well the parameters are known.
+        prediction: the bands.
+        places: (n_channels, n_stages) the l predictions, all with a finite band.
+
+    Returns:
+        (l, l).
+    """
+    rows = survey.sensitivity[places] * assessment.slope
+    common = rows @ assessment.posterior.covariance @ rows.T
+    sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
+    found = common / np.outer(sd, sd)
+    np.fill_diagonal(found, 1.0)
+    return np.asarray(found)
+
+
 @dataclass(frozen=True)
 class KnownErrors:
     """What the used readings tell of errors that later ones share with them (theory 7).

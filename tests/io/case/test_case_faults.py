@@ -311,5 +311,5 @@ def test_a_fault_reads_as_file_line_column_path_found_expected_remedy(project, c
     assert str(fault) == (
         f"{project.file}:13:34: in_situ.vertical: '8' has no unit; a pressure is expected\n"
         "    The SI unit is Pa: write '8 Pa', or one of Pa, kPa, MPa, GPa, bar, kbar, N/m2, kN/m2, "
-        "MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 9 more."
+        "MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 10 more."
     )

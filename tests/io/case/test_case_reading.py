@@ -239,4 +239,4 @@ def test_directions_are_unit_vectors(project, changed):
 def test_files_that_cannot_be_read_are_refused(path):
     with pytest.raises(InputError) as caught:
         read_case(path)
-    assert caught.value.faults[0].code in {"unreadable-file", "too-large"}
+    assert caught.value.faults[0].code in {"unreadable-file", "not-a-file"}

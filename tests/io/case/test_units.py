@@ -121,6 +121,9 @@ def test_long_texts_take_no_time(text):
     [
         ("1 ksf", "pressure", 47880.25898033584),
         ("1 tsf", "pressure", 95760.51796067168),
+        ("1 lb/ft2", "pressure", 47.88025898033584),
+        ("1 kpsi", "pressure", 6894757.293168361),
+        ("2.5 Mpsi", "pressure", 17236893232.9209),
         ("1 psf", "pressure", 47.88025898033584),
         ("1 kgf/cm2", "pressure", 98066.5),
         ("10 mH2O", "pressure", 98066.5),

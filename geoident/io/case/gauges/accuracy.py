@@ -23,7 +23,15 @@ from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, shorten
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reading
-from geoident.units import DIMENSIONS, UNITS, read_quantity, unit_list, with_article
+from geoident.units import (
+    DIMENSIONS,
+    LEAST_SPREAD,
+    MOST_SPREAD,
+    UNITS,
+    read_quantity,
+    unit_list,
+    with_article,
+)
 
 if TYPE_CHECKING:
     from geoident.io.case.case import CaseSection
@@ -109,7 +117,7 @@ class SpreadOf(Of):
         if not given.factor >= 0.0:
             message = f"'{shorten(text)}' is negative; a standard deviation is expected"
             raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
-        return given
+        return computable(given)
 
     def words(self) -> str:
         """What is expected, for a message."""
@@ -142,6 +150,19 @@ class SpreadOf(Of):
         size = read_quantity(match[1])
         value = size.value / math.sqrt(UNITS[unit][1])
         return Given(text, value, None, size.dimension, size.unit)
+
+
+def computable(given: Given) -> Given:
+    """A standard deviation that can be computed with.
+
+    Raises:
+        Refusal: it, or its square, is beyond what numbers can hold.
+    """
+    if given.factor == 0.0 or LEAST_SPREAD <= given.factor <= MOST_SPREAD:
+        return given
+    message = f"'{shorten(given.text)}' is no accuracy of a gauge"
+    hint = f"From {LEAST_SPREAD:g} to {MOST_SPREAD:g} of the SI unit is expected; "
+    raise Refusal("out-of-range", message, f"{hint}a gauge that tells nothing is best left out.")
 
 
 AccuracyPart = Annotated[Given, SpreadOf(None)]

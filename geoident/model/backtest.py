@@ -1,0 +1,110 @@
+"""What a backtest found: fits of the first stages, and what each of them said of the later ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoident.model.arrays import Bools, Floats
+from geoident.model.result import Counts, Prediction
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well predictions came true, all together (theory 13).
+
+    Args:
+        readings: how many were predicted with a band.
+        open: how many more were read, but their prediction is not determined.
+        inside: how many lie inside their 95 % bands.
+        rms: root mean square of the standardized errors; 1 where the bands are right.
+        sharpness: mean width of the bands, by the root mean square of the readings.
+        interval_score: mean of the width and 40 times what a reading is beyond it, likewise: the
+            smaller the better.
+        log_score: mean of the logarithm of the predicted density of a reading, per stated accuracy:
+            the larger the better.
+    """
+
+    readings: int
+    open: int
+    inside: int
+    rms: float
+    sharpness: float
+    interval_score: float
+    log_score: float
+
+    @property
+    def coverage(self) -> float:
+        """The part of the readings that is inside; NaN without any."""
+        return self.inside / self.readings if self.readings else float("nan")
+
+
+@dataclass(frozen=True)
+class BacktestStep:
+    """A fit of the readings up to a stage, and what it says of later stages.
+
+    Args:
+        last: number of the last stage with fitted readings, in the stages of the result.
+        readings: how many it was fitted to.
+        status: how the search ended, as of a fit.
+        reason: why.
+        values: (n,) parameters, SI; kept also where they are not determined.
+        sd: (n,) their standard deviations; NaN where not determined.
+        lower95, upper95: (n,) ends of their 95 % intervals.
+        determined: (n,) readings or priors determine it.
+        prediction: of the later stages, (n_channels, n_stages); NaN where nothing is predicted.
+        log_density: (n_channels, n_stages) logarithm of the predicted density of what was read, per
+            SI unit; NaN where there is none.
+        excess: (n_stages,) by how much, relative, computed stresses of a later stage exceed those
+            of the fitted ones; NaN where that is not known.
+        counts: what this fit and its predictions have cost.
+    """
+
+    last: int
+    readings: int
+    status: str
+    reason: str
+    values: Floats
+    sd: Floats
+    lower95: Floats
+    upper95: Floats
+    determined: Bools
+    prediction: Prediction
+    log_density: Floats
+    excess: Floats
+    counts: Counts
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A stage up to which no fit was made.
+
+    Args:
+        stage: its name.
+        why: a clause.
+    """
+
+    stage: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Backtest:
+    """Fits of the first stages and their predictions.
+
+    Args:
+        steps: one for each fit, in the order of their last stages.
+        skipped: the fits that could not be made.
+        next: scores of the next stage that was read.
+        further: scores of all stages after that.
+        few: probability that bands that hold leave so few readings of next stages inside.
+        far: probability that standardized errors are then as large.
+        measured: (n_channels, n_stages) readings that predictions are compared with, SI.
+    """
+
+    steps: tuple[BacktestStep, ...]
+    skipped: tuple[Skipped, ...]
+    next: Scores
+    further: Scores
+    few: float
+    far: float
+    measured: Floats

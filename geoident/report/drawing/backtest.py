@@ -1,0 +1,125 @@
+"""A backtest: parameters as readings are added, and errors of predictions by stage."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from geoident.identify.assessment.scores import bands_of, next_read
+from geoident.model.arrays import Bools, Floats
+from geoident.model.backtest import Backtest
+from geoident.model.result import NORMAL_95, Result
+from geoident.report.drawing.style import (
+    COMPUTED,
+    FAINT,
+    MEASURED,
+    Picture,
+    key,
+    panel_grid,
+    short,
+    stage_ticks,
+)
+from geoident.units import in_unit, shown_unit
+
+_MOST_PARAMETERS = 12
+
+
+def backtest_pictures(result: Result) -> tuple[Picture, ...]:
+    """Parameters against the stages fitted, and the errors of the predictions."""
+    found = result.backtest
+    if found is None or not found.steps:
+        return ()
+    pictures = []
+    if len(found.steps) > 1:
+        pictures.append(
+            Picture(
+                "backtest-parameters",
+                "Parameters as readings are added",
+                "Estimates with their 95 % intervals from the readings up to each stage; no mark: "
+                "not determined. Where the model is right, an interval holds the later estimates.",
+                lambda: settling_figure(result, found),
+            )
+        )
+    if any(np.isfinite(bands_of(found, step).z).any() for step in found.steps):
+        pictures.append(
+            Picture(
+                "backtest-errors",
+                "Predictions against later readings",
+                "Errors of predictions in their standard deviations, by predicted stage; grey: the "
+                "95 % band. Filled: the next stage that was read after the fitted ones; hollow: "
+                "stages further ahead.",
+                lambda: error_figure(result, found),
+            )
+        )
+    return tuple(pictures)
+
+
+def settling_figure(result: Result, found: Backtest) -> Figure:
+    """A panel for each parameter."""
+    names = result.parameters.names[:_MOST_PARAMETERS]
+    figure, panels = panel_grid(len(names), height=2.3, extra=0.2)
+    stages = tuple(result.gauges.stages[step.last] for step in found.steps)
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        unit = result.parameters.units[i], result.parameters.dimensions[i]
+        values, low, high = (
+            _in_unit(np.array([getattr(step, column)[i] for step in found.steps]), unit)
+            for column in ("values", "lower95", "upper95")
+        )
+        known = np.array([step.determined[i] for step in found.steps], dtype=np.bool_)
+        _draw_settling(axes, np.where(known, values, np.nan), low, high)
+        shown = shown_unit(*unit)
+        axes.set_title(f"{short(name)} ({shown})" if shown else short(name))
+        stage_ticks(axes, stages)
+        axes.grid(axis="y")
+    return figure
+
+
+def _in_unit(values: Floats, unit: tuple[str, str]) -> Floats:
+    return np.array([in_unit(float(value), *unit) for value in values])
+
+
+def _draw_settling(axes: Axes, values: Floats, low: Floats, high: Floats) -> None:
+    x = np.arange(len(values))
+    spread = np.isfinite(values) & np.isfinite(low) & np.isfinite(high)
+    axes.vlines(x[spread], low[spread], high[spread], color=COMPUTED, lw=1.6)
+    axes.plot(x, values, "o", color=COMPUTED, ms=4)
+    if np.isfinite(values[-1]):
+        axes.axhline(values[-1], color=FAINT, lw=0.7, zorder=0)
+
+
+def error_figure(result: Result, found: Backtest) -> Figure:
+    """Standardized errors over the predicted stages."""
+    figure = Figure(figsize=(7.6, 3.6))
+    axes = figure.subplots()
+    axes.axhspan(-NORMAL_95, NORMAL_95, color=FAINT, alpha=0.15, lw=0)
+    axes.axhline(0.0, color=FAINT, lw=0.7)
+    largest = NORMAL_95
+    for step in found.steps:
+        bands = bands_of(found, step)
+        z, ahead = bands.z, next_read(bands)
+        largest = max(largest, float(np.nanmax(np.abs(z), initial=0.0)))
+        _draw_errors(axes, z, ahead, filled=True)
+        _draw_errors(axes, z, ~ahead, filled=False)
+    linear = largest <= 8.0
+    if not linear:
+        axes.set_yscale("symlog", linthresh=4.0)
+    axes.set_ylabel("error / standard deviation")
+    stage_ticks(axes, result.gauges.stages)
+    axes.grid(axis="y")
+    dot = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
+    axes.legend(
+        handles=[key("next stage", **dot), key("further ahead", mfc="white", **dot)],
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+    )
+    return figure
+
+
+def _draw_errors(axes: Axes, z: Floats, part: Bools, *, filled: bool) -> None:
+    rows, columns = np.nonzero(part & np.isfinite(z))
+    if not rows.size:
+        return
+    aside = 0.3 * (rows / max(len(z) - 1, 1) - 0.5)  # channels side by side
+    face = MEASURED if filled else "white"
+    axes.plot(columns + aside, z[rows, columns], "o", color=MEASURED, mfc=face, mew=0.8, ms=4)

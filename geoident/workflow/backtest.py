@@ -1,0 +1,289 @@
+"""``geoident backtest``: fit the stages up to each one that was read, and predict the later ones.
+
+The model is built once. Every fit does all that ``fit`` does (it estimates accuracies and model
+error too), marches no farther than its last stage, and begins where the one before ended; one more
+march of all stages gives its predictions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from geoident.errors import ExitCode, InputError, ModelError
+from geoident.identify.problem.problem import STOPPED
+from geoident.model.backtest import Backtest, Skipped
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
+from geoident.model.methods import MethodOptions, method_name
+from geoident.model.result import Result
+from geoident.workflow.running.accuracies import accuracy_findings
+from geoident.workflow.running.control import OUT_OF_TIME, Control
+from geoident.workflow.running.diagnosis import bare_parameter_table, opened, parameter_table
+from geoident.workflow.running.estimate import (
+    Finished,
+    Setup,
+    evaluation_log,
+    keep,
+    require_possible,
+    write,
+)
+from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.jobs import Job, build_model, job_provenance
+from geoident.workflow.running.predictions import collapse_findings
+from geoident.workflow.running.readings import (
+    gauge_table,
+    reading_table,
+    select_readings,
+    unused_notes,
+)
+from geoident.workflow.running.trials import (
+    FitLog,
+    PartialFit,
+    added,
+    backtest_of,
+    clause,
+    nearby,
+    tried,
+)
+from geoident.workflow.running.verdict import Verdict, settling_sentences, verdict
+
+LEFT_OUT = "the stage is left out of fit.stages"
+"""Why a backtest does not use a reading of a stage before the last one of fit.stages."""
+
+BANDS_FAIL = "bands-fail"
+"""Status of a backtest more of whose readings lie outside of their bands than chance explains."""
+
+
+def backtest(job: Job, control: Control) -> Finished:
+    """Fit and predict for every number of stages, score, and write; keep what is up to date.
+
+    Raises:
+        InputError, ModelError, OutputError: see the commands' exit codes.
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if job.up_to_date:
+        return keep(job.place)
+    setup, stages = prepare_backtest(job)
+    with evaluation_log(job, control) as log:
+        trials, skipped = run_trials(setup, stages, job.methods, log, control)
+        result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
+        return write(result, job.place, job.found, inputs=job.inputs.files)
+
+
+def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
+    """Build the model of a job; with all usable readings, and the numbers of their stages.
+
+    Raises:
+        InputError: the case does not fit its mesh, or fewer than two stages were read.
+        ModelError: the model moves freely somewhere.
+    """
+    model = build_model(job.inputs, solver=job.request.solver)
+    case = model.case
+    require_possible(model, case, job.methods)
+    setup = Setup(model, case, select_readings(case, model))
+    readings = all_readings(setup)
+    stages = read_stages(case, readings)
+    _require_stages(case, stages)
+    return replace(setup, readings=readings), stages
+
+
+def all_readings(setup: Setup) -> ReadingTable:
+    """All readings that can be used, those of stages after the last one of fit.stages too.
+
+    ``fit.stages`` says how far a fit goes; a backtest goes on. A stage that it leaves out before
+    its last one is left out on purpose, and takes no part.
+
+    Args:
+        setup: with the readings of a fit.
+    """
+    case, fitted = setup.case, setup.case.fit.stages
+    if fitted is None:
+        return setup.readings
+    names = [stage.name for stage in case.stages]
+    last = max(names.index(name) for name in fitted)
+    open_case = replace(case, fit=replace(case.fit, stages=None))
+    table = select_readings(open_case, setup.model)
+    left_out = {name for name in names[:last] if name not in fitted}
+    reasons = [
+        why or (LEFT_OUT if stage in left_out else "")
+        for why, stage in zip(table.reason, table.stage, strict=True)
+    ]
+    return reading_table(case, reasons)
+
+
+def read_stages(case: Case, readings: ReadingTable) -> tuple[int, ...]:
+    """Numbers of the stages with usable readings, from 0 for the first stage of the case."""
+    read = {name for name, used in zip(readings.stage, readings.used, strict=True) if used}
+    return tuple(n for n, stage in enumerate(case.stages) if stage.name in read)
+
+
+def _require_stages(case: Case, stages: Sequence[int]) -> None:
+    """Refuse a case of which fewer than two stages were read."""
+    if len(stages) > 1:
+        return
+    count = "one stage" if stages else "no stage"
+    fault = case.source.fault(
+        ("readings",),
+        code="too-few-stages",
+        message=f"usable readings of {count}: a backtest fits the readings of some stages and "
+        "compares its predictions with those of later ones",
+        hint="Give readings of two stages at least.",
+    )
+    raise InputError([fault])
+
+
+def run_trials(
+    setup: Setup,
+    stages: Sequence[int],
+    methods: Sequence[MethodOptions],
+    log: Log,
+    control: Control,
+) -> tuple[list[PartialFit], list[Skipped]]:
+    """A fit for each of the stages that were read, with its predictions.
+
+    Args:
+        setup: model and all usable readings.
+        stages: numbers of the stages that were read.
+        methods: of the first fit; the others begin at its answer.
+        log: of the evaluations of all.
+        control: progress, budget and stops.
+
+    Returns:
+        The fits, and what was skipped. Fewer where the time was used up.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    trials: list[PartialFit] = []
+    skipped: list[Skipped] = []
+    for last in stages:
+        control.stop.check()
+        name = setup.case.stages[last].name
+        start = trials[-1].found.outcome.values if trials else None
+        chain = methods if start is None else (nearby(methods[-1]),)
+        try:
+            trial = tried(setup, last, chain, FitLog(log, f"to {last}:"), control, start=start)
+        except (InputError, ModelError) as error:
+            skipped.append(Skipped(name, clause(error)))
+            control.monitor.inform(f"up to {name}: skipped, {skipped[-1].why}")
+            continue
+        if trial.step.status == STOPPED:
+            break
+        trials.append(trial)
+        control.monitor.inform(_progress(trial, name))
+    return trials, skipped
+
+
+def _progress(trial: PartialFit, name: str) -> str:
+    step, ahead = trial.step, trial.bands.only(trial.next)
+    said = f"up to {name}: {step.status}, {step.readings} readings, "
+    said += f"{step.counts.factorizations} factorizations"
+    count = np.count_nonzero(ahead.scored)
+    inside = f"; next stage: {np.count_nonzero(ahead.inside)} of {count} inside"
+    return said + (inside if count else "")
+
+
+def _result(
+    job: Job,
+    setup: Setup,
+    trials: Sequence[PartialFit],
+    skipped: Sequence[Skipped],
+    *,
+    out_of_time: bool,
+) -> Result:
+    case = setup.case
+    if not trials:
+        return _without_trials(job, setup, skipped, out_of_time=out_of_time)
+    last = trials[-1]
+    found = backtest_of(setup, trials, skipped)
+    said = verdict(found, last.gauges)
+    restless, others = settling_sentences(case, found.steps)
+    status, reason = _ending(case, found, said, out_of_time=out_of_time)
+    estimate = last.found
+    return Result(
+        kind="backtest",
+        status=status,
+        exit_code=ExitCode.DONE if status == "done" else ExitCode.NOT_CONVERGED,
+        method=" + ".join(method_name(options) for options in job.methods),
+        reason=reason,
+        objective=estimate.outcome.objective,
+        findings=(
+            *((said.sentence,) if said.remarkable and said.sentence not in reason else ()),
+            *restless,
+            *dict.fromkeys(text for trial in trials for text in trial.extrapolates),
+            *dict.fromkeys(
+                text for trial in trials for text in collapse_findings(trial.found.survey)
+            ),
+        ),
+        case_text=job.inputs.loaded.text,
+        case_resolved=job.inputs.loaded.resolved,
+        provenance=job_provenance(job),
+        parameters=opened(
+            parameter_table(case.parameters, estimate.outcome.values, estimate.assessment),
+            estimate.outcome.certificate,
+        ),
+        gauges=last.gauges,
+        counts=reduce(added, (trial.step.counts for trial in trials)),
+        accuracies=last.setup.accuracies,
+        backtest=found,
+        notes=(
+            *others,
+            *(f"No fit of the readings up to {one.stage}: {one.why}." for one in skipped),
+            *(accuracy_findings(last.setup.accuracies) if last.setup.accuracies else ()),
+            *case.notes,
+            *setup.model.notes,
+            *unused_notes(setup.readings),
+        ),
+    )
+
+
+def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) -> tuple[str, str]:
+    """Status and reason."""
+    if out_of_time:
+        return STOPPED, f"{OUT_OF_TIME} Fits that were done: {len(found.steps)}."
+    failed = [step for step in found.steps if step.status != "converged"]
+    if failed:
+        names = ", ".join(case.stages[step.last].name for step in failed)
+        return failed[0].status, f"The fit up to {names} is not finished: {failed[0].reason}"
+    if not said.holds:
+        return BANDS_FAIL, said.sentence
+    return "done", said.sentence
+
+
+def _without_trials(
+    job: Job, setup: Setup, skipped: Sequence[Skipped], *, out_of_time: bool
+) -> Result:
+    """No fit was made: the time was up before, or all were skipped.
+
+    Raises:
+        InputError: all were skipped.
+    """
+    case, start = setup.case, setup.case.start
+    if not out_of_time:
+        reasons = "; ".join(f"up to {one.stage}: {one.why}" for one in skipped)
+        fault = case.source.fault(
+            ("readings",), code="no-fit", message=f"no fit could be made: {reasons}"
+        )
+        raise InputError([fault])
+    p = np.array([start[parameter.name] for parameter in case.parameters], dtype=np.float64)
+    nothing = np.full((len(case.channels), len(case.stages)), np.nan)
+    return Result(
+        kind="backtest",
+        status=STOPPED,
+        exit_code=ExitCode.NOT_CONVERGED,
+        method=" + ".join(method_name(options) for options in job.methods),
+        reason=f"{OUT_OF_TIME} No fit was done.",
+        objective=float("nan"),
+        findings=(),
+        case_text=job.inputs.loaded.text,
+        case_resolved=job.inputs.loaded.resolved,
+        provenance=job_provenance(job),
+        parameters=bare_parameter_table(case.parameters, p),
+        gauges=gauge_table(case, setup.readings, nothing),
+        counts=setup.model.counts,
+        notes=(*case.notes, *unused_notes(setup.readings)),
+    )

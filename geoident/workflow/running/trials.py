@@ -1,0 +1,320 @@
+"""A fit of the first stages, what it says of later ones, and whether that came true (theory 13).
+
+``backtest`` makes one for every stage that was read, ``fit`` one for all but its last stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from geoident.errors import InputError, ModelError
+from geoident.identify.assessment.scores import Bands, chance, next_read, scores
+from geoident.model.arrays import Bools, Floats
+from geoident.model.backtest import Backtest, BacktestStep, Skipped
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
+from geoident.model.result import Counts, GaugeTable
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import opened, parameter_table
+from geoident.workflow.running.estimate import Estimate, Setup, estimated, look, predicted
+from geoident.workflow.running.evaluation_log import EvaluationArrays, Log
+from geoident.workflow.running.extrapolation import (
+    StressLevels,
+    extrapolation_findings,
+    stress_levels,
+)
+from geoident.workflow.running.predictions import correlations
+from geoident.workflow.running.readings import (
+    gauge_table,
+    reading_table,
+    require_enough,
+)
+from geoident.workflow.running.verdict import verdict
+
+LATER = "later than the fitted stages"
+"""Why a fit of the first stages does not use a reading."""
+
+
+@dataclass(frozen=True)
+class FitLog:
+    """A log as one fit of several sees it: what it keeps is not that of the others.
+
+    Args:
+        log: of all.
+        name: of the fit.
+    """
+
+    log: Log
+    name: str
+
+    def find(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """What was kept for this kind of evaluation at p (n,), or None."""
+        return self.log.find(f"{self.name} {kind}", p)
+
+    def add(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
+        """Keep an evaluation.
+
+        Args:
+            kind: of evaluation.
+            p: (n,) where.
+            arrays: (...) what was found, by name.
+        """
+        self.log.add(f"{self.name} {kind}", p, arrays)
+
+
+@dataclass(frozen=True)
+class PartialFit:
+    """A fit of part of the readings, and what it says of those that came later.
+
+    Args:
+        setup: model, readings, and accuracies as estimated.
+        found: the estimate.
+        gauges: what was read and computed.
+        step: what is kept of it.
+        bands: of the readings that were predicted, (n_channels, n_stages).
+        correlation: (l, l) of the errors of the predictions of the next stage that was read.
+        next: (n_channels, n_stages) which these are.
+        extrapolates: sentences on stresses that fitted stages did not reach.
+    """
+
+    setup: Setup
+    found: Estimate
+    gauges: GaugeTable
+    step: BacktestStep
+    bands: Bands
+    correlation: Floats
+    next: Bools
+    extrapolates: tuple[str, ...]
+
+
+def nearby(options: MethodOptions) -> MethodOptions:
+    """How to search from an answer that is near: no other starts."""
+    if isinstance(options, GaussNewtonOptions):
+        return replace(options, starts=1)
+    if isinstance(options, ComplementarityOptions):
+        return replace(options, restarts=0)
+    return options
+
+
+def up_to(setup: Setup, last: int) -> Setup:
+    """The same with the readings of the stages up to one.
+
+    Args:
+        setup: with all usable readings.
+        last: number of the stage.
+
+    Raises:
+        InputError: they are fewer than the parameters.
+    """
+    number = {stage.name: n for n, stage in enumerate(setup.case.stages)}
+    pairs = zip(setup.readings.reason, setup.readings.stage, strict=True)
+    reasons = [why or (LATER if number[stage] > last else "") for why, stage in pairs]
+    table = reading_table(setup.case, reasons)
+    require_enough(setup.case, table)
+    return replace(setup, readings=table)
+
+
+def tried(
+    setup: Setup,
+    last: int,
+    methods: Sequence[MethodOptions],
+    log: Log,
+    control: Control,
+    *,
+    start: Floats | None,
+) -> PartialFit:
+    """One fit and its predictions.
+
+    Args:
+        setup: model and all usable readings.
+        last: number of the last stage to fit.
+        methods: of the search.
+        log: of its evaluations.
+        control: progress, budget and stops.
+        start: (n,) where to begin, SI; None for the start values of the case.
+
+    Raises:
+        InputError: there are fewer readings than parameters.
+        ModelError: the model has no solution there.
+        Interrupted: a stop was asked for.
+    """
+    part, before = up_to(setup, last), setup.model.counts
+    fitted, problem, outcome = estimated(part, methods, log, control, start=start)
+    found = look(fitted, problem, outcome, fields=True)
+    levels = stress_levels(setup.model, setup.case, found.survey.fields)
+    found = replace(found, survey=replace(found.survey, fields=None))  # large, and not needed on
+    gauges = gauge_table(fitted.case, found.readings, found.survey.computed)
+    later = np.arange(len(gauges.stages)) > last
+    prediction = predicted(fitted, found, later)
+    measured = measured_of(setup, gauges)
+    bands = Bands(measured, prediction.mean, prediction.lower95, prediction.upper95)
+    ahead = next_read(bands)
+    states = np.concatenate([[False], later])
+    table = opened(
+        parameter_table(setup.case.parameters, outcome.values, found.assessment),
+        outcome.certificate,
+    )
+    step = BacktestStep(
+        last=last,
+        readings=int(np.count_nonzero(part.readings.used)),
+        status=outcome.status,
+        reason=outcome.reason,
+        values=outcome.values,
+        sd=table.sd,
+        lower95=table.lower95,
+        upper95=table.upper95,
+        determined=table.determined,
+        prediction=prediction,
+        log_density=bands.log_density,
+        excess=_excess(levels, last, len(later)),
+        counts=_since(before, found.counts),
+    )
+    return PartialFit(
+        fitted,
+        found,
+        gauges,
+        step,
+        bands,
+        correlations(found.survey, found.assessment, prediction, ahead & bands.scored),
+        ahead,
+        extrapolation_findings(levels, setup.case, last + 1, states),
+    )
+
+
+def measured_of(setup: Setup, gauges: GaugeTable) -> Floats:
+    """The usable readings (n_channels, n_stages) of a setup, SI; NaN where there are none.
+
+    Args:
+        setup: with all usable readings.
+        gauges: of the same case.
+    """
+    usable = gauge_table(setup.case, setup.readings, gauges.computed)
+    return np.where(usable.used, usable.measured, np.nan)
+
+
+def _excess(levels: StressLevels | None, last: int, n_stages: int) -> Floats:
+    """(n_stages,) the larger of the two measures."""
+    if levels is None:
+        return np.full(n_stages, np.nan)
+    deviatoric, compression = levels.excess(last + 1)
+    return np.fmax(deviatoric, compression)[1:]
+
+
+def _since(before: Counts, after: Counts) -> Counts:
+    return Counts(
+        evaluations=after.evaluations - before.evaluations,
+        analyses=after.analyses,
+        factorizations=after.factorizations - before.factorizations,
+        solves=after.solves - before.solves,
+    )
+
+
+def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Skipped]) -> Backtest:
+    """What trials say together.
+
+    Args:
+        setup: with all usable readings.
+        trials: one at least.
+        skipped: the fits that could not be made.
+    """
+    ahead = np.stack([trial.next for trial in trials], axis=1)
+    whole = Bands(
+        *(
+            np.stack([getattr(trial.bands, name) for trial in trials], axis=1)
+            for name in ("measured", "mean", "lower95", "upper95")
+        )
+    )
+    accuracy = np.array([channel.accuracy for channel in setup.case.channels], dtype=np.float64)
+    kinds = [channel.dimension for channel in setup.case.channels]
+    by_chance = chance([_innovations(trial) for trial in trials])
+    return Backtest(
+        steps=tuple(trial.step for trial in trials),
+        skipped=tuple(skipped),
+        next=scores(whole.only(ahead), accuracy, kinds),
+        further=scores(whole.only(~ahead), accuracy, kinds),
+        few=by_chance.few,
+        far=by_chance.far,
+        measured=trials[0].bands.measured,
+    )
+
+
+def _innovations(trial: PartialFit) -> tuple[Floats, Floats]:
+    """Standardized errors (l,) at the next stage, and their correlations (l, l)."""
+    return trial.bands.z[trial.next & trial.bands.scored], trial.correlation
+
+
+NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10)
+"""How a fit searches from its own answer for that of all but its last stage: its intervals are
+thousands of times wider than this tolerance matters."""
+
+
+@dataclass(frozen=True)
+class LastStage:
+    """What a fit of all but the last stage says of that, beside the fit of all.
+
+    Args:
+        backtest: of one step; None where it could not be made.
+        findings: sentences that the user should know.
+        notes: other sentences.
+        counts: what it has cost.
+    """
+
+    backtest: Backtest | None = None
+    findings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    counts: Counts = field(default_factory=Counts)
+
+
+def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> LastStage:
+    """The readings of the last fitted stage, predicted from those before it.
+
+    Accuracies that the fit has estimated are kept.
+
+    Args:
+        setup: model and readings of the fit, with its accuracies.
+        answer: (n,) its parameters, SI.
+        log: of its evaluations.
+        control: progress, budget and stops.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    used = {s for s, taken in zip(setup.readings.stage, setup.readings.used, strict=True) if taken}
+    stages = [n for n, stage in enumerate(setup.case.stages) if stage.name in used]
+    if len(stages) < 2:
+        return LastStage()
+    before, last = (setup.case.stages[n].name for n in stages[-2:])
+    what = f"Backtest of {last} from the readings up to {before}"
+    part = FitLog(log, "all but the last stage:")
+    try:
+        trial = tried(setup, stages[-2], (NEARBY,), part, control, start=answer)
+    except (InputError, ModelError) as error:
+        return LastStage(notes=(f"{what}: none, {clause(error)}.",))
+    counts = trial.step.counts
+    if control.out_of_time:
+        return LastStage(notes=(f"{what}: the time was used up.",), counts=counts)
+    found = backtest_of(setup, [trial], ())
+    said = verdict(found, trial.gauges)
+    text = (f"{what}: {said.sentence[0].lower()}{said.sentence[1:]}",)
+    if not found.next.readings:
+        return LastStage(notes=text, counts=counts)
+    findings, notes = (text, ()) if said.remarkable else ((), text)
+    return LastStage(found, findings, notes, counts)
+
+
+def added(first: Counts, second: Counts) -> Counts:
+    """Two costs together."""
+    return Counts(
+        evaluations=first.evaluations + second.evaluations,
+        analyses=max(first.analyses, second.analyses),
+        factorizations=first.factorizations + second.factorizations,
+        solves=first.solves + second.solves,
+    )
+
+
+def clause(error: InputError | ModelError) -> str:
+    """What is wrong, for the middle of a sentence."""
+    said = error.faults[0].message if isinstance(error, InputError) else error.message
+    return said.rstrip(".")

@@ -1,0 +1,164 @@
+"""What a backtest says in words: whether its bands hold, and whether the parameters settle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from geoident.identify.assessment.findings import join
+from geoident.identify.assessment.scores import bands_of, changes
+from geoident.identify.problem.problem import Scaling
+from geoident.model.arrays import Floats
+from geoident.model.backtest import Backtest, BacktestStep
+from geoident.model.case import Case
+from geoident.model.parameter import Parameter
+from geoident.model.result import GaugeTable
+from geoident.units import in_unit, shown_unit
+
+ALARM = 0.01
+"""Chance below which bands do not hold, or a parameter does not settle."""
+
+WORTH_SAYING = 0.85
+"""Coverage below which it is said also where it may be chance."""
+
+
+NOTHING = (
+    "No prediction could be compared with a reading: none of the fits determines what the readings "
+    "of a later stage depend on."
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the bands of a backtest hold.
+
+    Args:
+        holds: they do, as far as the readings can tell.
+        sentence: the same in words.
+        remarkable: whether the user should know even of bands that may hold.
+    """
+
+    holds: bool
+    sentence: str
+    remarkable: bool
+
+
+def verdict(found: Backtest, gauges: GaugeTable) -> Verdict:
+    """Whether the bands hold.
+
+    Args:
+        found: the backtest; some of its predictions are scored.
+        gauges: names of channels and stages.
+    """
+    ahead = found.next
+    if not ahead.readings:
+        return Verdict(False, NOTHING, remarkable=True)
+    counted = (
+        f"{ahead.inside} of {ahead.readings} readings of the next stage are inside "
+        f"({100 * ahead.coverage:.0f} %)"
+    )
+    if found.few < ALARM:
+        said = f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(found.few)}."
+        return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
+    if found.far < ALARM:
+        said = (
+            f"The 95 % bands do not hold: {counted}, but the errors of the predictions are "
+            f"{ahead.rms:.1f} times as large as the bands say, which happens {odds(found.far)}."
+        )
+        return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
+    if ahead.coverage < WORTH_SAYING:
+        said = (
+            f"{counted} of their 95 % bands: fewer than there should be, but with so few readings "
+            f"that happens {odds(found.few)} by chance."
+        )
+        return Verdict(True, f"{said} {_worst(found, gauges)}", remarkable=True)
+    return Verdict(True, f"The 95 % bands hold: {counted}.", remarkable=False)
+
+
+def odds(probability: float) -> str:
+    """A small probability in words.
+
+    >>> odds(0.004), odds(0.08), odds(0.4)
+    ('less than once in 100 times', 'once in 12 times', '40 times in 100')
+    """
+    if probability < 1e-3:
+        return "less than once in 1000 times"
+    if probability < 1e-2:
+        return "less than once in 100 times"
+    if probability < 0.2:
+        return f"once in {1.0 / probability:.0f} times"
+    return f"{100 * probability:.0f} times in 100"
+
+
+def _worst(found: Backtest, gauges: GaugeTable) -> str:
+    """The reading that is farthest from its prediction."""
+    worst, said = 0.0, ""
+    for step in found.steps:
+        z = bands_of(found, step).z
+        if np.isfinite(z).any() and np.nanmax(np.abs(z)) > worst:
+            i, j = np.unravel_index(int(np.nanargmax(np.abs(z))), z.shape)
+            worst = float(abs(z[i, j]))
+            said = (
+                f"Farthest off: {gauges.channels[i]} at {gauges.stages[j]}, {z[i, j]:+.1f} "
+                f"standard deviations from the prediction by the readings up to "
+                f"{gauges.stages[step.last]}."
+            )
+    return said
+
+
+def settling_sentences(
+    case: Case, steps: Sequence[BacktestStep]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """A sentence for each parameter: whether it settles as readings are added.
+
+    Args:
+        case: its parameters and stages.
+        steps: the fits, in the order of their last stages.
+
+    Returns:
+        Those on parameters that do not, and on the others.
+    """
+    restless, others = [], []
+    scaling = Scaling(case.parameters)
+    for i, parameter in enumerate(case.parameters):
+        known = [step for step in steps if step.determined[i] and np.isfinite(step.sd[i])]
+        values = [
+            f"{_shown(float(step.values[i]), parameter)} up to {_stage(case, step)}"
+            for step in known
+        ]
+        if len(known) < 2:
+            where = f"only by the readings up to {_stage(case, known[0])}" if known else "by no fit"
+            others.append(f"{parameter.name} is determined {where}.")
+            continue
+        x = np.array([scaling.to_scaled(step.values)[i] for step in known])
+        sd = np.array([step.sd[i] / scaling.slope(step.values)[i] for step in known])
+        z = changes(x, sd**2)
+        if chi2.sf(float(z @ z), len(z)) < ALARM:
+            restless.append(
+                f"{parameter.name} does not settle: {join(values)}; it changes by up to "
+                f"{np.abs(z).max():.1f} times what its intervals allow{_direction(z)}: the model "
+                "needs another value for every stage."
+            )
+        else:
+            others.append(
+                f"{parameter.name} settles: {join(values)}, no more apart than its intervals allow."
+            )
+    return tuple(restless), tuple(others)
+
+
+def _stage(case: Case, step: BacktestStep) -> str:
+    return case.stages[step.last].name
+
+
+def _direction(z: Floats) -> str:
+    if len(z) < 2 or not (np.all(z > 0.0) or np.all(z < 0.0)):
+        return ""
+    return ", always upwards" if z[0] > 0.0 else ", always downwards"
+
+
+def _shown(value: float, parameter: Parameter) -> str:
+    unit = parameter.unit, parameter.dimension
+    return f"{in_unit(value, *unit):.4g} {shown_unit(*unit)}".rstrip()

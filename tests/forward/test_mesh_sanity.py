@@ -1,0 +1,102 @@
+"""Meshes that can be computed on and are not what was meant: tangled, turned, parted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoident.errors import InputError
+from geoident.fem.faces import face_table
+from geoident.fem.measure import coinciding_nodes
+from geoident.fem.orientation import overlapping
+from geoident.model.mesh import ElementBlock
+from tests.support.cases import material, model, rollers
+from tests.support.meshes import KINDS, KINDS_2D, box
+
+
+def on(mesh):
+    dim = mesh.dim
+    return model(
+        mesh, materials={"rock": material("rock", 1e9, 0.2)}, groups={"all": "rock"},
+        supports=rollers(dim),
+    )  # fmt: skip
+
+
+def size(kind):
+    return (5, 4) if kind in KINDS_2D else (3, 3, 3)
+
+
+def inner_corner(mesh):
+    """A corner node in the middle of the mesh."""
+    corners = np.unique(mesh.blocks[0].nodes[:, 0])
+    away = np.linalg.norm(mesh.points[corners] - 0.5, axis=1)
+    return corners[np.argmin(away)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sound_meshes_have_nothing_to_say(kind):
+    mesh = box(kind, size(kind), distortion=0.1)
+    assert len(overlapping(mesh, face_table(mesh))) == 0
+    assert len(coinciding_nodes(mesh)) == 0
+    assert not any("turned" in note or "one place" in note for note in on(mesh).notes)
+
+
+@pytest.mark.parametrize("kind", ["tri3", "tet4"])
+def test_a_node_that_was_moved_far_off_tangles_the_mesh(kind):
+    mesh = box(kind, size(kind))
+    points = mesh.points.copy()
+    points[inner_corner(mesh), 0] += 60.0
+    with pytest.raises(InputError) as caught:
+        on(replace(mesh, points=points))
+    (fault,) = caught.value.faults
+    assert fault.code == "tangled-mesh"
+    assert "same side of the face that they share, after some were turned" in fault.message
+    assert "a node in the wrong place" in fault.hint
+
+
+def test_two_elements_on_one_another_tangle_the_mesh():
+    points = np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.9], [1, 1.0]])
+    nodes = np.array([[0, 1, 2], [0, 1, 3], [1, 4, 2]])
+    mesh = box("tri3", (1, 1))
+    mesh = replace(mesh, points=points, blocks=(ElementBlock("tri3", nodes, np.arange(7, 10)),),
+                   facets=(), facet_groups={}, groups={"all": np.arange(3)})  # fmt: skip
+    assert overlapping(mesh, face_table(mesh)).tolist() == [[0, 1]]
+    held = {"x0": np.array([0, 2]), "y0": np.array([0, 1])}
+    with pytest.raises(InputError, match="elements 7 and 8 lie on the same side"):
+        on(replace(mesh, node_groups=held))
+
+
+def turned(mesh, rows):
+    block = mesh.blocks[0]
+    nodes = block.nodes.copy()
+    nodes[rows] = nodes[rows][:, [0, 2, 1]]
+    return replace(mesh, blocks=(replace(block, nodes=nodes),))
+
+
+def test_elements_that_are_turned_are_named():
+    mesh = box("tri3", (2, 2))
+    assert any(
+        note == "elements 2, 4 are numbered clockwise, other than the rest; they were turned"
+        for note in on(turned(mesh, [1, 3])).notes
+    )
+    assert any(
+        note == "all elements of the mesh are numbered clockwise; they were turned"
+        for note in on(turned(mesh, np.arange(8))).notes
+    )
+
+
+def test_an_element_on_a_node_of_its_own_is_told():
+    """The node of one element is a copy of that of its neighbours: the ground can part there."""
+    mesh = box("quad4", (4, 4))
+    node = inner_corner(mesh)
+    block = mesh.blocks[0]
+    nodes = block.nodes.copy()
+    element, corner = np.argwhere(nodes == node)[0]
+    nodes[element, corner] = mesh.n_nodes
+    parted = replace(
+        mesh, points=np.vstack([mesh.points, mesh.points[node] + 1e-6]),
+        blocks=(replace(block, nodes=nodes),),
+    )  # fmt: skip
+    assert coinciding_nodes(parted).tolist() == [[node, mesh.n_nodes]]
+    note = next(note for note in on(parted).notes if "one place" in note)
+    assert note.startswith("two nodes stand at one place (near (0.5, 0.5")
