@@ -163,7 +163,7 @@ class FitSettings:
     stages: tuple[str, ...] | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
-    model_error: ModelErrorOptions = ModelErrorOptions()
+    model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
 
 

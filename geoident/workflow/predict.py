@@ -13,7 +13,7 @@ from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, assess
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result

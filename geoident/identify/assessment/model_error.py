@@ -1,8 +1,8 @@
 """The size of the model error from the residuals (theory 9).
 
-With model errors of covariance eta^2 S beside the errors of the gauges, Sigma = Sigma_0 + eta^2 S. The
-restricted likelihood of eta (theory 7), with the model linearised at the estimate, times a weak
-prior,
+With model errors of covariance eta^2 S beside the errors of the gauges, Sigma = Sigma_0 + eta^2 S.
+The restricted likelihood of eta (theory 7), with the model linearised at the estimate, times a
+weak prior,
 
     w(eta) ~ exp(l(eta)) exp(-eta^2 / (2 * 0.3^2)) ,   eta >= 0 ,
 

@@ -111,21 +111,27 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
+    _write_judged(file, result)
+    if result.grid is not None:
+        tables.write_grid(file, result.grid)
+    if result.members is not None:
+        tables.write_members(file, result.members)
+    if result.fields is not None:
+        vtkhdf.write_fields(file, result.fields)
+    file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_judged(file: h5py.File, result: Result) -> None:
+    """Writes what is said of errors, of the model, and of the answer."""
+    names = result.parameters.names
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
     if result.model_error is not None:
         tables.write_model_error(file, result.model_error)
     if result.backtest is not None:
-        backtest.write_backtest(file, result.backtest, gauges, names)
-    if result.grid is not None:
-        tables.write_grid(file, result.grid)
-    if result.members is not None:
-        tables.write_members(file, result.members)
+        backtest.write_backtest(file, result.backtest, result.gauges, names)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
-    if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields)
-    file.attrs["contents"] = " ".join(sorted(file))
 
 
 def _write_attributes(file: h5py.File, result: Result) -> None:

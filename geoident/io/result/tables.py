@@ -381,8 +381,12 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
     states, sizes = group.texts("state"), group.array("eta", "f")
     rows = len(group.array("reading", "iu"))
     return ModelErrorTable(
-        **{name: group.attribute(name, float) for name in _MODEL_ERROR_NUMBERS},
-        **{name: group.attribute(name, str) for name in ("kind", "sentence")},
+        kind=group.attribute("kind", str),
+        size=group.attribute("size", float),
+        lower95=group.attribute("lower95", float),
+        upper95=group.attribute("upper95", float),
+        length=group.attribute("length", float),
+        sentence=group.attribute("sentence", str),
         sizes=sizes,
         weights=group.floats("weights", len(sizes)),
         states=states,

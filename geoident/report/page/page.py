@@ -14,7 +14,7 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, backtest, structures, yielding
+from geoident.report.text import accuracies, backtest, model_error, structures, yielding
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -80,6 +80,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
+        _section(model_error.TITLE, _model_error(result)),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
         _section(
@@ -99,6 +100,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )
+
+
+def _model_error(result: Result) -> Html:
+    text = model_error.model_error_text(result.model_error)
+    return tag("p", text) if text else Html("")
 
 
 def _section(title: str, *parts: str) -> Html:

@@ -26,6 +26,7 @@ from geoident.report.text.gauges import (
     each_reading,
     moment_text,
 )
+from geoident.report.text.model_error import model_error_object
 from geoident.report.text.structures import structures_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -80,6 +81,11 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             else {}
         ),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
+        **(
+            {"model_error": model_error_object(result.model_error)}
+            if result.model_error is not None
+            else {}
+        ),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),

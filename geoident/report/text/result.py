@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, backtest, structures, yielding
+from geoident.report.text import accuracies, backtest, model_error, structures, yielding
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -62,6 +62,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         "\n".join(part for part in (title, head(result)) if part),
         section("Parameters", parameters_text(result.parameters, result.certificate)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
+        section(model_error.TITLE, model_error.model_error_text(result.model_error)),
         section("Findings", bullets(result.findings)),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
@@ -82,9 +83,16 @@ def summary_text(result: Result) -> str:
         parameters_text(result.parameters, result.certificate),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
+        _model_error(result),
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)
+
+
+def _model_error(result: Result) -> str:
+    """How well the model describes the ground, unless a finding says it."""
+    found = result.model_error
+    return "" if found is None or found.sentence in result.findings else found.sentence
 
 
 def plan_text(case: str, plan: Identifiability) -> str:
@@ -114,7 +122,13 @@ def counts_text(counts: Counts) -> str:
 
 def outcome_sentences(result: Result) -> list[str]:
     """The outcome in a few sentences."""
-    return [*_identified(result), *_values(result), *_fit(result), *_predicted(result)]
+    return [
+        *_identified(result),
+        *_values(result),
+        *_fit(result),
+        *filter(None, [_model_error(result)]),
+        *_predicted(result),
+    ]
 
 
 def _identified(result: Result) -> list[str]:

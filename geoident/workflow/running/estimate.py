@@ -184,8 +184,8 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
 def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     """The problem that a fit ended with, from its result: the readings used and all their errors.
 
-    What is computed from it is what the fit computed: accuracies and model error are those that were
-    estimated with the parameters.
+    What is computed from it is what the fit computed: accuracies and model error are those that
+    were estimated with the parameters.
 
     Args:
         fit: the result.
@@ -439,6 +439,7 @@ def estimated(
     Raises:
         Interrupted: a stop was asked for.
     """
+    setup = replace(setup, model_error=None)  # it may be that of other readings
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)

@@ -452,7 +452,7 @@ def model_error_notes(
     readings: ReadingTable,
     methods: Sequence[MethodOptions],
 ) -> tuple[str, ...]:
-    """The size of the model error in words, or why there is none.
+    """Why there is no model error, where nobody said that there should be none.
 
     Args:
         found: the model error of a fit, None for none.
@@ -461,7 +461,7 @@ def model_error_notes(
         methods: of the fit.
     """
     if found is not None:
-        return () if found.sentence() in model_error_findings(found) else (found.sentence(),)
+        return ()
     why = no_model_error(case, readings, methods)
     return (why,) if why else ()
 
