@@ -91,7 +91,7 @@ class Found:
     @property
     def parameters(self) -> Mapping[str, ParameterEstimate]:
         """The parameters by name."""
-        table = self.result.parameters
+        table = self.result.for_people.parameters
         return {
             name: ParameterEstimate(
                 float(table.values[i]),

@@ -24,7 +24,7 @@ WORDS = {
     ExitCode.DONE: "done",
     ExitCode.BUG: "failed by a bug",
     ExitCode.INVALID_INPUT: "invalid input",
-    ExitCode.NOT_CONVERGED: "finished, but not converged, not determined or out of budget",
+    ExitCode.NOT_CONVERGED: "finished, but not converged or determined, or poorly fitted",
     ExitCode.NO_SOLUTION: "the model has no solution",
     ExitCode.OUTPUT: "the output cannot be written",
     ExitCode.INTERRUPTED: "interrupted",

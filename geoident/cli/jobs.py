@@ -20,6 +20,7 @@ from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import Finished
 from geoident.workflow.running.jobs import Job, Request
+from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
@@ -59,6 +60,13 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
     task = plan_prediction(request)
     work = partial(predict, task)
     return _run(work, Terminal(options), options, title=request.result, case=task.inputs.path)
+
+
+def run_sample(request: SampleRequest, options: Options) -> int:
+    """Draw from a posterior, and say what came out."""
+    task = plan_sample(request)
+    work = partial(sample, task)
+    return _run(work, Terminal(options), options, title=request.result, case=task.job.inputs.path)
 
 
 def _run(

@@ -76,6 +76,20 @@ class Terminal:
         else:
             self.detail(f"{line}, step {iteration.step:.1e}")
 
+    def part(self, words: str, done: float) -> None:
+        """A part of a long computation is done: on the live line, else a line when verbose.
+
+        Args:
+            words: what has been reached.
+            done: share of the whole, 0 to 1.
+        """
+        self._pace.done = done
+        self._step, self._stage = words, ""
+        if self._status is None:
+            self.detail(words)
+        elif self._pace.elapsed - self._shown > _EYE:
+            self._refresh()
+
     def stage(self, name: str, number: int, total: int) -> None:
         """A stage is computed: on the live line, not more often than eyes can follow.
 
@@ -127,10 +141,12 @@ class Pace:
     Args:
         max_time: seconds that the search may take at most, or None.
         clock: tells seconds.
+        done: share of the whole that is done, where that is known; 0 where not.
     """
 
     max_time: float | None = None
     clock: Callable[[], float] = time.monotonic
+    done: float = 0.0
     started: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,6 +168,9 @@ class Pace:
         The last two steps give the ratio by which they shrink, the iterations so far their time.
         """
         left = None if self.max_time is None else max(0.0, self.max_time - self.elapsed)
+        if self.done > 0.0:
+            expected = self.elapsed * (1.0 - self.done) / self.done
+            return expected if left is None else min(expected, left)
         iterations = self._iterations_left()
         if iterations is None:
             return left

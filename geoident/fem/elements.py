@@ -32,7 +32,7 @@ for the forces of a constant stress on any straight-sided pyramid too, which is 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import product
 
 import numpy as np
@@ -133,6 +133,7 @@ def reference_element(kind: str) -> ReferenceElement:
     )
 
 
+@lru_cache
 def raised_rule(kind: str) -> tuple[Floats, Floats]:
     """Quadrature (points (n_q, dim), weights (n_q,)) with room for a further linear factor.
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.fem.kinematics import BlockGeometry, Kinematics
 from geoident.fem.moduli import Moduli, ScaledModuli
@@ -104,6 +105,29 @@ class PointBlocks:
         dim = self.mesh.dim
         return np.asarray((nodes[:, :, None] * dim + np.arange(dim)).reshape(len(nodes), -1))
 
+    def work(self, points: Ints, stress: Floats) -> sp.csr_array:
+        """Work of a stress at every point on displacements: sigma_q^T C_q, (q, n_dofs) sparse.
+
+        Args:
+            points: (q,) strain points, ascending.
+            stress: (s, q).
+        """
+        data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
+        adds = self._kinematics.incidence
+        for block, part, mine in self.by_block(points):
+            gradients = self._geometries[block].gradients
+            gradients = gradients.reshape(-1, *gradients.shape[2:])[mine]
+            pulls = np.tensordot(stress[:, part], adds, axes=(0, 0))  # (q, dim, n_entries)
+            data.append(np.matmul(gradients, pulls.transpose(0, 2, 1)).ravel())
+            n = self.n_unknowns(block)
+            indices.append(self.dofs(block, self.element(block, mine)).ravel())
+            counts.append(np.full(len(mine), n))
+        indptr = np.cumsum(np.concatenate(counts))
+        if not data:
+            return sp.csr_array((0, self.mesh.points.size))
+        entries = np.concatenate(data), np.concatenate(indices), indptr
+        return sp.csr_array(entries, shape=(len(points), self.mesh.points.size))
+
 
 class TangentPattern:
     """Where element matrices go in the values of K on one pattern.
@@ -157,7 +181,7 @@ class TangentPattern:
     def places(self, block: int, elements: Ints) -> Ints:
         """Where the lower pairs (q, n_pairs) of symmetric matrices of elements go; nnz: nowhere."""
         slots = self._slots_of(block, elements)
-        return np.where(slots < 0, ~slots, slots)
+        return np.asarray(np.where(slots < 0, ~slots, slots))
 
     def _slots_of(self, block: int, elements: Ints) -> Ints:
         """Places (q, n_pairs) of the lower pairs of element matrices; ~place where swapped."""

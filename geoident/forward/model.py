@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -21,9 +22,10 @@ from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingP
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
+from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.stage import UnitForces
+from geoident.forward.march.stage import LinearRows, StageEnd, UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
@@ -32,7 +34,7 @@ from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
@@ -256,6 +258,15 @@ class StagedModel:
         places = ReadingPlaces.of(self.case, pairs, ())
         return self.observation.steps(self.sequence.built_on, places.rows, places.states)
 
+    def computed(self, p: Floats) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
+        self.count_evaluation()
+        run = self.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        states = (MarchState(end, run.point, self.structures) for end in run.states())
+        table = self.relative(np.stack([self.observation.values(state) for state in states]))
+        table = self.instrument_errors.added_to_all(table, self.values(p), ())
+        return np.asarray(table[1:, :, 0].T)
+
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
 
@@ -296,6 +307,7 @@ class StagedResponse:
         self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
         self._increments: tuple[bytes, Floats] | None = None  # likewise
+        self._plan: AdjointPlan | None = None
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
@@ -320,6 +332,12 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
+        if self._backwards:
+            return self.by_adjoints(p)
+        return self.by_tangents(p)
+
+    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
@@ -333,6 +351,86 @@ class StagedResponse:
             self.readings(p)
         assert self._increments is not None
         return self._increments[1]
+
+    def by_adjoints(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n): one column a reading back through the stages.
+
+        Raises:
+            ValueError: ground yields, or a reading is not linear in the state.
+        """
+        model, read, places = self._model, self._read, self._places
+        model.count_evaluation()
+        run = model.at(p, RunOptions(last=self._last, traced=True))
+        ordinary = model.march.without_modes(ParameterPoint(model.values(p), model.names))
+        observed = []
+        for end in run.states():
+            state = MarchState(end, run.point, model.structures)
+            if not model.observation.displacements_only:
+                state = MarchState(_at_kept_state(end, ordinary), ordinary, model.structures)
+            observed.append(model.observation.values(state))
+        rows = model.observation.linear(state, read.channels)
+        if rows is None:
+            raise ValueError("a reading is not linear in the state")
+        seen = np.stack(observed)
+        change = model.observation.increments(seen[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
+        table = model.observation.readings(seen, self._row, self._state)
+        seeds = read.seeds(rows)
+        if self._plan is None:
+            self._plan = AdjointPlan(model.march, seeds, self._last)
+        back = AdjointMarch(model.march, self._plan, run.traces, run.factors, run.given, seeds)
+        jacobian = back.jacobian()[read.of]
+        run.factors.forget()
+        if table.shape[1] > 1:
+            at = [model.names.index(name) for name in ordinary.names]
+            jacobian[:, at] += table[:, 1:]
+        added = model.instrument_errors.added(model.values(p), self.names, places)
+        self._activity = p.tobytes(), run.findings.activity
+        return table[:, 0] + added[:, 0], jacobian + added[:, 1:]
+
+    @cached_property
+    def _read(self) -> ReadPairs:
+        """The readings without repetition, and where their states lie."""
+        observation = self._model.observation
+        # by states, the last first: what an early state acts on then stands together
+        both = np.stack([-self._state, self._row])
+        (states, rows), of = np.unique(both, axis=1, return_inverse=True)
+        channels, channel = np.unique(rows, return_inverse=True)
+        zero = np.minimum(observation.zero[rows], self._last)
+        weights = observation.weights[:, rows]
+        return ReadPairs(channels, channel, -states, zero, weights, of.ravel())
+
+    @cached_property
+    def _backwards(self) -> bool:
+        """Whether adjoints cost less than tangents: columns that are solved for, all stages."""
+        model, read = self._model, self._read
+        states = model.sequence.states[: self._last + 1]
+        if not self._row.size or self.adjoint_obstacle() is not None:
+            return False
+        seeds = read.seeds(LinearRows())
+        weights = np.array([seeds.at(n) for n in range(len(states))])
+        backwards = int(reach([state.base for state in states], weights).sum())
+        return backwards < len(self.names) * len(states)
+
+    def adjoint_obstacle(self) -> str | None:
+        """Why there are no adjoints, a clause, or None if there are."""
+        model = self._model
+        for built in model.sequence.states[: self._last + 1]:
+            for name in built.materials.values():
+                if model.case.materials[name].yields:
+                    return f"{name} yields"
+        size, points = model.discretization.n_dofs, model.discretization.points
+        nothing = StageEnd(
+            0,
+            np.zeros((size, 1)),
+            np.zeros((points.n_strain, points.n_points, 1)),
+            np.zeros((model.structures.n_rows, 1)),
+            np.zeros(points.n_points, dtype=bool),
+        )
+        state = MarchState(nothing, ParameterPoint(model.case.start, ()), model.structures)
+        if model.observation.linear(state, self._read.channels) is None:
+            return "a channel reads a principal stress"
+        return None
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""
@@ -448,6 +546,41 @@ class StagedResponse:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
         return self._model.observation.steps(built_on, self._row, self._state)
+
+
+@dataclass(frozen=True)
+class ReadPairs:
+    """What is read, each pair of channel and state once (g).
+
+    Args:
+        channels: (c,) the channels.
+        channel: (g,) place of each among them.
+        stage: (g,) states.
+        zero: (g,) states of their zeros.
+        weights: (2, g) of the two states.
+        of: (readings,) which pair each reading is.
+    """
+
+    channels: Ints
+    channel: Ints
+    stage: Ints
+    zero: Ints
+    weights: Floats
+    of: Ints
+
+    def seeds(self, rows: LinearRows) -> ReadingSeeds:
+        """How they depend on the states, by what their channels (c) see of each."""
+        return ReadingSeeds(rows, self.channel, self.stage, self.zero, self.weights)
+
+
+def _at_kept_state(end: StageEnd, point: ParameterPoint) -> StageEnd:
+    """A state that does not change with n parameters: what is left is what observables add."""
+    more = point.n_columns - 1
+
+    def kept(values: Floats) -> Floats:
+        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
+
+    return replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
 
 
 def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:

@@ -211,10 +211,17 @@ class CaseOnMesh:
 
     def material_points(self, material: str) -> Ints:
         """Strain points (q,), ascending, of the groups that are made of a material at any state."""
-        states = self.sequence.states
-        groups = {g for state in states for g, m in state.materials.items() if m == material}
-        element = self.discretization.points.element
-        return np.flatnonzero(np.isin(self.sequence.group_of[element], sorted(groups)))
+        if material not in self._material_points:
+            states = self.sequence.states
+            groups = {g for state in states for g, m in state.materials.items() if m == material}
+            element = self.discretization.points.element
+            mine = np.isin(self.sequence.group_of[element], sorted(groups))
+            self._material_points[material] = np.flatnonzero(mine)
+        return self._material_points[material]
+
+    @cached_property
+    def _material_points(self) -> dict[str, Ints]:
+        return {}
 
     def not_in(self, material: str, point: tuple[float, ...]) -> str | None:
         """What is at a point (dim,) that is never in ground of a material; None where it is."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.result import Counts, Prediction
 
 
@@ -108,3 +108,12 @@ class Backtest:
     few: float
     far: float
     measured: Floats
+
+    def picked(self, order: Ints) -> Backtest:
+        """The same with some of the parameters, by their numbers (k,)."""
+        columns = ("values", "sd", "lower95", "upper95", "determined")
+        steps = (
+            replace(step, **{name: getattr(step, name)[order] for name in columns})
+            for step in self.steps
+        )
+        return replace(self, steps=tuple(steps))

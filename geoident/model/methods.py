@@ -23,12 +23,14 @@ class GaussNewtonOptions:
     Args:
         tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
         max_iterations: steps at most.
-        starts: number of starts (the first is given, the others are spread over the bounds).
+        starts: number of starts (the first is given, the others are spread over the bounds), or
+            automatic: 1, or 5 where an angle of axes or planes is sought or the search met a sign
+            of another minimum.
     """
 
     tolerance: float = 1e-8
     max_iterations: int = 50
-    starts: int = 1
+    starts: int | Literal["automatic"] = "automatic"
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,10 @@ class Parameter:
         unit: unit in which the user wrote the start value, for tables.
         field: name of the field of which it is the coefficient of a mode; empty for a parameter
             that the case names. People are shown the field in its place.
+        period: of an angle of axes or planes, rad: values that differ by it mean the same ground;
+            None for what is no such angle.
+        mirror: name of another angle and a half turn of it: with the other sign of this one and the
+            other one further by that, the ground is the same (a dip and its direction).
     """
 
     name: str
@@ -92,3 +96,5 @@ class Parameter:
     dimension: str = "dimensionless"
     unit: str = ""
     field: str = ""
+    period: float | None = None
+    mirror: tuple[str, float] | None = None

@@ -15,6 +15,9 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
+from geoident.model.posterior import Posterior
+from geoident.model.rivals import Evidence, Rivals
+from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
@@ -66,6 +69,8 @@ class ParameterTable:
         dimensions: n keys of `geoident.units.DIMENSIONS`.
         covariance: (n, n) SI; NaN rows where not determined.
         correlation: (n, n).
+        fields: of each the name of the field of which it is the coefficient of a mode, or nothing;
+            empty where there are no fields.
     """
 
     names: tuple[str, ...]
@@ -83,6 +88,25 @@ class ParameterTable:
     dimensions: tuple[str, ...]
     covariance: Floats
     correlation: Floats
+    fields: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> Ints:
+        """Numbers (k,) of the parameters that the case names: without the modes of fields."""
+        modes = self.fields or ("",) * len(self.names)
+        return np.flatnonzero([not name for name in modes])
+
+    def picked(self, order: Ints) -> ParameterTable:
+        """Some rows (k,) of the table."""
+        columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
+        flags = ("at_bound", "determined")
+        words = ("names", "priors", "units", "dimensions", *(("fields",) if self.fields else ()))
+        square = np.ix_(order, order)
+        found: dict[str, Any] = {name: getattr(self, name)[order] for name in (*columns, *flags)}
+        found |= {name: tuple(getattr(self, name)[i] for i in order) for name in words}
+        return replace(
+            self, covariance=self.covariance[square], correlation=self.correlation[square], **found
+        )
 
 
 @dataclass(frozen=True)
@@ -263,6 +287,10 @@ class Diagnostics:
         distance: (k,) Cook's distance.
         influence: (k, n) change of each parameter by the readings, in standard deviations of the
             parameter (DFBETAS); infinite where nothing else determines it.
+        misfit: size of the residuals by that of the errors as stated or estimated, near 1 for a
+            right model; NaN where there are no more readings than parameters.
+        above: probability that chance makes them at least as large.
+        below: probability that it makes them at most as large.
     """
 
     loss: str
@@ -274,6 +302,9 @@ class Diagnostics:
     leverage: Floats
     distance: Floats
     influence: Floats
+    misfit: float = np.nan
+    above: float = 1.0
+    below: float = 1.0
 
     def wide(self, gauges: GaugeTable) -> Diagnostics:
         """The same with arrays (n_channels, n_stages).
@@ -428,8 +459,9 @@ class Result:
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``scan`` or ``backtest``.
-        status: ``converged``, ``not-converged``, ``not-determined``, ``out-of-budget``, ``done``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample`` or ``backtest``.
+        status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
+            ``out-of-budget``, ``done``.
         exit_code: of the command.
         method: names of the methods of the chain, joined by `` + ``.
         reason: why it stopped, one sentence with the remedy where there is one.
@@ -445,6 +477,10 @@ class Result:
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         model_error: how far the ground may differ from the model, or None for none.
+        posterior: draws of the parameters, or None.
+        rivals: other minima that are nearly as low, with the lowest, or None.
+        evidence: how well the model explains the readings, or None.
+        varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
     """
@@ -474,7 +510,35 @@ class Result:
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None
+    posterior: Posterior | None = None
+    rivals: Rivals | None = None
+    evidence: Evidence | None = None
     backtest: Backtest | None = None
+    varied: tuple[FieldEstimate, ...] = ()
+
+    @cached_property
+    def for_people(self) -> Result:
+        """The same without the coefficients of the modes of fields: the fields stand for them."""
+        named = self.parameters.named
+        if len(named) == len(self.parameters.names):
+            return self
+        readings = self.gauges.readings
+        if readings.sensitivity is not None:
+            readings = replace(readings, sensitivity=readings.sensitivity[:, named])
+        found = self.diagnostics
+        if found is not None:
+            found = replace(found, influence=found.influence[..., named])
+        return replace(
+            self,
+            parameters=self.parameters.picked(named),
+            gauges=replace(self.gauges, readings=readings),
+            sensitivity=None if self.sensitivity is None else self.sensitivity[..., named],
+            diagnostics=found,
+            history=tuple(replace(step, values=step.values[named]) for step in self.history),
+            backtest=None if self.backtest is None else self.backtest.picked(named),
+            posterior=None if self.posterior is None else self.posterior.picked(named),
+            rivals=None if self.rivals is None else self.rivals.picked(named),
+        )
 
 
 Labelled = Sequence[tuple[str, Result]]

@@ -67,6 +67,7 @@ def same(first: Amount | None, second: Amount | None, tolerance: Tolerance) -> b
 
 def numbers(result: Result) -> NamedAmounts:
     """All numbers of a result that people act on, those that are not known left out."""
+    result = result.for_people
     if math.isfinite(result.objective):
         yield Place("objective", "", "objective"), _pure(result.objective)
     yield from _parameters(result.parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,19 @@ from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
+from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
 from geoident.workflow.running.accuracies import accuracy_findings
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     bound_findings,
+    gross_findings,
+    is_poor,
     opened,
     over_all_stages,
     parameter_table,
     remarks,
+    why_poor,
 )
 from geoident.workflow.running.estimate import (
     Estimate,
@@ -30,6 +35,7 @@ from geoident.workflow.running.estimate import (
 )
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
+from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
@@ -38,10 +44,8 @@ from geoident.workflow.running.predictions import (
     score,
 )
 from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.running.trials import LastStage, added, last_stage
-
-MISFIT = 3.0
-"""Scatter of the residuals, in accuracies, from which on the outcome says it at once."""
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -74,6 +78,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         parameter_table(case.parameters, found.outcome.values, found.assessment),
         found.outcome.certificate,
     )
+    parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     status = _status(found)
     return Result(
@@ -81,12 +86,14 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, parameters.names),
+        reason=_reason(found, case.parameters),
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
+            *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
+            *gross_findings(found.diagnostics, found.readings, case),
             *remarks(found.diagnostics, gauges, parameters.names),
             *last.findings,
             *_extrapolation(setup, found, gauges),
@@ -108,6 +115,9 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
         model_error=setup.model_error_table,
+        rivals=found.rivals,
+        evidence=found.evidence,
+        varied=field_estimates(setup.model, found.outcome.values, found.assessment),
         backtest=last.backtest,
         certificate=over_all_stages(found.outcome.certificate, survey),
         notes=(
@@ -135,27 +145,19 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
 def _status(found: Estimate) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
+    if is_poor(found.diagnostics, found.readings):
+        return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
 
 
-def _scatter(found: Estimate) -> float:
-    """Root mean square of the residuals in accuracies; 0 if the loss is robust to a few far off."""
-    if found.diagnostics.loss != "squared":
-        return 0.0
-    used = int(np.isfinite(found.diagnostics.standardized).sum())
-    freedom = max(used - len(found.outcome.values), 1)
-    return float(np.sqrt(found.outcome.objective / freedom))
-
-
 def _undetermined(found: Estimate) -> Bools:
-    """Parameters (n,) that neither readings nor priors determine."""
-    return ~(found.assessment.determined | found.assessment.from_prior)
+    """Parameters (n,) that neither readings nor priors determine, or that rivals put apart."""
+    loose = ~(found.assessment.determined | found.assessment.from_prior)
+    differs = not_settled(found.rivals)
+    return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, names: tuple[str, ...]) -> str:
-    loose = [names[i] for i in np.flatnonzero(_undetermined(found))]
+def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
+    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    off = max(found.diagnostics.scale, _scatter(found))
-    misfit = f" The model does not fit the readings: the residuals are {off:.0f} times as large as "
-    misfit += "the stated accuracies (see the findings)."
-    return found.outcome.reason + also + (misfit if off > MISFIT else "")
+    return found.outcome.reason + also + why_poor(found.diagnostics, found.readings)

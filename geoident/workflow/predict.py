@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -252,7 +251,7 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     problem = replace(problem, sd=effective_sd(problem, computed))
     assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    parameters = pick_parameters(fit.parameters, order)
+    parameters = fit.parameters.picked(order)
     known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     model_error = model_error_of_result(fit, origin)
@@ -262,22 +261,6 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
         readings,
         known if shares or model_error is not None else None,
         model_error,
-    )
-
-
-def pick_parameters(table: ParameterTable, order: Ints) -> ParameterTable:
-    """Some rows (k,) of a table of parameters."""
-    columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
-    flags = ("at_bound", "determined")
-    words = ("names", "priors", "units", "dimensions")
-    square = np.ix_(order, order)
-    picked: dict[str, Any] = {name: getattr(table, name)[order] for name in (*columns, *flags)}
-    picked |= {name: tuple(getattr(table, name)[i] for i in order) for name in words}
-    return replace(
-        table,
-        covariance=table.covariance[square],
-        correlation=table.correlation[square],
-        **picked,
     )
 
 
@@ -344,5 +327,6 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         singular_values=fit.singular_values,
+        varied=fit.varied if task.request.case is None else (),
         notes=(*bad_notes(readings), *score(gauges, prediction)),
     )

@@ -25,7 +25,9 @@ def read_results(paths: Sequence[str]) -> Labelled:
     """
     names = [Path(path).name.removesuffix(".h5") for path in paths]
     labels = names if len(set(names)) == len(names) else [Path(path).as_posix() for path in paths]
-    return tuple((label, read_result(path)) for label, path in zip(labels, paths, strict=True))
+    return tuple(
+        (label, read_result(path).for_people) for label, path in zip(labels, paths, strict=True)
+    )
 
 
 def page_path(paths: Sequence[str], *, output: str | None) -> str:

@@ -8,6 +8,8 @@ from enum import Enum
 
 import numpy as np
 
+from geoident.errors import InputError
+from geoident.forward.protocols import CaseModel
 from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -43,6 +45,7 @@ def simulate(
     *,
     overrides: Sequence[str] = (),
     noise: Noise = Noise.NONE,
+    draw: bool = False,
     seed: int = 0,
     solver: str = "auto",
     output: str | None = None,
@@ -55,7 +58,8 @@ def simulate(
         path: of the case; ``-`` for stdin.
         overrides: ``KEY=VALUE`` in place of what the case says.
         noise: what is added.
-        seed: of the noise.
+        draw: the fields of the case are drawn from what is known of them before readings.
+        seed: of the noise and of what is drawn.
         solver: name of the sparse solver, or ``auto``.
         output: where they are going to be written, or None.
 
@@ -67,11 +71,26 @@ def simulate(
     if output is not None:
         refuse_inputs(output, inputs.files)
     model = build_model(inputs, solver=solver)
-    computed = model.survey(start_values(model.case, model), fields=False).computed
+    p = start_values(model.case, model)
+    if draw:
+        p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
+    computed = model.survey(p, fields=False).computed
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
     return Simulated(inputs.case, readings, inputs.files)
+
+
+def _drawn(model: CaseModel, p: Floats, generator: np.random.Generator) -> Floats:
+    """Parameter values (n,) with the modes of all fields drawn from their priors."""
+    modes = [i for i, parameter in enumerate(model.case.parameters) if parameter.field]
+    if not modes:
+        message = "no constant of the case varies from place to place: there is nothing to draw"
+        hint = "Write 'E: {field: {mean: ..., sd: 30 %, length: 20 m}}' in a material."
+        raise InputError([model.case.source.fault((), code="no-field", message=message, hint=hint)])
+    drawn = p.copy()
+    drawn[modes] = generator.standard_normal(len(modes))
+    return drawn
 
 
 def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:

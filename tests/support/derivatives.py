@@ -6,18 +6,33 @@ from collections.abc import Callable
 
 import numpy as np
 
+from geoident.forward.model import StagedResponse
+
 
 def assert_exact(
     response, p: np.ndarray, names: tuple[str, ...], *, step: float = 2e-3, rtol: float = 1e-7
 ) -> None:
-    """The Jacobian of a response at p agrees with differences, and every parameter acts."""
+    """The Jacobian of a response at p agrees with differences, and every parameter acts.
+
+    Where the response has adjoints, they agree with the tangents to rounding.
+    """
     v, jacobian = response.evaluate(p)
+    if isinstance(response, StagedResponse) and response.adjoint_obstacle() is None:
+        assert_adjoint(response, p)
     np.testing.assert_allclose(response.readings(p), v, rtol=1e-12)
     for h, name in enumerate(names):
         numeric = richardson(response.readings, p, h, step * abs(p[h]))
         scale = np.abs(jacobian[:, h]).max()
         assert scale > 0, f"{name} acts on nothing in this test"
         np.testing.assert_allclose(jacobian[:, h], numeric, atol=rtol * scale, err_msg=name)
+
+
+def assert_adjoint(response: StagedResponse, p: np.ndarray, *, rtol: float = 1e-10) -> None:
+    """Adjoints are tangents: the same readings, the same Jacobian."""
+    (v, tangents), (w, adjoints) = response.by_tangents(p), response.by_adjoints(p)
+    np.testing.assert_allclose(w, v, rtol=1e-12)
+    size = np.abs(tangents).max(axis=0)
+    np.testing.assert_allclose(adjoints / size, tangents / size, rtol=0.0, atol=rtol)
 
 
 def richardson(

@@ -101,17 +101,23 @@ def test_a_reading_is_inside_its_band_up_to_1_96_deviations(told, tmp_path, off)
     )
 
 
-@pytest.mark.parametrize("times", [2.95, 3.05, 12.0])
-def test_from_three_accuracies_of_scatter_on_the_model_does_not_meet_the_readings(
-    told, tmp_path, times
-):
-    """Three readings less two parameters leave one degree of freedom."""
+@pytest.mark.parametrize("times", [2.5, 2.65, 3.85, 3.93, 12.0])
+def test_residuals_that_errors_do_not_explain_have_consequences(told, tmp_path, times):
+    """Three readings less two parameters leave one degree of freedom: a normal variable."""
     fit, _, _ = told
     accuracy = 0.01 * np.sqrt(fit["objective"]) / times
     case = write_case(tmp_path)
     case.write_text(CASE.replace("accuracy: 0.01 mm", f"accuracy: {accuracy:.12g} mm"))
-    reason = json.loads(run_command("fit", str(case), "--json", "-q").stdout)["reason"]
-    assert (MISFIT in reason) == (times > 3.0)
-    assert (f"the residuals are {times:.0f} times as large as the stated accuracies" in reason) == (
-        times > 3
-    )
+    run = run_command("fit", str(case), "--json", "-q")
+    found = json.loads(run.stdout)
+    chance = 2.0 * norm.sf(times)
+    assert found["diagnostics"]["misfit"] == pytest.approx(times, rel=1e-6)
+    assert found["diagnostics"]["above"] == pytest.approx(chance, rel=1e-5)
+    poor = chance < 1e-4
+    assert (MISFIT in found["reason"]) == poor
+    shown = f"{times:.1f}" if times < 10.0 else f"{times:.3g}"
+    told_so = f"{shown} times as large as the stated accuracies explain"
+    assert (told_so in found["reason"]) == poor
+    assert any(told_so in text for text in found["findings"]) == (chance < 0.01)
+    assert found["status"] == ("poor-fit" if poor else "converged")
+    assert run.exit_code == (4 if poor else 0)

@@ -17,6 +17,8 @@ Examples:
   geoident check cases/*.yaml -q
   geoident check case.yaml --set mesh.file=fine.msh --json
   geoident check case.yaml --identifiability
+  geoident check case.yaml --mesh-error
+  geoident check case.fit.h5 --mesh-error --json
   geoident check case.yaml --picture case.svg
 """
 
@@ -40,19 +42,33 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     type=click.Path(),
     help="Draw mesh, stages, supports and gauges into FILE.svg, .png or .pdf.",
 )
+@click.option(
+    "--mesh-error",
+    is_flag=True,
+    help="Halve every edge of the mesh and say how much of each reading's accuracy the mesh eats.",
+)
 @takes("overrides", "solver", "force", "as_json", after=_next)
 def command(
-    cases: tuple[str, ...], identifiability: bool, picture: str | None, options: Options
+    cases: tuple[str, ...],
+    identifiability: bool,
+    picture: str | None,
+    mesh_error: bool,
+    options: Options,
 ) -> int:
     """Report everything that is wrong with a case, before computing.
 
     Prints what the case amounts to: groups, stages, gauges, and which readings are used. With
     --identifiability it solves the model once, at the start values, and prints the 95 % interval to
     which each parameter could be known if every gauge were read at every stage of the fit, and
-    which parameters the readings could not separate.
+    which parameters the readings could not separate. With --mesh-error it solves the model on the
+    mesh and on one whose edges are halved, at the start values or those of a result CASE.fit.h5.
     """
+    if identifiability and mesh_error:
+        raise click.UsageError("--identifiability and --mesh-error are asked for one by one.")
     if picture is not None:
-        _refuse_picture(cases, picture, identifiability)
+        _refuse_picture(cases, picture, identifiability or mesh_error)
+    if mesh_error:
+        return each(cases, lambda case: _mesh_error(case, options))
     if identifiability:
         return each(cases, lambda case: _identifiability(case, options))
     return each(cases, lambda case: _check(case, picture, options))
@@ -61,7 +77,8 @@ def command(
 def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool) -> None:
     """Raise a usage error where a picture cannot be drawn."""
     if len(cases) > 1 or identifiability:
-        raise click.UsageError("--picture takes one case, and no --identifiability.")
+        message = "--picture takes one case, and no --identifiability or --mesh-error."
+        raise click.UsageError(message)
     if not picture.lower().endswith(_SUFFIXES):
         message = f"--picture {picture}: the name must end in {', '.join(_SUFFIXES)}."
         raise click.UsageError(message)
@@ -80,6 +97,20 @@ def _identifiability(case: str, options: Options) -> int:
         click.echo(dumps(plan_object(case, plan)))
     elif not options.quiet:
         click.echo(plan_text(case, plan))
+    return 0
+
+
+def _mesh_error(case: str, options: Options) -> int:
+    from geoident.report.text.json import dumps
+    from geoident.report.text.mesh_error import mesh_error_object, mesh_error_text
+    from geoident.workflow.mesh_error import check_mesh_error
+
+    with failures_as_json(case, options):
+        done = check_mesh_error(case, overrides=options.overrides, solver=options.solver)
+    if options.as_json:
+        click.echo(dumps(mesh_error_object(case, done.found, done.sentence)))
+    elif not options.quiet:
+        click.echo(mesh_error_text(case, done.found, done.sentence))
     return 0
 
 

@@ -19,6 +19,7 @@ FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
     "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
     "structures", "grid", "readings", "accuracies", "backtest", "backtest-parameters",
+    "posterior", "draws",
 )  # fmt: skip
 
 EPILOG = """\b

@@ -20,6 +20,7 @@ Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
+  geoident simulate case.yaml --draw --seed 3
 """
 
 
@@ -36,8 +37,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
+@click.option(
+    "--draw",
+    is_flag=True,
+    help="Draw what varies from place to place (fields) by --seed; else fields have their means.",
+)
 @takes("output", "overrides", "seed", "solver", "force", "as_json", after=_next)
-def command(case: str, noise: bool, options: Options) -> int:
+def command(case: str, noise: bool, draw: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
     Prints lines gauge,stage,value,unit, which a case takes as its readings.
@@ -49,6 +55,7 @@ def command(case: str, noise: bool, options: Options) -> int:
             case,
             overrides=options.overrides,
             noise=Noise.ACCURACY if noise else Noise.NONE,
+            draw=draw,
             seed=options.seed,
             solver=options.solver,
             output=None if options.output == "-" else options.output,

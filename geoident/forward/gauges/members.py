@@ -23,12 +23,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.fem.structures import section_forces
 from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import (
     StructureMembers,
@@ -49,6 +51,9 @@ DIMENSIONS = {"N": "line load", "Q": "line load", "M": "moment per length"}
 BENDING = ("M", "inside", "outside")
 """What cannot be read without knowing which side is the inside."""
 
+_TOGETHER = 32
+"""Unit motions that are looked at together."""
+
 _SAME = 1e-6
 """Difference of distances, in parts of a piece, below which two pieces are equally near."""
 
@@ -65,6 +70,14 @@ class MemberReadings:
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = channels
         self._places: dict[str, _PlaceOnBeam] = {}
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """What a unit of every member force adds to the values."""
+        n_rows = len(state.end.members)
+        columns = np.hstack([np.zeros((n_rows, 1)), np.eye(n_rows)])
+        end = replace(state.end, members=columns)
+        units = replace(state, end=end, point=ParameterPoint(state.point.values, ()))
+        return LinearRows(members=sp.csr_array(self.values(units)[:, 1:]))
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""
@@ -155,6 +168,25 @@ class BeamTilts:
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = channels
+        self._linear: LinearRows | None = None
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """What a unit motion of every node of the beams adds to the values; found once."""
+        if self._linear is None:
+            members = {
+                c.structure: state.structures.part(c.structure).members for c in self._channels
+            }
+            moved = [np.unique(m.operator.indices) for m in members.values()]
+            dofs = np.unique(np.concatenate([np.empty(0, np.int64), *moved]))
+            found = sp.lil_array((len(self._channels), len(state.end.u)))
+            for start in range(0, len(dofs), _TOGETHER):
+                some = dofs[start : start + _TOGETHER]
+                u = np.zeros((len(state.end.u), 1 + len(some)))
+                u[some, 1 + np.arange(len(some))] = 1.0
+                units = replace(state, end=replace(state.end, u=u))
+                found[:, some] = self.values(units)[:, 1:]
+            self._linear = LinearRows(u=sp.csr_array(found))
+        return self._linear
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, rad."""

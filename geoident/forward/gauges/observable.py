@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Site, format_point
-from geoident.forward.march.stage import StageEnd
+from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
@@ -52,6 +52,17 @@ class MarchState:
 
 class Observable(Protocol):
     """What some channels (g) read."""
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+        """The derivative of the values by the state.
+
+        Args:
+            state: only its parameters and the sizes of its arrays count.
+            wanted: (g,) the channels that are asked for; rows of others may be empty.
+
+        Returns:
+            None where a wanted channel is not linear in the state.
+        """
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
@@ -89,6 +100,10 @@ class RelativeDisplacements:
 
     def __init__(self, rows: sp.csr_array) -> None:
         self.rows = rows
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """G' itself."""
+        return LinearRows(u=self.rows)
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""

@@ -22,6 +22,7 @@ from geoident.forward.gauges.observable import (
 )
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import StressReadings, pore_pressures, stresses
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -174,6 +175,39 @@ class Observation:
         if (place[rows] < 0).any():
             raise ValueError("a channel reads more than displacements")
         return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
+
+    def linear(self, state: MarchState, rows: Ints) -> LinearRows | None:
+        """What some channels (g,) read as a linear function of a state; None where it is not.
+
+        Args:
+            state: the state; only its parameters and the sizes of its arrays count.
+            rows: (g,) channels, each once.
+        """
+        place = np.full(len(self.channels), -1)
+        place[rows] = np.arange(len(rows))
+        found: dict[str, list[sp.csr_array]] = {"u": [], "stress": [], "members": []}
+        for mine, observable in self.parts:
+            wanted = place[mine] >= 0
+            if not wanted.any():
+                continue
+            own = observable.linear(state, wanted)
+            if own is None:
+                return None
+            spread = sp.csr_array(
+                (np.ones(wanted.sum()), (place[mine[wanted]], np.flatnonzero(wanted))),
+                shape=(len(rows), len(mine)),
+            )
+            for name, parts in found.items():
+                matrix = getattr(own, name)
+                if matrix is not None:
+                    parts.append(sp.csr_array(spread @ matrix))
+        summed = {name: sum(parts[1:], parts[0]) for name, parts in found.items() if parts}
+        return LinearRows(**summed)
+
+    @property
+    def displacements_only(self) -> bool:
+        """Whether all channels read displacements and nothing else."""
+        return all(observable.rows is not None for _, observable in self.parts)
 
     def not_linear(self, rows: Ints) -> str | None:
         """Why some channels (g,) are not linear in the displacements, or None if they are."""

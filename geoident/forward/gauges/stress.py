@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.kinematics import Kinematics
@@ -30,6 +31,7 @@ from geoident.forward.gauges.observable import (
     point_fault,
 )
 from geoident.forward.in_situ.water import PorePressure
+from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats
@@ -139,6 +141,25 @@ class StressReadings:
     def __init__(self, readers: Sequence[Reader], water: PoreWater) -> None:
         self._readers, self._water = readers, water
 
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+        """Components are linear in the stress; principal values are not."""
+        n_strain, n_points, _ = state.end.stress.shape
+        rows = [np.empty(0, np.int64)]
+        columns, values = [np.empty(0, np.int64)], [np.empty(0)]
+        for row, reader in enumerate(self._readers):
+            if not wanted[row]:
+                continue
+            if reader.coefficients is None:
+                return None
+            places = np.arange(n_strain)[:, None] * n_points + reader.recovery.points
+            columns.append(places.ravel())
+            weights = np.outer(reader.sign * reader.coefficients, reader.recovery.weights)
+            values.append(weights.ravel())
+            rows.append(np.full(weights.size, row))
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        shape = len(self._readers), n_strain * n_points
+        return LinearRows(stress=sp.csr_array(entries, shape=shape))
+
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
         found = [reader.read(stress) for reader, stress in self._stresses(state)]
@@ -168,6 +189,10 @@ class PorePressures:
 
     def __init__(self, water: PoreWater) -> None:
         self._water = water
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """Nothing of the state is in it."""
+        return LinearRows()
 
     def values(self, state: MarchState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""

@@ -48,6 +48,7 @@ from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, W
 from geoident.forward.march.stage import (
     BaseStates,
     Carried,
+    ElasticTrace,
     LastFactor,
     StageEnd,
     StageTask,
@@ -62,6 +63,12 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.yielding import Activity
 
+HELD_ENTRIES = 8_000_000
+"""Entries of the stiffness matrices whose factors are held at once for adjoints.
+
+Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
+"""
+
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -73,6 +80,8 @@ class RunOptions:
         unit_forces: forces beside those of the case.
         explain: find the part of the load that can be carried, where there is a collapse.
         partial: go on after a collapse with the states that do not build on it.
+        traced: keep what adjoints need of every stage; without derivatives, and only where nothing
+            yields.
     """
 
     derivatives: bool = True
@@ -80,6 +89,7 @@ class RunOptions:
     unit_forces: UnitForces | None = None
     explain: bool = True
     partial: bool = False
+    traced: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +133,11 @@ class March:
     def n_outside(self) -> int:
         """Strain points beside the surface from which the in-situ stress counts depth."""
         return self.in_situ.n_outside
+
+    def without_modes(self, point: ParameterPoint) -> ParameterPoint:
+        """The same, differentiated by what is not the mode of a field."""
+        modes = {name for one in self.on_mesh.fields for name in one.names}
+        return ParameterPoint(point.values, tuple(n for n in point.names if n not in modes))
 
     def virgin_tension(self, values: Values) -> bool:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
@@ -174,7 +189,11 @@ class Run:
         systems = march.systems
         self._march, self._systems, self._options = march, systems, options
         self._structures = systems.structures
-        self._point = point if options.derivatives else ParameterPoint(point.values, ())
+        self.given, derivatives = point, options.derivatives and not options.traced
+        self._point = point if derivatives else ParameterPoint(point.values, ())
+        self._ordinary = march.without_modes(point) if options.traced else self._point
+        self._slopes = np.zeros((0, 0))
+        self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
         record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
@@ -182,7 +201,7 @@ class Run:
         self._plastic = PlasticSteps(
             march.case, systems, march.warm, self._plastic_findings, explain=options.explain
         )
-        self._factor = LastFactor()
+        self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
         self._held: dict[int, Held] = {0: {}}
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
@@ -222,7 +241,9 @@ class Run:
             if n == 0 or state.base not in lost:
                 bases.go_to(n, u, carried)
                 forces = np.zeros_like(u)
-                forces[:, : self._point.n_columns] = march.actions.forces(n, self._point)
+                acting = march.actions.forces(n, self._ordinary)
+                forces[:, : self._point.n_columns] = acting[:, : self._point.n_columns]
+                self._slopes = acting[:, 1:]
                 if unit is not None:
                     unit.add_to(forces, n)
                 try:
@@ -238,7 +259,8 @@ class Run:
             else:
                 yield StageEnd(n, u, carried.stress, carried.members, yielded)
                 bases.leave(n, u, carried)
-        self._factor.forget()
+        if not self._options.traced:
+            self.factors.forget()
 
     def _at_rest(self) -> tuple[Floats, Carried]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -267,7 +289,10 @@ class Run:
         if self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            du, yielded = elastic_step(task, self._systems, self._factor), still
+            du, yielded = elastic_step(task, self._systems, self.factors), still
+        if self._options.traced:
+            values = {group: support[:, 0].copy() for group, support in held.items()}
+            self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
         u += du
         return yielded
 
@@ -277,14 +302,24 @@ class Run:
         What is out of balance is small; it is taken as elastic. Where the stress then is must be
         inside the yield surfaces.
         """
-        system, stress = self._systems[0], carried.stress
-        stress[..., : self._point.n_columns] = self._march.in_situ.columns(self._point)
+        system, stress, n = self._systems[0], carried.stress, self._point.n_columns
+        given = self._march.in_situ.columns(self._ordinary)
+        given[:, ~system.present] = 0.0
+        stress[..., :n] = given[..., :n]
         stress[:, ~system.present] = 0.0
         imbalance = self._march.imbalance(stress, forces)
         self._imbalance = float(imbalance[0])
+        if self._options.traced:
+            acting = np.hstack([forces, self._slopes])
+            imbalance = self._march.imbalance(given, acting)
         task = self._task(0, carried, forces)
-        if imbalance.max() > NEGLIGIBLE_IMBALANCE:  # a balanced stress may lose it as K0 changes
-            elastic_step(task, self._systems, self._factor)
+        stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
+        du = np.zeros(len(forces))
+        if stepped:
+            du = elastic_step(task, self._systems, self.factors)[:, 0]
+        if self._options.traced:
+            trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
+            self.traces.append(trace)
         self._plastic.refuse_virgin(task)
 
     def _clear(

@@ -9,10 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.fem.moduli import Moduli
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import ConstructionState, Index
@@ -65,6 +66,21 @@ class StageEnd:
     stress: Floats
     members: Floats
     yielded: Bools
+
+
+@dataclass(frozen=True)
+class LinearRows:
+    """What channels (g) read as a linear function of a state, at given parameters.
+
+    Args:
+        u: (g, n_dofs) of the displacements; None: of none.
+        stress: (g, n_strain n_points) of the stresses, component by component; None: of none.
+        members: (g, n_rows) of the forces in structures; None: of none.
+    """
+
+    u: sp.csr_array | None = None
+    stress: sp.csr_array | None = None
+    members: sp.csr_array | None = None
 
 
 @dataclass(frozen=True)
@@ -208,30 +224,68 @@ class StageTask:
         return {m: self.ground.moduli(m, mine).value for m, mine in self.system.points_of.items()}
 
 
-class LastFactor:
-    """The last factorization of a march, good as long as K stays the same.
+@dataclass(frozen=True, eq=False)
+class ElasticTrace:
+    """What the way back needs of a stage.
 
-    K depends on the material of every present group, and on the structures. One is held, not one
-    for every stage: in three dimensions a factor is the largest thing in memory.
+    Args:
+        task: the stage, without derivatives.
+        du: (n_dofs,) its displacement step.
+        slopes: (n_dofs, n) df/dp by the parameters that are no modes, of what acts in it.
+        held: group to H (n_dofs,) of what is partly released in it.
+        in_situ: (n_strain, n_points, n) derivatives of the virgin stress; None in later states.
+        stepped: whether an equilibrium was sought; in the virgin state only if it was out of it.
     """
 
-    def __init__(self) -> None:
-        self._ground: object = None
-        self._factor: Factor | None = None
+    task: StageTask
+    du: Floats
+    slopes: Floats
+    held: Mapping[int, Floats]
+    in_situ: Floats | None = None
+    stepped: bool = True
+
+
+class LastFactor:
+    """The factorizations of a march that are held, good as long as K stays the same.
+
+    K depends on the material of every present group, and on the structures. One is held, not one
+    for every stage: in three dimensions a factor is the largest thing in memory. Only for adjoints,
+    which need the stages backwards, all are held up to a limit.
+
+    Args:
+        entries: of matrices whose factors may be held at once; 0: the last one only.
+    """
+
+    def __init__(self, entries: int = 0) -> None:
+        self._entries = entries
+        self._held: list[tuple[object, Factor, SymbolicFactorization, int]] = []
 
     def find(self, state: ConstructionState) -> Factor | None:
-        """The factorization of K at a state, if it is the one that is held and still there."""
-        if self._factor is None or self._ground != _what_stands(state) or not self._factor.valid:
-            return None
-        return self._factor
+        """The factorization of K at a state, if it is one that is held and still there."""
+        what = _what_stands(state)
+        for ground, factor, _, _ in self._held:
+            if ground == what and factor.valid:
+                return factor
+        return None
+
+    def make_room(self, entries: int) -> None:
+        """Forget what must go before a factorization of so many entries is made, oldest first."""
+        while self._held and sum(held[3] for held in self._held) + entries > self._entries:
+            del self._held[0]
 
     def forget(self) -> None:
-        """Make room for the next one."""
-        self._ground, self._factor = None, None
+        """Forget all."""
+        self._held.clear()
 
-    def keep(self, state: ConstructionState, factor: Factor) -> None:
-        """A factorization that was made for a state."""
-        self._ground, self._factor = _what_stands(state), factor
+    def uses(self, analysis: SymbolicFactorization) -> bool:
+        """Whether a factor that is held would be lost by another factorization of an analysis."""
+        return any(held[2] is analysis for held in self._held)
+
+    def keep(
+        self, state: ConstructionState, factor: Factor, analysis: SymbolicFactorization, size: int
+    ) -> None:
+        """A factorization that was made for a state, of a matrix with so many entries."""
+        self._held.append((_what_stands(state), factor, analysis, size))
 
 
 def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Floats:
@@ -250,7 +304,7 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
     Raises:
         ModelError: the stiffness is not positive definite.
     """
-    factor, structures = _factorize(task, systems, last), systems.structures
+    factor, structures = factorize(task, systems, last), systems.structures
     first = _advance(task, systems, factor, task.carried.columns(slice(1)), task.forces[:, :1])
     if task.forces.shape[1] == 1:
         return first
@@ -324,8 +378,17 @@ def _advance(
     return du
 
 
-def _factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Factor | None:
-    """Factorization of K_j; None where every displacement is prescribed."""
+def factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Factor | None:
+    """Factorization of K_j; None where every displacement is prescribed.
+
+    Args:
+        task: the stage.
+        systems: the equations of the stages.
+        last: the factorizations that are held.
+
+    Raises:
+        ModelError: the stiffness is not positive definite.
+    """
     system, state = task.system, task.state
     analysis = systems.analysis(system)
     if analysis is None:
@@ -333,14 +396,19 @@ def _factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Fact
     found = last.find(state)
     if found is not None:
         return found
-    last.forget()
+    size = len(system.pattern.lower.indices)
+    last.make_room(size)
+    spare = 0
+    while last.uses(analysis):
+        spare += 1
+        analysis = systems.analysis(system, spare) or analysis
     try:
         values = systems.values(system, state, task.elasticity(), task.point.values)
         factor = analysis.factorize(values)
     except NotPositiveDefinite as error:
         place = systems.describe_unknown(system, error.unknown)
         raise not_positive_definite(state.name, place) from error
-    last.keep(state, factor)
+    last.keep(state, factor, analysis, size)
     return factor
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, UniformModuli
@@ -85,19 +86,25 @@ class StageSystems:
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[frozenset[int], TangentPattern] = {}
-        self._analyses: dict[frozenset[int], SymbolicFactorization | None] = {}
-        self._analysed: dict[bytes, SymbolicFactorization] = {}
+        self._analyses: dict[tuple[frozenset[int], int], SymbolicFactorization | None] = {}
+        self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
             self._systems[state] = self._prepare(state)
         return self._systems[state]
 
-    def analysis(self, system: StageSystem) -> SymbolicFactorization | None:
-        """The analysed pattern of a state; None if nothing is free to move."""
-        if system.groups not in self._analyses:
-            self._analyses[system.groups] = self._analyse(system.pattern.lower)
-        return self._analyses[system.groups]
+    def analysis(self, system: StageSystem, spare: int = 0) -> SymbolicFactorization | None:
+        """The analysed pattern of a state; None if nothing is free to move.
+
+        Args:
+            system: the equations of the state.
+            spare: number of a further analysis of the same pattern, where its factors are in use.
+        """
+        key = system.groups, spare
+        if key not in self._analyses:
+            self._analyses[key] = self._analyse(system.pattern.lower, spare)
+        return self._analyses[key]
 
     def tangents(self, system: StageSystem) -> TangentPattern:
         """Where changes of moduli at strain points go in K of a state."""
@@ -138,6 +145,10 @@ class StageSystems:
             total += self._pointwise.values(tangents, name, points, laws[name], system.volume)
         return total
 
+    def work(self, points: Ints, stress: Floats) -> sp.csr_array:
+        """Work of stresses (s, q) at points (q,), ascending, on displacements: (q, n_dofs)."""
+        return self._point_blocks.work(points, stress)
+
     def describe_unknown(self, system: StageSystem, unknown: int | None) -> str:
         """Where an unknown stands, for a message."""
         if unknown is None:
@@ -173,10 +184,11 @@ class StageSystems:
         touched = _touched(self._mesh, here)
         return StageSystem(present, touched, volume, points_of, groups, pattern)
 
-    def _analyse(self, lower: LowerPattern) -> SymbolicFactorization | None:
+    def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
-        key = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        digest = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
+        key = digest, spare
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]
@@ -198,6 +210,7 @@ class GroundAt:
         self._on_mesh, self._case = on_mesh, on_mesh.case
         self._point = point
         self._moduli: dict[str, MaterialModuli] = {}
+        self._parts: dict[str, tuple[Index, MaterialModuli]] = {}
         self._elasticities: dict[str, Dual] = {}
         self._planes: dict[str, YieldPlanes] = {}
         self._laws: dict[str, YieldLaw | None] = {}
@@ -224,7 +237,12 @@ class GroundAt:
         wanted = numbers(points, self._on_mesh.discretization.points.n_points)
         if len(wanted) == len(mine):
             return found
-        return found.at(np.searchsorted(mine, wanted))
+        # The points of a stage are asked for several times, always as the same object.
+        kept = self._parts.get(material)
+        if kept is None or kept[0] is not points:
+            kept = points, found.at(np.searchsorted(mine, wanted))
+            self._parts[material] = kept
+        return kept[1]
 
     def elasticity(self, material: str) -> Dual:
         """E (s, s) of a material, Pa; where a constant is a field, that of its mean."""

@@ -102,6 +102,11 @@ class Structures:
         """Number of member forces q; 0 if there are no structures."""
         return len(self._weight)
 
+    @property
+    def weight(self) -> Floats:
+        """Weight w (n_rows,) with which each member force works."""
+        return self._weight
+
     def key(self, number: int) -> int:
         """Key of a structure in the stiffness pattern, where groups have their indices."""
         return len(self._sequence.groups) + number
@@ -211,13 +216,17 @@ class Structures:
             forces: (n_rows, 1 + n + k) carried from the stage before, changed in place.
             point: the parameters, and the n of them by which the march differentiates.
         """
-        for part in self.parts:
-            if part.name not in state.structures or part.name in state.built:
-                forces[part.rows] = 0.0
-            if part.name in state.stressed:
-                forces[part.rows] = 0.0
+        forces[self.begins_anew(state)] = 0.0
         if state.stressed:
             forces[:, : point.n_columns] += self._given(state.stressed, point)
+
+    def begins_anew(self, state: ConstructionState) -> Bools:
+        """(n_rows,) forces that do not come from the stage before."""
+        anew = np.zeros(self.n_rows, dtype=bool)
+        for part in self.parts:
+            stays = part.name in state.structures and part.name not in state.built
+            anew[part.rows] = not stays or part.name in state.stressed
+        return anew
 
     def _given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""

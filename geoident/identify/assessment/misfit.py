@@ -34,7 +34,10 @@ from geoident.model.methods import SquaredOptions
 LEFT_OUT = 0.2
 """Part of the readings that a robust loss may disregard."""
 
-_DRAWS = 2000
+_FEWEST, _DRAWS = 200, 2000
+_ENTRIES = 20_000_000
+"""Of all repetitions together; with more readings there are fewer of them."""
+
 _TOGETHER = 2_000_000
 _ZERO = 1e-10
 """Singular values below this part of the largest are no directions."""
@@ -140,8 +143,9 @@ def _drawn(problem: Problem, J: Floats, rows: Floats, sd: Floats, kept: int) -> 
     seen = _ZERO * S.max(initial=0.0) < S
     U, moved = U[:, seen], J @ (Vt[seen].T / S[seen])
     squares = []
-    size = max(1, min(_DRAWS, _TOGETHER // max(g, 1)))
-    for _ in range(-(-_DRAWS // size)):
+    draws = int(np.clip(_ENTRIES // max(g, 1), _FEWEST, _DRAWS))
+    size = max(1, min(draws, _TOGETHER // max(g, 1)))
+    for _ in range(-(-draws // size)):
         errors = problem.sd[:, None] * rng.normal(size=(g, size))
         if problem.shared is not None:
             B = problem.shared.columns

@@ -38,6 +38,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
@@ -75,7 +76,8 @@ class Assessment:
         at_bound: (n,) the value lies on a bound.
         determined: (n,) readings, or readings and priors together, determine it.
         from_prior: (n,) not determined by readings, but known from its prior: nothing is missing.
-        singular_values: (min(g, n),) of B, the readings alone, largest first.
+        singular_values: (min(g, n),) of B, the readings alone, largest first; where there are
+            fields, of the parameters that the case names, with the fields free.
         findings: sentences on what is not determined and what only a prior fixes.
         slope: (n,) dp/dx, SI.
         posterior: of x, from the estimate, cut at the bounds.
@@ -137,15 +139,14 @@ def assess(
     A, varies = np.concatenate([B, P]), width > 0.0
     on_bound = _on_bound(problem.parameters, values, slope * width)
     at_bound = ~varies | on_bound
-    whole, alone = SingularDirections.of(A, varies), SingularDirections.of(B, varies)
+    whole = SingularDirections.of(A, varies)
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
     from_prior = _only_from_prior(P, total)
     known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * undetermined <= 0.25)
     determined = known_enough & ~from_prior
-    known = Knowledge(
-        problem.parameters, values, at_bound, from_prior, P, slope * width, whole, alone
-    )
+    named = np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
     pressed = np.zeros(len(values))
     if readings is not None:
         r = np.concatenate(
@@ -168,15 +169,61 @@ def assess(
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
-        singular_values=alone.S[: min(B.shape)],
+        singular_values=known.readings.S[: min(len(B), len(known.parameters))],
         findings=describe_gaps(
-            known, np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T)
+            known,
+            (np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T))[
+                np.ix_(named, named)
+            ],
         ),
         slope=slope,
         posterior=posterior,
         determined_x=whole.determined_columns * width[:, None],
         gaps_x=every_gap_x,
         held_covariance_x=_scaled(SingularDirections.of(A, ~at_bound), width)[0],
+    )
+
+
+def _knowledge(
+    parameters: tuple[Parameter, ...],
+    values: Floats,
+    at_bound: Bools,
+    from_prior: Bools,
+    B: Floats,
+    P: Floats,
+    width: Floats,
+) -> Knowledge:
+    """What the singular values say of the parameters that the case names.
+
+    The modes of fields, of which nothing single is said, are left free within their priors: with
+    B_m their columns and P_m^T P_m their precision, the readings have the covariance
+    I + B_m (P_m^T P_m)^-1 B_m^T beside (theory 10.4).
+
+    Args:
+        parameters: all n.
+        values: (n,) SI.
+        at_bound: (n,) on a bound.
+        from_prior: (n,) known from the prior only.
+        B: (g, n) whitened readings by z.
+        P: (k, n) rows of the priors by z.
+        width: (n,) range by slope, SI.
+    """
+    named = np.array([not q.field for q in parameters], dtype=np.bool_)
+    if not named.all():
+        rows = np.abs(P[:, ~named]).max(axis=1, initial=0.0) > 0.0
+        scaled = B[:, ~named] / np.abs(P[rows][:, ~named]).max(axis=0)
+        lower = np.linalg.cholesky(np.eye(len(B)) + scaled @ scaled.T)
+        B, P = solve_triangular(lower, B[:, named], lower=True), P[~rows][:, named]
+    taken, varies = np.flatnonzero(named), width[named] > 0.0
+    return Knowledge(
+        tuple(parameters[i] for i in taken),
+        values[named],
+        at_bound[named],
+        from_prior[named],
+        P,
+        width[named],
+        SingularDirections.of(np.concatenate([B, P]), varies),
+        SingularDirections.of(B, varies),
     )
 
 
@@ -206,6 +253,11 @@ def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
     """Whether linear functions of x (l, n), with an own error (l,), are not determined.
 
     They are where the part of undetermined directions is larger than all the rest.
+
+    Args:
+        assessment: how well the parameters are known.
+        rows: (l, n) coefficients.
+        sd: (l,) standard deviation of the own errors.
     """
     known = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
     undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)

@@ -27,13 +27,13 @@ nothing is evaluated twice. A descent ends on what the *next* step promises, bef
 Where residuals vanish at the solution, convergence is quadratic and the first rule ends it. A trial
 where the model has no solution is rejected.
 
-Further starts are even over the bounds and always the same (Halton's sequence).
+Further starts, and what becomes of them: `several_starts`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
@@ -46,9 +46,10 @@ from geoident.identify.least_squares.acceptance import (
     IterateT,
     Step,
 )
+from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem, Scaling
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
 
@@ -73,8 +74,7 @@ def gauss_newton(
 ) -> Outcome:
     """Minimises the discrepancy with its exact Jacobian, theory [20] and 4.2.
 
-    Descents begin at the given start, which must have a solution, and at others that are even over
-    the bounds.
+    Descents begin at the given start, which must have a solution, and where needed at others.
 
     Args:
         problem: readings, model and parameters.
@@ -83,7 +83,7 @@ def gauss_newton(
         method: its name in the history.
 
     Returns:
-        The best point that was evaluated.
+        The best point that was evaluated, and the other minima that descents came to.
 
     Raises:
         ModelError: the model has no solution at the start.
@@ -93,14 +93,12 @@ def gauss_newton(
     evaluator = descent.evaluator
     point = evaluator.evaluate(evaluator.scaling.start)
     evaluator.record(point.x, point, 0.0, "start")
-    best = descent.run(point)
-    for number, x in enumerate(halton_starts(evaluator.scaling, options.starts - 1), start=2):
-        if history.stop is not None:
-            break
-        further = evaluator.start(x, f"start {number}")
-        if further is not None:
-            best = min(best, descent.run(further), key=_phi)
-    return history.outcome(best.point.p, best.point.phi, best.status, best.reason)
+    freedom = max(len(problem.measured) - len(problem.parameters), 1)
+    starts = None if options.starts == "automatic" else options.starts
+    found = SeveralStarts(descent, problem.parameters, starts, freedom).run(point)
+    best = found.best
+    outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
+    return replace(outcome, minima=found.minima, remarks=found.remarks)
 
 
 def gauss_newton_descent(
@@ -154,12 +152,11 @@ def phi_after_step(box: TrustBox, point: Iterate, free: Bools) -> float:
     return float(np.sum((r + J @ d) ** 2))
 
 
-def _phi(ending: Ending[Iterate]) -> float:
-    return ending.point.phi
-
-
 GiveUp = Callable[[int, float, float], bool]
 """(steps made, trust radius, lowest phi) -> whether a descent is not worth going on."""
+
+Leave = Callable[[IterateT, Step], bool]
+"""(point, the step that comes next without trust region) -> the same."""
 
 
 @dataclass(frozen=True)
@@ -170,11 +167,18 @@ class Ending(Generic[IterateT]):
         point: the best point.
         status: ``converged`` or ``not-converged``.
         reason: a sentence; with its remedy where it did not converge.
+        left: it was not worth going on.
     """
 
     point: IterateT
     status: str
     reason: str
+    left: bool = False
+
+    @property
+    def stalled(self) -> bool:
+        """No step lowered phi, although the derivatives said so."""
+        return self.reason == _STALLED
 
 
 class Evaluator(Generic[IterateT]):
@@ -194,6 +198,24 @@ class Evaluator(Generic[IterateT]):
         self.box = TrustBox(self.scaling)
         self.history = history
         self._look = look
+        self._visited: list[tuple[Floats, float, Floats]] = []  # x, phi and half its gradient
+
+    def begins_uphill(self, part: float, fall: float) -> bool:
+        """Whether between two points that were evaluated the way to the lower one begins uphill.
+
+        Then the set of points below a value is not convex: phi is not quasi-convex, and may have
+        several minima.
+
+        Args:
+            part: rise that the slope promises at least, as part of the actual fall.
+            fall: of phi between the two, at least.
+        """
+        for x, phi, half_gradient in self._visited:
+            for y, lower, _ in self._visited:
+                rise = 2.0 * float(half_gradient @ (y - x))
+                if phi - lower > fall and rise > part * (phi - lower):
+                    return True
+        return False
 
     def evaluate(self, x: Floats) -> IterateT:
         """The model at x (n,).
@@ -202,7 +224,9 @@ class Evaluator(Generic[IterateT]):
             ModelError: it has no solution there.
         """
         p = self.scaling.to_natural(x)
-        return self._look(Iterate(x, p, self.discrepancy.linearize(p)))
+        model = self.discrepancy.linearize(p)
+        self._visited.append((x, model.objective, model.jacobian.T @ model.residual))
+        return self._look(Iterate(x, p, model))
 
     def try_point(self, x: Floats) -> IterateT | None:
         """The model at x (n,), or None where it has no solution."""
@@ -294,18 +318,26 @@ class Descent(Generic[IterateT]):
     stopping: Stopping
     max_steps: int
 
-    def run(self, start: IterateT, give_up: GiveUp | None = None) -> Ending[IterateT]:
+    def run(
+        self,
+        start: IterateT,
+        give_up: GiveUp | None = None,
+        leave: Leave[IterateT] | None = None,
+    ) -> Ending[IterateT]:
         """Goes down.
 
         Args:
             start: where from.
             give_up: is asked before every step.
+            leave: likewise, with what comes next.
         """
         judge, box = Acceptance(start), self.evaluator.box
         for number in range(self.max_steps):
             ending = self._ended(judge)
             if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
-                ending = Ending(judge.best, "not-converged", _GIVEN_UP)
+                ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
+            if ending is None and leave and leave(judge.point, self.propose(judge.point, np.inf)):
+                ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
             if ending is not None:
                 return ending
             point, step = judge.point, self.propose(judge.point, judge.radius)
@@ -336,40 +368,3 @@ class Descent(Generic[IterateT]):
             f"The search did not converge in {self.max_steps} steps: raise max_iterations, "
             "start nearer to the expected values or give tighter bounds."
         )
-
-
-def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
-    """``count`` points x (n,) inside the bounds, the same in every run.
-
-    A parameter without finite bounds varies by two units of x to both sides of its start.
-    """
-    lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
-    upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
-    bases = _primes(len(scaling))
-    for index in range(1, count + 1):
-        share = np.array([radical_inverse(index, base) for base in bases])
-        yield lower + share * (upper - lower)
-
-
-def radical_inverse(index: int, base: int) -> float:
-    """The digits of ``index`` in a base, mirrored at the point (van der Corput).
-
-    >>> [radical_inverse(i, 2) for i in (1, 2, 3)]
-    [0.5, 0.25, 0.75]
-    """
-    value, weight = 0.0, 1.0 / base
-    while index:
-        index, digit = divmod(index, base)
-        value += digit * weight
-        weight /= base
-    return value
-
-
-def _primes(count: int) -> list[int]:
-    found: list[int] = []
-    candidate = 2
-    while len(found) < count:
-        if all(candidate % prime for prime in found):
-            found.append(candidate)
-        candidate += 1
-    return found

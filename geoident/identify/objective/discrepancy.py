@@ -199,13 +199,22 @@ class Discrepancy:
         why = self.problem.response.admissible(p)
         if why is not None:
             raise ModelError(why)
-        v, dv_dp = self.problem.response.evaluate(p)
-        rows = self._rows(v, dv_dp * self.scaling.slope(p))
-        found = Linearization(
-            self.residuals(p, v), np.concatenate([rows, self.scaling.prior_jacobian(p)])
-        )
+        found = self.linearized(p, *self.problem.response.evaluate(p))
         _require_finite(found)
         return found
+
+    def linearized(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
+        """The same where the answer of the model is known.
+
+        Args:
+            p: (n,) parameters, SI.
+            readings: (g,) what the model answers, SI.
+            jacobian: (g, n) its derivative.
+        """
+        rows = self._rows(readings, jacobian * self.scaling.slope(p))
+        return Linearization(
+            self.residuals(p, readings), np.concatenate([rows, self.scaling.prior_jacobian(p)])
+        )
 
     def _rows(self, v: Floats, dv_dx: Floats) -> Floats:
         """Derivatives of the readings' part of the residuals, from those of the readings (g, n)."""

@@ -243,8 +243,14 @@ def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outc
         return cast(Identifier, limits.descend)(problem, options, observe)
     if isinstance(options, ClosedFormOptions):
         return identify(problem, [replace(options, starts=1)], observe)
-    steps = replace(options, starts=1) if isinstance(options, GaussNewtonOptions) else None
-    return identify(problem, [steps or GaussNewtonOptions()], observe)
+    steps = options if isinstance(options, GaussNewtonOptions) else GaussNewtonOptions()
+    return identify(problem, [replace(steps, starts=1)], observe)
+
+
+def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:
+    """The method that goes on from where a chain ended, with changed weights: from one start."""
+    last = methods[-1]
+    return (replace(last, starts=1) if isinstance(last, GaussNewtonOptions) else last,)
 
 
 def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:

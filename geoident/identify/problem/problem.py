@@ -286,6 +286,19 @@ class Problem:
 
 
 @dataclass(frozen=True)
+class LocalMinimum:
+    """A minimum of the discrepancy that a search came to beside its best point.
+
+    Args:
+        values: (n,) parameters, SI.
+        objective: the discrepancy there, with the prior's part.
+    """
+
+    values: Floats
+    objective: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Where an identifier ended.
 
@@ -298,6 +311,7 @@ class Outcome:
         grid: of a scan, else None.
         remarks: what else is to be known of how it was found, sentences without a full stop.
         certificate: what an identification of yield limits proved, else None.
+        minima: the others that the search came to, lowest first.
     """
 
     values: Floats
@@ -308,6 +322,7 @@ class Outcome:
     grid: Grid | None = None
     remarks: tuple[str, ...] = ()
     certificate: Certificate | None = None
+    minima: tuple[LocalMinimum, ...] = ()
 
 
 STOPPED = "out-of-budget"

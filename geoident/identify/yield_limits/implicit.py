@@ -36,8 +36,8 @@ from geoident.identify.least_squares.gauss_newton import (
     Stopping,
     gauss_newton_descent,
     gauss_newton_step,
-    halton_starts,
 )
+from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem, YieldSystem

@@ -14,6 +14,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.fit import AxisSection, FitSection
+from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import GeostaticModel, InSituSection, build_in_situ
@@ -133,7 +134,10 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         title=section.title,
         analysis=context.analysis,
         mesh_file=None,
-        parameters=tuple(p.parameter(name) for name, p in section.parameters.items()),
+        parameters=oriented(
+            [p.parameter(name) for name, p in section.parameters.items()],
+            [(path, given) for path, given in _numbers(section, ()) if given.parameter],
+        ),
         materials=materials,
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=_supports(section.supports, context.at("supports")),

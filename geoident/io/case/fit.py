@@ -18,6 +18,7 @@ from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
     Count,
+    CountOr,
     Given,
     Length,
     Name,
@@ -213,6 +214,8 @@ def _annotation(name: str, hint: Any) -> Any:
         return PlanePoint | None
     if name == "radius":
         return Radius | None
+    if hint == int | Literal["automatic"]:
+        return Annotated[hint, CountOr("automatic")]
     return _RANGES.get(name, _KINDS.get(hint, hint))
 
 

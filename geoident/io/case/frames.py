@@ -1,17 +1,75 @@
-"""How material axes and weak planes lie in the ground: from the keys of a section to a frame."""
+"""How material axes and weak planes lie in the ground: from the keys of a section to a frame.
+
+And which parameters are such angles, with the turn after which the ground is the same again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import hypot, pi
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import hypot, isclose, pi
 
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import Given, scalar_of
+from geoident.model.case import KeyPath
 from geoident.model.ground import Attitude, Axes, Vector3
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Parameter, Scalar
 
 _MOST_SLANT = 0.02  # cosine between axes that still pass for perpendicular, about one degree
 _TOWARDS_X = Scalar(pi / 2)
+
+TURNS = {"dip": pi, "dip_direction": 2 * pi, "rotation": pi, "azimuth": pi}
+"""Keys of angles, and the turn (rad) after which they mean the same: axes have no front and back,
+but a dip direction has."""
+
+_MOST_TURNS = 12
+
+
+def oriented(
+    parameters: Sequence[Parameter], ties: Iterable[tuple[KeyPath, Given]]
+) -> tuple[Parameter, ...]:
+    """Parameters that know after which turn they mean the same ground.
+
+    A parameter that is anything else besides an angle of axes has no such turn.
+
+    Args:
+        parameters: of the case.
+        ties: where a parameter stands in the case, path of the key and what is written there.
+    """
+    ties = list(ties)
+    return tuple(_oriented(parameter, ties) for parameter in parameters)
+
+
+def _oriented(parameter: Parameter, ties: Sequence[tuple[KeyPath, Given]]) -> Parameter:
+    mine = [(path, given.factor) for path, given in ties if given.parameter == parameter.name]
+    if not mine or any(path[-1] not in TURNS or factor == 0.0 for path, factor in mine):
+        return parameter
+    period = _common([TURNS[str(path[-1])] / abs(factor) for path, factor in mine])
+    mirrors = {_strike_of(path, factor, ties) for path, factor in mine}
+    mirror = mirrors.pop() if len(mirrors) == 1 else None
+    return replace(parameter, period=period, mirror=mirror)
+
+
+def _common(periods: Sequence[float]) -> float | None:
+    """The smallest turn that is a multiple of all; None if there is no small one."""
+    for turns in range(1, _MOST_TURNS + 1):
+        shares = [turns * periods[0] / period for period in periods]
+        if all(isclose(share, round(share), rel_tol=1e-9) and share > 0.5 for share in shares):
+            return turns * periods[0]
+    return None
+
+
+def _strike_of(
+    path: KeyPath, factor: float, ties: Sequence[tuple[KeyPath, Given]]
+) -> tuple[str, float] | None:
+    """The parameter of the dip direction beside a dip, with half a turn of it."""
+    if path[-1] != "dip":
+        return None
+    beside = (*path[:-1], "dip_direction")
+    for other, given in ties:
+        if other == beside and given.parameter is not None and given.factor != 0.0:
+            return given.parameter, pi / abs(given.factor)
+    return None
 
 
 def attitude(

@@ -17,8 +17,10 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
+from geoident.io.result.varied import GROUP as VARIED
+from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
 from geoident.model.result import Counts, Diagnostics, GaugeTable, Provenance, Result
@@ -111,27 +113,35 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
-    _write_judged(file, result)
+    _write_errors(file, result)
+    _write_findings(file, result)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
+    write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
+    if result.certificate is not None:
+        tables.write_certificate(file, result.certificate, names)
+    tables.write_rival_answers(file, result.rivals, result.evidence, names)
     if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields)
+        vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
 
 
-def _write_judged(file: h5py.File, result: Result) -> None:
-    """Writes what is said of errors, of the model, and of the answer."""
-    names = result.parameters.names
+def _write_errors(file: h5py.File, result: Result) -> None:
+    """What was estimated of the errors of gauges and model."""
     if result.accuracies is not None:
         reading_tables.write_accuracies(file, result.accuracies)
     if result.model_error is not None:
         tables.write_model_error(file, result.model_error)
+
+
+def _write_findings(file: h5py.File, result: Result) -> None:
+    """Groups of single commands and options."""
     if result.backtest is not None:
-        backtest.write_backtest(file, result.backtest, result.gauges, names)
-    if result.certificate is not None:
-        tables.write_certificate(file, result.certificate, names)
+        backtest.write_backtest(file, result.backtest, result.gauges, result.parameters.names)
+    if result.posterior is not None:
+        posterior.write_posterior(file, result.posterior, result.parameters)
 
 
 def _write_attributes(file: h5py.File, result: Result) -> None:
@@ -245,8 +255,12 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
+        rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
+        evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
+        posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
+        varied=read_varied(file) if VARIED in contents else (),
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),

@@ -13,6 +13,7 @@ A file of format 1 has only the wide tables: one reading a channel and stage, wi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import h5py
@@ -189,10 +190,14 @@ def _channels(group: TableReader) -> dict[str, Any]:
     }
 
 
+_OF_ALL = ("misfit", "above", "below")
+"""Attributes of ``/diagnostics`` that older files lack."""
+
+
 def write_diagnostics(
     file: h5py.File, found: Diagnostics, gauges: GaugeTable, names: Sequence[str]
 ) -> None:
-    """Writes ``/diagnostics``, dimensionless; its attributes hold the loss, squares and scale.
+    """Writes ``/diagnostics``, dimensionless; its attributes hold what is said of all.
 
     Args:
         file: the result.
@@ -208,7 +213,8 @@ def write_diagnostics(
     out.add("influence", wide.influence, "gauge", "stage", "parameter")
     out.group.attrs["loss"] = found.loss
     out.group.attrs["weighted_squares"] = np.float64(found.squares)
-    out.group.attrs["scale"] = np.float64(found.scale)
+    for name in ("scale", *_OF_ALL):
+        out.group.attrs[name] = np.float64(getattr(found, name))
 
 
 def read_diagnostics(file: h5py.File, n: int) -> Diagnostics:
@@ -222,13 +228,16 @@ def _diagnostics(
 ) -> Diagnostics:
     """The columns of a table of some shape, at an index of it."""
     about = TableReader(file, "diagnostics")
-    return Diagnostics(
+    found = Diagnostics(
         loss=about.attribute("loss", str),
         squares=about.attribute("weighted_squares", float),
         scale=about.attribute("scale", float),
         influence=table.floats("influence", *shape, n)[at],
         **{name: table.floats(name, *shape)[at] for name in DIAGNOSTIC_COLUMNS},
     )
+    known = [name for name in _OF_ALL if name in about.group.attrs]
+    of_all: dict[str, Any] = {name: about.attribute(name, float) for name in known}
+    return replace(found, **of_all)
 
 
 def write_accuracies(file: h5py.File, table: AccuracyTable) -> None:

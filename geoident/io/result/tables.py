@@ -26,6 +26,7 @@ from geoident.model.result import (
     ParameterTable,
     Prediction,
 )
+from geoident.model.rivals import Evidence, Rivals
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -67,6 +68,8 @@ def write_parameters(file: h5py.File, table: ParameterTable, singular: Floats | 
     out.add("unit", [DIMENSIONS.get(name, "") for name in table.dimensions], "parameter")
     out.add("display_unit", table.units, "parameter")
     out.add("dimension", table.dimensions, "parameter")
+    if table.fields:
+        out.add("field", table.fields, "parameter")
     out.add("covariance", table.covariance, "parameter", "other")
     out.add("correlation", table.correlation, "parameter", "other")
     if singular is not None:
@@ -102,6 +105,7 @@ def read_parameters(file: h5py.File) -> tuple[ParameterTable, Floats | None]:
         dimensions=group.texts("dimension", n),
         covariance=group.floats("covariance", n, n),
         correlation=group.floats("correlation", n, n),
+        fields=group.texts("field", n) if "field" in group else (),
     )
     if not np.all(np.isfinite(table.values)):
         lost = names[int(np.flatnonzero(~np.isfinite(table.values))[0])]
@@ -393,4 +397,71 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
         steps=group.floats("steps", rows, len(states)),
         floors=group.floats("floors", rows, len(states)),
         findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
+    )
+
+
+RIVALS = "rivals"
+EVIDENCE = "evidence"
+
+
+def write_rival_answers(
+    file: h5py.File, rivals: Rivals | None, evidence: Evidence | None, names: tuple[str, ...]
+) -> None:
+    """Writes ``/rivals`` and ``/evidence``, each where there is one.
+
+    Args:
+        file: the result.
+        rivals: other minima.
+        evidence: of the model.
+        names: of the parameters.
+    """
+    if rivals is not None:
+        _write_rivals(file, rivals, names)
+    if evidence is not None:
+        _write_evidence(file, evidence)
+
+
+def _write_rivals(file: h5py.File, found: Rivals, names: tuple[str, ...]) -> None:
+    """Writes ``/rivals``: one row a minimum, the lowest first.
+
+    Args:
+        file: the result.
+        found: the minima.
+        names: of the parameters.
+    """
+    rows = np.arange(len(found), dtype=np.int64)
+    out = TableWriter(file, RIVALS, {"minimum": rows, "parameter": names, "other": names})
+    out.add("value", found.values, "minimum", "parameter", unit="SI unit of the parameter")
+    out.add("objective", found.objectives, "minimum")
+    out.add("odds", found.odds, "minimum")
+    out.add("covariance", found.covariance, "minimum", "parameter", "other")
+
+
+def read_rivals(file: h5py.File) -> Rivals:
+    """The minima."""
+    group = TableReader(file, RIVALS)
+    k, n = len(group.array("minimum", "i")), len(group.texts("parameter"))
+    return Rivals(
+        values=group.floats("value", k, n),
+        objectives=group.floats("objective", k),
+        odds=group.floats("odds", k),
+        covariance=group.floats("covariance", k, n, n),
+    )
+
+
+def _write_evidence(file: h5py.File, found: Evidence) -> None:
+    """Writes ``/evidence``: attributes of an empty group."""
+    group = file.create_group(EVIDENCE)
+    group.attrs["log_evidence"] = np.float64(found.log_evidence)
+    group.attrs["log_likelihood"] = np.float64(found.log_likelihood)
+    group.attrs["readings"] = np.int64(found.readings)
+
+
+def read_evidence(file: h5py.File) -> Evidence:
+    """How well the model explains the readings."""
+    group = TableReader(file, EVIDENCE)
+    return Evidence(
+        log_evidence=group.attribute("log_evidence", float),
+        log_likelihood=group.attribute("log_likelihood", float),
+        readings=int(group.attribute("readings", float)),
     )

@@ -11,7 +11,7 @@ coordinates and displacements are padded with z = 0. Removed elements have ``vtk
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.result import FieldSeries
+from geoident.model.varied import FieldEstimate
 
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"
@@ -72,8 +73,17 @@ def sidecar_target(path: str | Path) -> str | None:
         return None
 
 
-def write_fields(file: h5py.File, fields: FieldSeries) -> None:
-    """Writes ``/VTKHDF`` and ``/mesh``."""
+def write_fields(
+    file: h5py.File, fields: FieldSeries, varied: Sequence[FieldEstimate] = ()
+) -> None:
+    """Writes ``/VTKHDF`` and ``/mesh``.
+
+    Args:
+        file: the result.
+        fields: the states.
+        varied: constants that vary from place to place, as cell data that are the same at all
+            states: ``NAME``, ``NAME.sd`` (of the logarithm) and ``NAME.reduction``.
+    """
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
@@ -84,7 +94,11 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
         "yielded": fields.yielded.astype(np.int8),
         "vtkGhostType": np.where(fields.present, 0, HIDDEN_CELL).astype(np.uint8),
     }
-    static = {"group": element_groups(fields.mesh), "number": element_numbers(fields.mesh)}
+    static: dict[str, npt.NDArray[Any]] = {
+        "group": element_groups(fields.mesh),
+        "number": element_numbers(fields.mesh),
+        **varied_cells(varied, fields.mesh.n_elements),
+    }
     _write_data(group, "PointData", {"displacement": with_z(fields.displacement)})
     _write_data(group, "CellData", cell_data | static)
     group["PointData/displacement"].attrs["unit"] = "m"
@@ -93,6 +107,23 @@ def write_fields(file: h5py.File, fields: FieldSeries) -> None:
     group["CellData/group"].attrs.create("names", names, dtype=h5py.string_dtype())
     _write_steps(group, fields.mesh, len(fields.present), (*cell_data,), (*static,))
     _write_mesh(file.create_group("mesh"), fields.mesh)
+
+
+def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, Floats]:
+    """Constants that vary from place to place as arrays (n_elements,); NaN in other materials.
+
+    Args:
+        varied: what is known of each.
+        n_elements: of the mesh.
+    """
+    cells: dict[str, Floats] = {}
+    for found in varied:
+        parts = {"": found.values, ".sd": found.sd, ".reduction": found.reduction}
+        for suffix, values in parts.items():
+            array = np.full(n_elements, np.nan)
+            array[found.elements] = values
+            cells[f"{found.name}{suffix}"] = array
+    return cells
 
 
 def _write_grid(group: h5py.Group, mesh: Mesh) -> None:

@@ -16,11 +16,17 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.result.vtkhdf import element_groups, element_numbers, with_z
+from geoident.io.result.vtkhdf import (
+    element_groups,
+    element_numbers,
+    varied_cells,
+    with_z,
+)
 from geoident.model.arrays import Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
 from geoident.model.result import FieldSeries
+from geoident.model.varied import FieldEstimate
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _BLOCK = 1 << 20  # bytes of an array that are compressed together
@@ -31,7 +37,9 @@ _HEAD = (
 )
 
 
-def write_vtu(fields: FieldSeries, state: int, path: str | Path) -> None:
+def write_vtu(
+    fields: FieldSeries, state: int, path: str | Path, varied: Sequence[FieldEstimate] = ()
+) -> None:
     """Writes what is present at a state.
 
     Point data: ``displacement`` (m). Cell data: ``stress`` (Pa; xx yy zz xy yz xz, tension
@@ -42,6 +50,7 @@ def write_vtu(fields: FieldSeries, state: int, path: str | Path) -> None:
         fields: all states.
         state: 0 is the virgin state.
         path: the file.
+        varied: constants that vary from place to place, as cell data.
     """
     mesh, present = fields.mesh, np.flatnonzero(fields.present[state])
     types, sizes, nodes = _cells(mesh, present)
@@ -51,6 +60,7 @@ def write_vtu(fields: FieldSeries, state: int, path: str | Path) -> None:
         "yielded": fields.yielded[state, present].astype(np.int8),
         "group": element_groups(mesh)[present],
         "number": element_numbers(mesh)[present],
+        **{k: v[present] for k, v in varied_cells(varied, mesh.n_elements).items()},
     }
     topology: Arrays = {
         "connectivity": connectivity.astype(np.int64),

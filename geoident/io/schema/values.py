@@ -347,6 +347,37 @@ def level_or_group(value: object) -> str:
     return "level" if _NUMBER_OR_TIE.match(str(value)) else "group"
 
 
+@dataclass(frozen=True)
+class CountOr:
+    """Annotation of a whole number from one on, or a word."""
+
+    word: str
+
+    def parse(self, value: object) -> int | str:
+        """The number that a text says, or the word.
+
+        Raises:
+            Refusal: neither.
+        """
+        if value == self.word:
+            return self.word
+        try:
+            return Count().parse(value)
+        except Refusal as refusal:
+            hint = f"Write '{self.word}', or a number without decimals and unit."
+            raise Refusal("bad-count", f"{refusal.message}, or '{self.word}'", hint) from refusal
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.parse)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": self.word}]}
+
+
 def shape_of(value: object) -> str:
     """``list`` or ``text``: tells the two ways apart in which some keys can be written."""
     return "list" if isinstance(value, list | tuple) else "text"

@@ -19,12 +19,14 @@ from geoident.report.drawing.parameters import (
     parameter_pictures,
     scan_pictures,
 )
+from geoident.report.drawing.posterior import posterior_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import Picture, image
+from geoident.report.drawing.varied import varied_pictures
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,12 @@ def album(result: Result, *, prefix: str = "") -> Album:
         prefix: put before the names of the figures, where several results share a page.
     """
     scene = scene_of(result)
-    fields = (*field_pictures(scene), *solid_pictures(scene)) if scene is not None else ()
+    fields: tuple[Picture, ...] = ()
+    if scene is not None:
+        fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
         overview_pictures(result, scene),
-        (*parameter_pictures(result), *scan_pictures(result)),
+        (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
         (*reading_pictures(result), *profile_pictures(result), *sign_pictures(result)),
         fields,
         quality_pictures(result),

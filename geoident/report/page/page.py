@@ -14,7 +14,16 @@ from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
 from geoident.report.page.svg import figure_element
-from geoident.report.text import accuracies, backtest, model_error, structures, yielding
+from geoident.report.text import (
+    accuracies,
+    backtest,
+    model_error,
+    posterior,
+    rivals,
+    structures,
+    varied,
+    yielding,
+)
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
@@ -79,8 +88,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),
+        _section(varied.TITLE, table(varied.varied_table(result.varied))),
+        _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
         _section(model_error.TITLE, _model_error(result)),
+        _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
         _section(
@@ -105,6 +117,14 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
 def _model_error(result: Result) -> Html:
     text = model_error.model_error_text(result.model_error)
     return tag("p", text) if text else Html("")
+
+
+def _posterior(result: Result) -> tuple[str, ...]:
+    """How far the draws are to be believed, and their table."""
+    if result.posterior is None:
+        return ()
+    said = tag("p", posterior.cost_sentence(result.posterior))
+    return said, table(posterior.posterior_table(result))
 
 
 def _section(title: str, *parts: str) -> Html:

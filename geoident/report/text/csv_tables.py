@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.model.posterior import LEVELS
 from geoident.model.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
 from geoident.report.text.parameters import prior_in_unit
+from geoident.report.text.posterior import draw_rows
 from geoident.units import in_unit, shown_unit
 
 CsvCell = str | int | float | bool
@@ -43,6 +45,7 @@ class CsvTable:
 
 def csv_tables(result: Result) -> dict[str, CsvTable]:
     """Name to table, those without rows left out."""
+    result = result.for_people
     made = {name: make(result) for name, make in _TABLES.items()}
     return {name: table for name, table in made.items() if table.rows}
 
@@ -64,9 +67,12 @@ def csv_text(table: CsvTable) -> str:
 
 
 def all_csv(result: Result) -> str:
-    """All tables one below the other, each under a line ``# NAME``, with an empty line between."""
+    """All tables one below the other, each under a line ``# NAME``, with an empty line between.
+
+    Without the draws of a posterior, which are thousands.
+    """
     tables = csv_tables(result).items()
-    return "\n".join(f"# {name}\n{csv_text(table)}" for name, table in tables)
+    return "\n".join(f"# {name}\n{csv_text(table)}" for name, table in tables if name != "draws")
 
 
 def _text(cell: CsvCell) -> str:
@@ -327,7 +333,49 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
         yield (*coordinates, phi if math.isfinite(phi) else math.nan)
 
 
+def _posterior(result: Result) -> CsvTable:
+    found, table = result.posterior, result.parameters
+    levels = tuple(f"q{100 * level:g}" for level in LEVELS)
+    header = ("parameter", "mean", "sd", *levels, "unit", "effective_size", "r_hat")
+    if found is None:
+        return CsvTable(header, ())
+    rows: list[CsvRow] = [
+        (
+            name,
+            *(
+                _shown(table, i, float(value))
+                for value in (found.mean[i], found.sd[i], *found.quantiles[i])
+            ),
+            _unit(table, i),
+            float(found.effective[i]),
+            float(found.r_hat[i]),
+        )
+        for i, name in enumerate(found.names)
+    ]
+    return CsvTable(header, tuple(rows))
+
+
+def _draws(result: Result) -> CsvTable:
+    header, rows = draw_rows(result)
+    return CsvTable(header, tuple((int(row[0]), int(row[1]), *row[2:]) for row in rows))
+
+
 def _of_rows(header: tuple[str, ...], rows: Sequence[CsvRow]) -> CsvTable:
+    return CsvTable(header, tuple(rows))
+
+
+def _fields(result: Result) -> CsvTable:
+    """Constants that vary from place to place, by elements; deviations are of the logarithm."""
+    header = ("field", "x", "y", "z", "value", "unit", "sd_log", "prior_sd_log", "reduction")
+    rows = []
+    for found in result.varied:
+        unit = shown_unit(found.unit, found.dimension)
+        columns = (found.values, found.sd, found.prior_sd, found.reduction)
+        for centre, *numbers in zip(found.centres.tolist(), *columns, strict=True):
+            value, sd, before, reduction = map(float, numbers)
+            place = (*centre, *(math.nan,) * (3 - len(centre)))
+            shown = in_unit(value, found.unit, found.dimension)
+            rows.append((found.name, *place, shown, unit, sd, before, reduction))
     return CsvTable(header, tuple(rows))
 
 
@@ -343,6 +391,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,
+    "posterior": _posterior,
+    "draws": _draws,
+    "fields": _fields,
     "backtest": lambda result: _of_rows(*csv_rows(result)),
     "backtest-parameters": lambda result: _of_rows(*csv_fit_rows(result)),
 }

@@ -335,6 +335,9 @@ def diagnostics_object(result: Result) -> dict[str, Any]:
         "loss": found.loss,
         "weighted_squares": found.squares,
         "scale": found.scale,
+        "misfit": found.misfit,
+        "above": found.above,
+        "below": found.below,
         "readings": readings,
     }
 

@@ -17,6 +17,7 @@ import numpy as np
 from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
 from geoident.model.result import Grid, ParameterTable, Prediction, Result
+from geoident.model.rivals import Evidence
 from geoident.model.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
@@ -27,7 +28,10 @@ from geoident.report.text.gauges import (
     moment_text,
 )
 from geoident.report.text.model_error import model_error_object
+from geoident.report.text.posterior import posterior_object
+from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
+from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
 
@@ -56,7 +60,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         case: path of the case, as seen from here.
         output: path of the result file.
     """
-    proof = result.certificate
+    proof, result = result.certificate, result.for_people
     return {
         "case": case,
         "kind": result.kind,
@@ -80,14 +84,18 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.accuracies is not None
             else {}
         ),
+        **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
+        **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
         **(
             {"model_error": model_error_object(result.model_error)}
             if result.model_error is not None
             else {}
         ),
+        **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
+        **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 
@@ -175,6 +183,11 @@ def _prediction(result: Result, prediction: Prediction, i: int, j: int) -> dict[
         "determined": determined,
         "unit": si_unit(result.gauges.dimensions[i]),
     }
+
+
+def evidence_object(evidence: Evidence) -> dict[str, Any]:
+    """How well the model explains the readings."""
+    return {**asdict(evidence), "log_occam": evidence.log_occam}
 
 
 def grid_object(grid: Grid) -> dict[str, Any]:

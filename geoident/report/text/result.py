@@ -12,7 +12,16 @@ import numpy as np
 
 from geoident.model.result import Counts, Labelled, Result
 from geoident.model.summary import Identifiability
-from geoident.report.text import accuracies, backtest, model_error, structures, yielding
+from geoident.report.text import (
+    accuracies,
+    backtest,
+    model_error,
+    posterior,
+    rivals,
+    structures,
+    varied,
+    yielding,
+)
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -45,10 +54,13 @@ _STATUS = {
     "converged": "The search converged",
     "not-converged": "The search did not converge: the values are the best found so far",
     "not-determined": "The readings do not determine all parameters",
+    "poor-fit": "The model does not fit the readings: parameters and bands are not to be relied on",
     "out-of-budget": "The search ran out of its budget: the values are the best found so far",
     "done": "The computation is complete",
     "bands-fail": "Later readings do not lie inside the bands as they should",
 }
+
+_UNHAPPY = ("not-converged", "not-determined", "poor-fit", "out-of-budget", "bands-fail")
 
 
 def result_text(result: Result, *, title: str = "") -> str:
@@ -58,12 +70,15 @@ def result_text(result: Result, *, title: str = "") -> str:
         result: what to show.
         title: the first line, such as its path.
     """
+    result = result.for_people
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
-        section("Parameters", parameters_text(result.parameters, result.certificate)),
+        _parameters(result),
+        section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section(model_error.TITLE, model_error.model_error_text(result.model_error)),
         section("Findings", bullets(result.findings)),
+        section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
         section(influence_title(result.diagnostics), influence_table(result).text),
@@ -78,9 +93,11 @@ def result_text(result: Result, *, title: str = "") -> str:
 
 def summary_text(result: Result) -> str:
     """The outcome in a few lines, for the end of a run."""
+    result = result.for_people
     parts = (
         head(result),
-        parameters_text(result.parameters, result.certificate),
+        _told_parameters(result),
+        section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         _model_error(result),
@@ -93,6 +110,21 @@ def _model_error(result: Result) -> str:
     """How well the model describes the ground, unless a finding says it."""
     found = result.model_error
     return "" if found is None or found.sentence in result.findings else found.sentence
+
+
+def _told_parameters(result: Result) -> str:
+    """The parameters with their intervals; of a sample the table of its draws."""
+    if result.posterior is not None:
+        return posterior.posterior_table(result).text
+    return parameters_text(result.parameters, result.certificate)
+
+
+def _parameters(result: Result) -> str:
+    """The parameters under a heading, and how far draws of them are to be believed."""
+    said = _told_parameters(result)
+    if result.posterior is None:
+        return section("Parameters", said)
+    return section(posterior.TITLE, said, sentence(posterior.cost_sentence(result.posterior)))
 
 
 def plan_text(case: str, plan: Identifiability) -> str:
@@ -180,7 +212,7 @@ def _predicted(result: Result) -> list[str]:
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
     said = list(result.findings)
-    if result.status in ("not-converged", "not-determined", "out-of-budget", "bands-fail"):
+    if result.status in _UNHAPPY:
         said.insert(0, result.reason)
     for i in np.flatnonzero(result.parameters.at_bound).tolist():
         name = result.parameters.names[i]

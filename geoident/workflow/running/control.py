@@ -39,6 +39,14 @@ class Monitor(Protocol):
     def step(self, iteration: Iteration) -> None:
         """One iteration of an identifier is done."""
 
+    def part(self, words: str, done: float) -> None:
+        """A part of a long computation is done.
+
+        Args:
+            words: what has been reached.
+            done: share of the whole, 0 to 1, as far as it can be told.
+        """
+
 
 class Silent:
     """A monitor that says nothing."""
@@ -56,6 +64,9 @@ class Silent:
         """Say nothing."""
 
     def step(self, iteration: Iteration) -> None:
+        """Say nothing."""
+
+    def part(self, words: str, done: float) -> None:
         """Say nothing."""
 
 
@@ -103,6 +114,10 @@ class Control:
     def observe(self, iteration: Iteration) -> str | None:
         """Observer of the identifiers: a reason to stop now, or None."""
         self.monitor.step(iteration)
+        return self.over()
+
+    def over(self) -> str | None:
+        """Why to stop now, as the time is used up, or None."""
         if self.max_time is None or time.monotonic() - self.started < self.max_time:
             return None
         self.out_of_time = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
 from geoident.model.summary import CostEstimate
@@ -40,6 +42,22 @@ def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
     state += _YIELD_BYTES * points / 4 if model.yields else 0
     memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
+
+
+def refinement_cost(model: StagedModel) -> CostEstimate:
+    """About what one evaluation on the refined mesh costs: four or eight times the unknowns.
+
+    With nested dissection the entries of the factor grow with n log n in the plane and with n^4/3
+    in space, the operations with n^3/2 and n^2 (George 1973).
+    """
+    cost = estimate_cost(model, solver=model.solver_name)
+    space = model.mesh.dim == 3
+    entries, flops, rest = (16.0, 64.0, 8.0) if space else (4.6, 8.0, 4.0)
+    return replace(
+        cost,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
+        seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
+    )
 
 
 def _states(model: StagedModel) -> range:

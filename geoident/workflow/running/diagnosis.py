@@ -9,10 +9,12 @@ import numpy as np
 
 from geoident.forward.protocols import Survey
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
+from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
@@ -29,14 +31,29 @@ AGAINST = 0.6
 WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
 
-SCATTER = 2.0
-"""Scatter of the residuals, in stated accuracies, from which on it is said; or its inverse."""
+SIGNIFICANCE = 0.01
+"""Probability of residuals as large, or as small, by chance below which it is said."""
 
-ENOUGH = 20
-"""Readings from which on a small scatter is no chance."""
+TOO_LARGE = 1.25
+"""Size of the residuals by that of the errors below which nothing is said, however sure it is."""
+
+TOO_SMALL = 0.67
+"""The same for residuals that are too small."""
 
 EXACT = 0.01
-"""Scatter below which the readings are computed ones, of which nothing is to be said."""
+"""Size below which the readings are computed ones, of which nothing is to be said."""
+
+POOR = 1e-4
+"""Probability by chance below which a model does not fit, ..."""
+
+UNUSABLE = 2.0
+"""... if the residuals are also as large as this: then 95 % intervals hold two thirds."""
+
+GROSS = 1000.0
+"""Residual in accuracies that no gauge shows: a unit, a column or a sign is wrong."""
+
+GROSS_BESIDE = 30.0
+"""And residual or reading are as many times the median one: else it is the model that is wrong."""
 
 
 def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
@@ -68,6 +85,7 @@ def diagnostics_table(
     number = {pair: n for n, pair in enumerate(dict.fromkeys(pairs))}
     sets = np.array([number[pair] for pair in pairs], dtype=np.int64)
     found = diagnose(problem, assessment, computed, jacobian, sets)
+    left = misfit(problem, p, computed, jacobian)
 
     def of_all(values: Floats) -> Floats:
         """Values (g, ...) of the used readings as those of all (k, ...)."""
@@ -80,6 +98,9 @@ def diagnostics_table(
         squares=Discrepancy(problem).squares(p, computed),
         scale=found.scale,
         influence=of_all(found.influence),
+        misfit=left.scale,
+        above=left.above,
+        below=left.below,
         **{name: of_all(getattr(found, name)) for name in DIAGNOSTIC_COLUMNS},
     )
 
@@ -98,12 +119,13 @@ def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -
         gauges: the readings.
         parameters: names of the n parameters.
     """
+    gross = len(_gross(found, gauges.readings)) > 0
     found = found.wide(gauges)
     sentences = [
         *_against(gauges),
         *_most_influential(found, gauges, parameters),
         *_far_off(found, gauges),
-        *_scatter(found),
+        *([] if gross else _scatter(found)),  # the others are off because of it
     ]
     return tuple(sentences)
 
@@ -148,7 +170,7 @@ def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
     size[~(size > FAR_OFF)] = np.nan
     order = np.argsort(-np.nan_to_num(size), axis=None)[: np.count_nonzero(np.isfinite(size))]
     named = [
-        f"{gauges.channels[i]} at {gauges.stages[j]} ({found.studentized[i, j]:+.1f})"
+        f"{gauges.channels[i]} at {gauges.stages[j]} ({_size(found.studentized[i, j])})"
         for i, j in zip(*np.unravel_index(order[:5], size.shape), strict=True)
     ]
     rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
@@ -156,23 +178,112 @@ def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
     return [f"{what} {', '.join(named)}{rest}."] if named else []
 
 
+def _size(t: float) -> str:
+    return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
+
+
 def _scatter(found: Diagnostics) -> list[str]:
-    read = np.count_nonzero(np.isfinite(found.standardized))
-    if found.scale > SCATTER:
+    if found.above < SIGNIFICANCE and found.misfit > TOO_LARGE:
         return [
-            f"The residuals are {found.scale:.1f} times as large as the stated accuracies: the "
-            "gauges are less accurate than stated, or the model does not describe the ground; the "
-            "intervals are then too narrow. If it is the gauges, write 'accuracies: estimate' "
-            "under 'fit' (or 'accuracy: estimate' at a gauge): the residuals then say how accurate "
-            "they are."
+            f"The residuals are {_times(found.misfit)} times as large as the stated accuracies "
+            f"explain ({_by_chance(found.above)}): the gauges are less accurate than stated, or "
+            "the model does not describe the ground; the intervals are then too narrow. If it is "
+            "the gauges, write 'accuracies: estimate' under 'fit' (or 'accuracy: estimate' at a "
+            "gauge): the residuals then say how accurate they are."
         ]
-    if read >= ENOUGH and EXACT < found.scale < 1.0 / SCATTER:
+    if found.below < SIGNIFICANCE and EXACT < found.misfit < TOO_SMALL:
         return [
-            f"The residuals are only {found.scale:.2g} of the stated accuracies: the gauges are "
-            "more accurate than stated, and the intervals wider than they need be. Write "
-            "'accuracies: estimate' under 'fit' to let the residuals say how accurate they are."
+            f"The residuals are only {found.misfit:.2g} of what the stated accuracies let expect "
+            f"({_by_chance(found.below)}): the gauges are more accurate than stated, and the "
+            "intervals wider than they need be. Write 'accuracies: estimate' under 'fit' to let "
+            "the residuals say how accurate they are."
         ]
     return []
+
+
+def _times(size: float) -> str:
+    return f"{size:.1f}" if size < 10.0 else f"{size:.3g}"
+
+
+def _by_chance(probability: float) -> str:
+    """How often chance does it, in words."""
+    if probability < 1e-6:
+        return "by chance in less than one of a million fits"
+    return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
+
+
+def is_poor(found: Diagnostics, readings: ReadingTable) -> bool:
+    """Whether the model does not fit: what is left is far more than errors explain.
+
+    The same holds for every loss (see `misfit`); and a reading that no gauge can have shown makes a
+    fit poor though a robust loss has disregarded it.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: all k of them.
+    """
+    return _unexplained(found) or bool(len(_gross(found, readings)))
+
+
+def _unexplained(found: Diagnostics) -> bool:
+    return bool(found.above < POOR and found.misfit >= UNUSABLE)
+
+
+def why_poor(found: Diagnostics, readings: ReadingTable) -> str:
+    """The sentence that says so, after a blank; empty for a fit that is not poor.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: all k of them.
+    """
+    if not is_poor(found, readings):
+        return ""
+    if _unexplained(found):
+        how = f"the residuals are {_times(found.misfit)} times as large as the stated accuracies"
+        return f" The model does not fit the readings: {how} explain (see the findings)."
+    return " The model does not fit the readings: some are grossly wrong (see the findings)."
+
+
+def _gross(found: Diagnostics, readings: ReadingTable) -> Ints:
+    """Rows of the readings that no gauge can have shown, the worst first."""
+    used = ~np.isnan(found.standardized)
+    size = np.where(used, np.abs(found.standardized), 0.0)
+    read = np.where(used, np.abs(readings.value) / readings.sd, 0.0)
+    if not used.any():
+        return np.zeros(0, dtype=np.int64)
+    beside = [each > GROSS_BESIDE * float(np.median(each[used])) for each in (size, read)]
+    rows = np.flatnonzero((size > GROSS) & (beside[0] | beside[1]))
+    return rows[np.argsort(-size[rows], kind="stable")]
+
+
+def gross_findings(found: Diagnostics, readings: ReadingTable, case: Case) -> tuple[str, ...]:
+    """A sentence for readings that are grossly wrong, with the place where each is written.
+
+    Args:
+        found: the diagnostics of each reading.
+        readings: k of them, as the case has them.
+        case: with the places where they are written.
+    """
+    rows = _gross(found, readings)
+    units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
+    said = []
+    for k in rows[:5].tolist():
+        unit = units[readings.channel[k]]
+        value = f"{in_unit(float(readings.value[k]), *unit):.4g} {shown_unit(*unit)}".rstrip()
+        place = str(case.readings[k].location)
+        said.append(
+            f"{readings.channel[k]} at {readings.stage[k]} ({place}: {value})"
+            if place
+            else f"{readings.channel[k]} at {readings.stage[k]} ({value})"
+        )
+    if not said:
+        return ()
+    rest = f" and {len(rows) - 5} more" if len(rows) > 5 else ""
+    what = "Grossly wrong readings" if len(rows) > 1 else "A grossly wrong reading"
+    return (
+        f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
+        f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
+    )
 
 
 def bound_findings(found: Certificate | None, parameters: Sequence[Parameter]) -> tuple[str, ...]:
@@ -269,4 +380,5 @@ def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> Par
         dimensions=tuple(q.dimension for q in parameters),
         covariance=np.full((n, n), np.nan),
         correlation=np.full((n, n), np.nan),
+        fields=tuple(q.field for q in parameters) if any(q.field for q in parameters) else (),
     )

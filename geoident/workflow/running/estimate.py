@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import STOPPED, Outcome, Problem
+from geoident.identify.problem.methods import continued
+from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
@@ -29,6 +30,7 @@ from geoident.model.methods import MethodOptions
 from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
+from geoident.model.rivals import Evidence, Rivals
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
@@ -56,6 +58,7 @@ from geoident.workflow.running.readings import (
     unused_by_stage,
     with_computed,
 )
+from geoident.workflow.running.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
 
 
 @dataclass(frozen=True)
@@ -269,6 +272,9 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
+        rivals: other minima, with the lowest; None where there are none.
+        others: what is known at the rivals, in their order without the first.
+        evidence: of the model, None where the search did not converge.
     """
 
     outcome: Outcome
@@ -278,6 +284,9 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
+    rivals: Rivals | None = None
+    others: tuple[Estimate, ...] = ()
+    evidence: Evidence | None = None
 
 
 def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> Estimate:
@@ -295,7 +304,34 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)
-    return Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
+    if rivals is None:
+        return replace(found, evidence=evidence)
+    places = zip(rivals.values[1:], rivals.objectives[1:], strict=True)
+    elsewhere = [
+        replace(outcome, values=p, objective=float(phi), minima=(), certificate=None)
+        for p, phi in places
+    ]
+    others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
+    spent = with_further(counts, [other.counts for other in others], problem.response.counts)
+    return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+
+
+def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
+    """Costs with those of further surveys.
+
+    Args:
+        counts: of the search and the first survey.
+        further: of the search and each other survey.
+        each: of the search.
+    """
+    return Counts(
+        **{
+            name: value + sum(getattr(more, name) - getattr(each, name) for more in further)
+            for name, value in asdict(counts).items()
+        }
+    )
 
 
 def known_errors(
@@ -340,15 +376,19 @@ def later_errors(
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages, from an estimate.
+    """Bands of the readings at some stages, from an estimate and its rivals.
 
     Args:
-        setup: as `estimated` gave it.
+        setup: model and readings.
         found: the estimate.
-        stages: (n_stages,) which to predict.
+        stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    return predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    if found.rivals is None:
+        return first
+    others = [predicted(setup, other, stages) for other in found.others]
+    return mixed_prediction(found.rivals.odds, [first, *others])
 
 
 @dataclass(frozen=True)
@@ -443,13 +483,50 @@ def estimated(
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
-    outcome = _search(problem, methods, control)
-    why_none = no_model_error(setup.case, setup.readings, methods)
-    if why_none is None:
+    first = _search(problem, methods, control)
+    found, final, outcome = _with_errors(setup, problem, first, methods, control)
+    if final is problem or not first.minima:
+        return found, final, outcome
+    # the weights are others now, and so are the minima
+
+    def again(elsewhere: Problem) -> Outcome:
+        return _descent(elsewhere, methods, control)
+
+    outcome = kept_up(final, outcome, first.minima, again)
+    lowest = outcome.minima[0] if outcome.minima else None
+    if lowest is None or lowest.objective >= outcome.objective - LOWER:
+        return found, final, outcome
+    # what was estimated with the parameters belongs to another minimum
+    former = LocalMinimum(outcome.values, outcome.objective)
+    moved = problem.begun_at(lowest.values)
+    found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
+    return found, final, kept_up(final, outcome, [former, *first.minima], again)
+
+
+def _with_errors(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with all errors that are estimated: those of the model and those of the gauges."""
+    if no_model_error(setup.case, setup.readings, methods) is None:
         found = _with_model_error(setup, problem, outcome, methods, control)
         if found is not None:
             return found
     return _with_accuracies(setup, problem, outcome, methods, control)
+
+
+def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
+    """One descent from where a problem begins, by the last method's steps.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    outcome = descend(problem, methods[-1], control.observe)
+    control.stop.check()
+    return outcome
 
 
 def _with_model_error(
@@ -468,11 +545,6 @@ def _with_model_error(
     rows = used_rows(case, readings.used)
     pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
 
-    def descent(again: Problem) -> Outcome:
-        found = descend(again, methods[-1], control.observe)
-        control.stop.check()
-        return found
-
     structure = gauge_errors(rows)
     search = ModelErrorSearch(
         case.fit.model_error,
@@ -480,7 +552,7 @@ def _with_model_error(
         structure,
         tuple(channel for channel, _ in rows),
         lambda increments: reading_steps(case, setup.model, increments, pairs, length),
-        descent,
+        lambda again: _descent(again, methods, control),
     )
     found = search.run(problem, outcome)
     if found is None:
@@ -517,7 +589,7 @@ def _with_accuracies(
     if structure is None or not structure.names:
         return setup, problem, outcome
     found = weighed(
-        problem, structure, outcome, lambda again: _search(again, methods[-1:], control)
+        problem, structure, outcome, lambda again: _search(again, continued(methods), control)
     )
     return _sized(setup, structure, found.components), found.problem, found.outcome
 

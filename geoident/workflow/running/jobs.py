@@ -17,6 +17,7 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.solvers import pick_solver
+from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
@@ -28,7 +29,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
-from geoident.model.result import GaugeTable, Provenance, Result
+from geoident.model.result import Provenance, Result
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.readings import readings_of
 
@@ -117,7 +118,7 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
     nowhere = Source(path)  # the lines of the resolved case are not those of the file
     loaded = replace(
         loaded,
-        case=_as_fitted(loaded.case, result.gauges, nowhere),
+        case=_as_fitted(loaded.case, result, nowhere),
         text=result.case_text,
         resolved=result.case_resolved,
     )
@@ -149,8 +150,9 @@ def case_path(output: Path | str, case_file: str) -> str:
     return os.path.normpath(Path(output).parent / case_file)
 
 
-def _as_fitted(case: Case, gauges: GaugeTable, source: Source) -> Case:
-    """A case with the readings and accuracies of a result, whose files need not be there."""
+def _as_fitted(case: Case, result: Result, source: Source) -> Case:
+    """A case with the readings, accuracies and modes of a result, whose files need not be there."""
+    gauges = result.gauges
     pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
     known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
     errors = dict(zip(gauges.channels, gauges.errors, strict=False))
@@ -158,7 +160,13 @@ def _as_fitted(case: Case, gauges: GaugeTable, source: Source) -> Case:
         replace(c, accuracy=known.get(c.name, c.accuracy), errors=errors.get(c.name))
         for c in case.channels
     )
-    return replace(case, readings=readings_of(gauges.readings), channels=channels, source=source)
+    return replace(
+        case,
+        parameters=(*case.parameters, *mode_parameters(case, result.parameters.names)),
+        readings=readings_of(gauges.readings),
+        channels=channels,
+        source=source,
+    )
 
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:
@@ -331,7 +339,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
 
 
 def _require_parameters(case: Case, command: str) -> None:
-    if not case.parameters:
+    if not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = "Write what is unknown under 'parameters'; `geoident simulate` needs none."
         place = case.source.locate(("parameters",))

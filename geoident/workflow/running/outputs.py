@@ -84,7 +84,8 @@ def _is_folder(output: str) -> bool:
 def _stem(path: Path) -> str:
     """Name without its endings: of a case, or of a result made from one."""
     stem = path.name
-    for ending in (".h5", ".fit", ".scan", ".predict", ".backtest", ".yaml", ".yml"):
+    kinds = (".fit", ".scan", ".predict", ".sample", ".backtest")
+    for ending in (".h5", *kinds, ".yaml", ".yml"):
         stem = stem.removesuffix(ending)
     return stem or path.name
 

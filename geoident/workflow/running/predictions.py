@@ -10,6 +10,7 @@ import numpy as np
 from geoident.forward.protocols import Survey
 from geoident.identify.assessment.later_readings import LaterReadings, given_used
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -116,6 +117,17 @@ class KnownErrors:
             places: (l, 2) numbers of their channels and stages.
             sensitivity: (l, n) derivatives of what the model says of them, SI.
         """
+        problem, later = self.with_later(places)
+        return given_used(
+            problem, self.computed, self.jacobian, later=later, later_jacobian=sensitivity
+        )
+
+    def with_later(self, places: Ints) -> tuple[Problem, ErrorStructure]:
+        """The used readings and the errors of later ones, with the same columns for what is shared.
+
+        Args:
+            places: (l, 2) numbers of the channels and stages of the later ones.
+        """
         channels, stages = self.case.channels, self.case.stages
         later = [
             (channels[i], Reading(channels[i].name, stages[j].name, None))
@@ -128,13 +140,7 @@ class KnownErrors:
             whole = self.model_error.fitted.with_later(whole, steps)
         g = len(self.rows)
         _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
-        return given_used(
-            replace(self.problem, shared=shared),
-            self.computed,
-            self.jacobian,
-            later=whole.rows(np.arange(g, g + len(later))),
-            later_jacobian=sensitivity,
-        )
+        return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))
 
 
 def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:

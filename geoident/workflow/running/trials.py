@@ -245,7 +245,7 @@ def _innovations(trial: PartialFit) -> tuple[Floats, Floats]:
     return trial.bands.z[trial.next & trial.bands.scored], trial.correlation
 
 
-NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10)
+NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10, starts=1)
 """How a fit searches from its own answer for that of all but its last stage: its intervals are
 thousands of times wider than this tolerance matters."""
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.cases import displacement, field_on, material, model, model_with_fields, rollers
-from support.derivatives import assert_exact
+from support.derivatives import assert_adjoint, assert_exact
 from support.meshes import box, regroup
 
 from geoident.model.case import Analysis, Material, Stage
@@ -211,3 +211,14 @@ def test_derivatives_by_modes_and_by_a_mean_that_tests_hold(law):
     staged = by_modes(mesh, holes, tied, Analysis.PLANE_STRAIN, constants, parameters, **changes)
     response = staged.response(pairs_of(staged))
     assert_exact(response, np.array([mean, *XI]), ("mean", *modes_of(LAYERS)), step=0.02)
+
+
+@pytest.mark.parametrize(("kind", "analysis"), KINDS)
+def test_adjoints_are_tangents(kind, analysis):
+    mesh, holes = site(kind, analysis)
+    rock = material("rock", Scalar(1.0, "mean"), 0.25)
+    parameters = (Parameter("mean", 12e9, 0.0, np.inf), *xi_parameters(XI, modes_of(LAYERS)))
+    staged = by_modes(mesh, holes, rock, analysis, ("E",), parameters)
+    response = staged.response(pairs_of(staged))
+    p = np.array([12e9, *XI])
+    assert_adjoint(response, p)

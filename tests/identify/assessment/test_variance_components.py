@@ -6,10 +6,10 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
     RestrictedLikelihood,
+    Terms,
     _descended,
     _inverse,
     _minimised,
-    Terms,
     _upper_end,
     _vanished,
     estimate_components,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geoident.identify.least_squares.gauss_newton import halton_starts
+from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import (
     TrustBox,
     bounded_least_squares,

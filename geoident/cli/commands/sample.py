@@ -1,0 +1,85 @@
+"""``geoident sample``."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+
+from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.options import Arguments, Options, Steps, line, on_result, result_of, takes
+
+EPILOG = """\b
+Examples:
+  geoident sample case.fit.h5
+  geoident sample case.fit.h5 -n 2000 --effective 500 --max-time 2h -j 4
+  geoident export case.sample.h5 --table draws > draws.csv
+
+\b
+In Python:  arviz.from_netcdf("case.sample.h5")
+"""
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    path = result_of("sample", arguments["result"], options)
+    return (*on_result(path), line("export", path, "--table", "draws"))
+
+
+@click.command(epilog=EPILOG)
+@click.argument("result", metavar="RESULT", type=click.Path())
+@click.option(
+    "-n", "--draws", type=click.IntRange(min=100), default=10_000, show_default=True,
+    help="Number of draws to write.",
+)  # fmt: skip
+@click.option(
+    "--effective", type=click.IntRange(min=100), default=1000, show_default=True, metavar="N",
+    help="Number of independent draws that they are to be worth.",
+)  # fmt: skip
+@click.option(
+    "--max-evaluations", type=click.IntRange(min=100), default=50_000, show_default=True,
+    metavar="N", help="Evaluations of the model at most.",
+)  # fmt: skip
+@click.option(
+    "-j", "--jobs", "processes", type=click.IntRange(min=1), default=1, metavar="N",
+    help="Number of processes that evaluate the model.",
+)  # fmt: skip
+@takes("output", "seed", "max_time", "solver", "force", "fresh", "as_json", after=_next)
+def command(
+    result: str,
+    draws: int,
+    effective: int,
+    max_evaluations: int,
+    processes: int,
+    options: Options,
+) -> int:
+    """Draw parameters from their posterior, and predict readings with each draw.
+
+    The posterior is exp(-misfit/2) times the priors within the bounds, with the accuracies and
+    shared errors of the fit. Without a prior a parameter of scale log is flat in its logarithm, one
+    of scale linear in its value, between its bounds: where the readings do not determine it, the
+    bounds do. Every evaluation computes the model; draws that are worth less than their number
+    are told by their effective size. Samplers, from cheap to robust: importance sampling from the
+    normal approximation at the fit, the same from an adapted mixture, an affine-invariant ensemble;
+    preconditioned Crank-Nicolson steps for fields and many parameters.
+
+    Writes CASE.sample.h5, which `arviz.from_netcdf` opens, and prints its path.
+
+    Needs emcee and arviz: pip install "geoident[sample]".
+    """
+    from geoident.cli.jobs import run_sample
+    from geoident.workflow.sample import SampleRequest
+
+    with failures_as_json(result, options):
+        request = SampleRequest(
+            result=result,
+            draws=draws,
+            effective=effective,
+            evaluations=max_evaluations,
+            jobs=processes,
+            output=options.output,
+            seed=options.seed,
+            solver=options.solver,
+            force=options.force,
+            fresh=options.fresh,
+        )
+        return run_sample(request, options)

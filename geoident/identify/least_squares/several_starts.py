@@ -1,0 +1,354 @@
+"""Descents from several points, and the minima that they come to (theory 12.1).
+
+A descent goes to the minimum whose basin it starts in. Where that may be the wrong one, further
+descents begin elsewhere:
+
+    an angle is sought      the misfit has the symmetries of the ground, so several basins: the
+                            angle is spread evenly over its period, the rest starts as given
+    sign of another basin   between two points that the first descent evaluated, the way to the
+                            lower one begins uphill (phi is not quasi-convex), or it ended at a
+                            kink: all parameters are spread over their bounds
+
+Where the user says how many, all parameters are spread. Angles are counted on the circle: a start
+is never near another one by a whole period, a descent that ends on the bound of an angle goes on
+from the other side, and two minima that differ by a period are one.
+
+A further descent is left as soon as its next step would end at a minimum that is known, or as it
+settles so far above the best one that it cannot become a rival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geoident.identify.least_squares.acceptance import Iterate, Step
+from geoident.identify.problem.problem import LocalMinimum, Scaling
+from geoident.model.arrays import Floats
+from geoident.model.parameter import Parameter
+
+if TYPE_CHECKING:
+    from geoident.identify.least_squares.gauss_newton import Descent, Ending
+
+AUTOMATIC = 5
+"""Starts where an angle is sought, or a sign of another basin was met."""
+
+RIVAL = 4.0
+"""A minimum that lies no more than this above the best one (in phi) is its rival."""
+
+SAME = 0.5
+"""Two points are one minimum if the linearised readings differ by no more, in standard
+deviations."""
+
+_ALIKE = 0.1
+"""And if their phi differ by no more."""
+
+_NEARLY_ALL = 0.9
+"""Bounds that leave out no more of a period than a tenth are taken as the whole of it."""
+
+_WIDE = 0.25
+"""An angle known to a quarter of its period or better has one basin only."""
+
+_PRIOR_REACH = 3.0
+"""No start lies further from the mean of a prior, in its standard deviations."""
+
+_UPHILL = 0.25
+"""How far the slope towards a lower point must rise, as part of the actual fall, to be a sign."""
+
+_MOST_SPREAD = 12
+"""Parameters that are spread over their bounds at most: more leave Halton's sequence uneven."""
+
+
+class Angles:
+    """The parameters that are angles of material axes, and points that mean the same ground.
+
+    Args:
+        parameters: the n unknowns.
+        scaling: of them.
+
+    Attributes:
+        period: (n,) in x; infinite for what is no angle.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], scaling: Scaling) -> None:
+        self._scaling = scaling
+        given = [q.period for q in parameters]
+        period = np.array([np.inf if turn is None else turn for turn in given], dtype=np.float64)
+        self.period: Floats = period / scaling.reference
+        names = [q.name for q in parameters]
+        self._mirrors = [
+            (i, names.index(q.mirror[0]), q.mirror[1] / scaling.reference[names.index(q.mirror[0])])
+            for i, q in enumerate(parameters)
+            if q.mirror is not None and q.mirror[0] in names
+        ]
+        low, high = start_ranges(scaling)
+        self.sought = tuple(
+            int(i) for i in np.flatnonzero(high - low > _WIDE * self.period) if given[i] is not None
+        )
+
+    def differences(self, x: Floats, y: Floats) -> Iterator[Floats]:
+        """From x (n,) to y (n,) and to what means the same, each (n,) by the shortest way."""
+        for image in self._images(y):
+            d = image - x
+            turns = np.where(np.isfinite(self.period), self.period, 1.0)
+            whole = np.where(np.isfinite(self.period), np.round(d / turns), 0.0)
+            yield d - whole * turns
+
+    def _images(self, y: Floats) -> Iterator[Floats]:
+        """Y (n,) itself, and with dips turned over."""
+        for turned in product((False, True), repeat=len(self._mirrors)):
+            image = y.copy()
+            for flip, (dip, strike, half) in zip(turned, self._mirrors, strict=True):
+                if flip:
+                    image[dip], image[strike] = -image[dip], image[strike] + half
+            yield image
+
+    def whole(self, i: int) -> bool:
+        """The bounds of a parameter hold all of its period, or nearly so."""
+        width = self._scaling.upper[i] - self._scaling.lower[i]
+        return bool(width >= _NEARLY_ALL * self.period[i])
+
+    def other_side(self, x: Floats) -> Floats | None:
+        """Where to go on from x (n,) on the bound of an angle; None where there is no such one."""
+        scaling, y = self._scaling, x.copy()
+        for i in np.flatnonzero(np.isfinite(self.period)):
+            if self.whole(int(i)) and x[i] >= scaling.upper[i]:
+                y[i] = max(x[i] - self.period[i], scaling.lower[i])
+            elif self.whole(int(i)) and x[i] <= scaling.lower[i]:
+                y[i] = min(x[i] + self.period[i], scaling.upper[i])
+        return None if np.array_equal(x, y) else y
+
+
+@dataclass(frozen=True)
+class MinimaFound:
+    """What several descents came to.
+
+    Args:
+        best: the lowest ending.
+        minima: the others where a descent converged, lowest first.
+        remarks: on how they were found, clauses.
+    """
+
+    best: Ending[Iterate]
+    minima: tuple[LocalMinimum, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass
+class SeveralStarts:
+    """Descents of one problem.
+
+    Args:
+        descent: what goes down.
+        parameters: the n unknowns.
+        starts: how many, the given one among them; None: as many as are needed.
+        freedom: readings less parameters, at least one: what phi is about where the model is right.
+    """
+
+    descent: Descent[Iterate]
+    parameters: Sequence[Parameter]
+    starts: int | None
+    freedom: int = 1
+    _endings: list[Ending[Iterate]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.evaluator = self.descent.evaluator
+        self.angles = Angles(self.parameters, self.evaluator.scaling)
+
+    def run(self, start: Iterate) -> MinimaFound:
+        """All descents.
+
+        Args:
+            start: the given one.
+        """
+        self._endings = [self._down(start, further=False)]
+        why = self._reason()
+        wanted = self.starts or (AUTOMATIC if why else 1)
+        begun = 1
+        for x in islice(self._places(start.x), wanted - 1):
+            if self.evaluator.history.stop is not None:
+                break
+            begun += 1
+            point = self.evaluator.start(x, f"start {begun}")
+            if point is not None:
+                self._endings.append(self._down(point, further=True))
+        best = min(self._endings, key=lambda ending: ending.point.phi)
+        minima = self._minima(best)
+        remarks = [f"the search had {begun} starts, as {why}"] if why and begun > 1 else []
+        return MinimaFound(best, minima, tuple(remarks))
+
+    def _places(self, given: Floats) -> Iterator[Floats]:
+        scaling = self.evaluator.scaling
+        if self.starts is None and self.angles.sought:
+            return spread(scaling, self.angles, given, self.angles.sought)
+        named = [i for i, q in enumerate(self.parameters) if not q.field]
+        return spread(scaling, self.angles, given, named)
+
+    def _reason(self) -> str:
+        """Why one start is not enough, a clause; empty where it is, or the user says how many."""
+        if self.starts is not None:
+            return ""
+        names = [self.parameters[i].name for i in self.angles.sought]
+        if names:
+            return f"{' and '.join(names)} {'is an angle' if len(names) == 1 else 'are angles'}"
+        if self._endings[0].stalled:
+            return "the misfit has kinks where it ended"
+        if self.evaluator.begins_uphill(_UPHILL, RIVAL):
+            return "the way to a better point began uphill"
+        return ""
+
+    def _down(self, start: Iterate, *, further: bool) -> Ending[Iterate]:
+        """One descent; past the bounds of angles."""
+        ending = self.descent.run(start, leave=self._not_worth_it if further else None)
+        for _ in range(2):
+            x = None if ending.left else self.angles.other_side(ending.point.x)
+            if x is None or self.evaluator.history.stop is not None:
+                break
+            point = self.evaluator.start(x, "past the bound of an angle")
+            again = None if point is None else self.descent.run(point)
+            if again is None or again.point.phi >= ending.point.phi:
+                break
+            ending = again
+        return ending
+
+    def _not_worth_it(self, point: Iterate, full: Step) -> bool:
+        """The next step of a further descent ends at a known minimum, or far above the best."""
+        best = min(self._endings, key=lambda ending: ending.point.phi).point
+        promised = point.phi - full.gain
+        window = 2.0 * RIVAL * max(1.0, best.phi / self.freedom)
+        if full.length <= 1.0 and promised - 2.0 * full.gain > best.phi + window:
+            return True
+        aim = self.evaluator.box.reach(point.x, full.d)
+        known = (e.point for e in self._endings if e.status == "converged")
+        return full.length <= 0.3 and any(
+            abs(promised - one.phi) <= _ALIKE and at_minimum(one, aim, self.angles) for one in known
+        )
+
+    def _minima(self, best: Ending[Iterate]) -> tuple[LocalMinimum, ...]:
+        """The other minima, each once."""
+        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
+        kept = distinct_minima([best.point, *others], self.angles)[1:]
+        return tuple(LocalMinimum(point.p, point.phi) for point in kept)
+
+
+def at_minimum(one: Iterate, x: Floats, angles: Angles) -> bool:
+    """The point x (n,), or what means the same, is at a minimum, as its linearised readings show.
+
+    Args:
+        one: the minimum.
+        x: (n,) scaled parameters.
+        angles: which of them are angles.
+    """
+    J = one.model.jacobian
+    return any(bool(np.linalg.norm(J @ d) <= SAME) for d in angles.differences(one.x, x))
+
+
+def distinct_minima(points: Sequence[Iterate], angles: Angles) -> list[Iterate]:
+    """The minima among points, each once: the first as it is, the others lowest first.
+
+    Args:
+        points: where descents converged, the best first.
+        angles: which parameters are angles.
+    """
+    kept = list(points[:1])
+    for point in sorted(points[1:], key=lambda point: point.phi):
+        if not any(
+            abs(one.phi - point.phi) <= _ALIKE
+            and at_minimum(one, point.x, angles)
+            and at_minimum(point, one.x, angles)
+            for one in kept
+        ):
+            kept.append(point)
+    return kept
+
+
+def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
+    """Lowest and highest start (n,), (n,) in x: the bounds, or near a prior.
+
+    A parameter without finite bounds varies by two units of x to both sides of its start.
+    """
+    low = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
+    high = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    for i, prior in scaling.priors:
+        if prior.kind == "lognormal":
+            factor = np.exp(_PRIOR_REACH * prior.sd / prior.mean)
+            ends = np.array([prior.mean / factor, prior.mean * factor])
+        else:
+            ends = prior.mean + np.array([-_PRIOR_REACH, _PRIOR_REACH]) * prior.sd
+        x = [scaling.to_scaled(np.where(np.arange(len(scaling)) == i, end, 1.0))[i] for end in ends]
+        low[i], high[i] = max(low[i], x[0]), min(high[i], x[1])
+    return low, np.maximum(low, high)
+
+
+def spread(
+    scaling: Scaling, angles: Angles, given: Floats, which: Sequence[int]
+) -> Iterator[Floats]:
+    """Points x (n,) around a given start, without end, the same in every run.
+
+    Angles that may take all values are Halton's sequence on the circle, shifted to the given start,
+    which is so its first point; other parameters are Halton's sequence between their bounds.
+
+    Args:
+        scaling: of the n unknowns.
+        angles: which of them are angles.
+        given: (n,) the first start.
+        which: the parameters that vary; the rest stays at the given start.
+    """
+    low, high = start_ranges(scaling)
+    # the first primes are the most even ones: they belong to the angles
+    order = sorted(which, key=lambda i: not np.isfinite(angles.period[i]))[:_MOST_SPREAD]
+    index = 0
+    while True:
+        index += 1
+        x = given.copy()
+        for i, base in zip(order, _PRIMES, strict=False):
+            width = min(high[i] - low[i], angles.period[i])
+            share = radical_inverse(index, base)
+            if width >= _NEARLY_ALL * angles.period[i]:
+                share = (share + (given[i] - low[i]) / width) % 1.0
+            x[i] = low[i] + share * width
+        yield x
+
+
+def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
+    """``count`` points x (n,) inside the bounds, the same in every run.
+
+    A parameter without finite bounds varies by two units of x to both sides of its start.
+    """
+    lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
+    upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    bases = _primes(len(scaling))
+    for index in range(1, count + 1):
+        share = np.array([radical_inverse(index, base) for base in bases])
+        yield lower + share * (upper - lower)
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """The digits of ``index`` in a base, mirrored at the point (van der Corput).
+
+    >>> [radical_inverse(i, 2) for i in (1, 2, 3)]
+    [0.5, 0.25, 0.75]
+    """
+    value, weight = 0.0, 1.0 / base
+    while index:
+        index, digit = divmod(index, base)
+        value += digit * weight
+        weight /= base
+    return value
+
+
+def _primes(count: int) -> list[int]:
+    found: list[int] = []
+    candidate = 2
+    while len(found) < count:
+        if all(candidate % prime for prime in found):
+            found.append(candidate)
+        candidate += 1
+    return found
+
+
+_PRIMES = _primes(_MOST_SPREAD)

@@ -1,0 +1,1 @@
+"""Draws from the posterior: importance sampling, chains, and whether to believe them."""

@@ -1,0 +1,65 @@
+"""Rival answers: other minima of one model, and what the readings say for a model as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from geoident.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """The minima that a fit came to and that are not far above the lowest: k of them, that first.
+
+    Taken as normal distributions with these means, covariances and odds they are the posterior, as
+    far as it is known without sampling it.
+
+    Args:
+        values: (k, n) parameters, SI.
+        objectives: (k,) the misfit with the prior's part.
+        odds: (k,) part of the posterior that each holds, by Laplace's approximation; their sum is
+            one.
+        covariance: (k, n, n) of the parameters around each, SI; wide where nothing determines them.
+    """
+
+    values: Floats
+    objectives: Floats
+    odds: Floats
+    covariance: Floats
+
+    def __len__(self) -> int:
+        return len(self.objectives)
+
+    def picked(self, order: Ints) -> Rivals:
+        """The same of some of the parameters (m,)."""
+        square = self.covariance[:, order[:, None], order[None, :]]
+        return replace(self, values=self.values[:, order], covariance=square)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the first holds so much that a 95 % interval may speak of it alone."""
+        return bool(self.odds[0] >= SETTLED)
+
+
+SETTLED = 0.95
+"""Part of the posterior that the lowest minimum holds (odds of 19 to 1) where it is the answer."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How well a model with its priors explains the readings it was fitted to (theory 12.2).
+
+    Args:
+        log_evidence: logarithm of the probability density of the readings (SI).
+        log_likelihood: the same at the best parameters, which a richer model always raises.
+        readings: how many took part.
+    """
+
+    log_evidence: float
+    log_likelihood: float
+    readings: int
+
+    @property
+    def log_occam(self) -> float:
+        """Logarithm of what the readings left of the prior volume: the price of freedom."""
+        return self.log_evidence - self.log_likelihood

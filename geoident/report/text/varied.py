@@ -1,0 +1,86 @@
+"""Constants that vary from place to place: in a table, in words for programs, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from geoident.model.varied import FieldEstimate
+from geoident.report.text.layout import TextTable, number, sentence
+from geoident.units import in_unit, shown_unit, si_unit
+
+TITLE = "Fields"
+
+SEEN = 0.5
+"""Variance reduction from which on a place counts as seen by the readings."""
+
+
+def varied_table(estimates: Sequence[FieldEstimate]) -> TextTable:
+    """What is known of each field: its values, and where the readings see it.
+
+    Args:
+        estimates: the fields.
+    """
+    rows = [_row(found) for found in estimates]
+    header = ["field", "unit", "median", "least", "largest", "modes", "best seen", "there", "seen"]
+    return TextTable(header, rows) if rows else TextTable([], [])
+
+
+def _row(found: FieldEstimate) -> list[str]:
+    shown = [number(in_unit(float(x), found.unit, found.dimension)) for x in _values(found)]
+    best = int(np.argmax(found.reduction))
+    where = f"({', '.join(f'{x:.3g}' for x in found.centres[best])}) m"
+    seen = int(np.count_nonzero(found.reduction >= SEEN))
+    return [
+        found.name,
+        shown_unit(found.unit, found.dimension),
+        *shown,
+        str(found.modes),
+        where if found.reduction[best] > 0 else "nowhere",
+        f"{100 * found.reduction[best]:.0f} %",
+        f"{seen} of {len(found.values)}",
+    ]
+
+
+def _values(found: FieldEstimate) -> tuple[float, float, float]:
+    """Median, least and largest value of the elements, SI."""
+    values = found.values
+    return float(np.median(values)), float(values.min()), float(values.max())
+
+
+def varied_text(estimates: Sequence[FieldEstimate]) -> str:
+    """The table, and what its columns say; empty without fields."""
+    if not estimates:
+        return ""
+    note = (
+        "median, least and largest of the elements' values; best seen: where the readings reduce "
+        "the variance most, and by how much there; seen: elements where they take half of it away"
+    )
+    return f"{varied_table(estimates).text}\n{sentence(note)}"
+
+
+def varied_list(estimates: Sequence[FieldEstimate]) -> list[dict[str, Any]]:
+    """The fields for programs, SI; ``sd`` and ``prior_sd`` are of the logarithm."""
+    return [_object(found) for found in estimates]
+
+
+def _object(found: FieldEstimate) -> dict[str, Any]:
+    median, least, largest = _values(found)
+    best = int(np.argmax(found.reduction))
+    return {
+        "name": found.name,
+        "material": found.material,
+        "constant": found.constant,
+        "unit": si_unit(found.dimension),
+        "median": median,
+        "least": least,
+        "largest": largest,
+        "modes": found.modes,
+        "explained": found.explained,
+        "measured": found.tests,
+        "best_seen": {"at": found.centres[best], "reduction": float(found.reduction[best])},
+        "elements": len(found.values),
+        "seen": int(np.count_nonzero(found.reduction >= SEEN)),
+    }

@@ -1,0 +1,71 @@
+"""``geoident check --mesh-error``: how much of each reading's accuracy the mesh eats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.forward.model import StagedModel
+from geoident.io.result.file import read_result
+from geoident.model.mesh_error import MeshError
+from geoident.workflow.running.jobs import (
+    build_model,
+    case_path,
+    inputs_of_result,
+    load_inputs,
+    start_values,
+)
+from geoident.workflow.running.mesh_error import mesh_error, mesh_sentence
+
+RESULT = ".h5"
+"""Ending of result files, of which the parameters are taken."""
+
+
+@dataclass(frozen=True)
+class MeshChecked:
+    """What the mesh of a case does to its readings.
+
+    Args:
+        found: by channel and stage.
+        sentence: what it means.
+    """
+
+    found: MeshError
+    sentence: str
+
+
+def check_mesh_error(
+    path: str, *, overrides: Sequence[str] = (), solver: str = "auto"
+) -> MeshChecked:
+    """Halve the edges of the mesh of a case and compare its readings.
+
+    Args:
+        path: of the case, at whose start values it is solved, or of a result of a fit, at whose
+            parameters; ``-`` for stdin.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case is faulty, or has no mesh.
+        ModelError: the model has no solution at these values.
+    """
+    if path.endswith(RESULT):
+        result = read_result(path)
+        inputs = inputs_of_result(result, case_path(path, result.provenance.case_file))
+        known = dict(zip(result.parameters.names, result.parameters.values, strict=True))
+    else:
+        inputs, known = load_inputs(path, overrides=overrides), {}
+    model = build_model(inputs, solver=solver)
+    if not isinstance(model, StagedModel):
+        fault = inputs.case.source.fault(
+            ("mesh",), code="no-mesh", message="the case has no mesh: a closed form has no error"
+        )
+        raise InputError([fault])
+    values = start_values(model.case, model)
+    at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
+    found = mesh_error(model, inputs.case, at)
+    which = np.isfinite(found.error)
+    return MeshChecked(found, mesh_sentence(found, which))

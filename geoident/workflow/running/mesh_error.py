@@ -1,0 +1,213 @@
+"""How much of each reading's accuracy the mesh eats: by one uniform refinement (theory 9.4).
+
+A reading of a mesh with edges h errs by about C h^q, so halving the edges changes it by
+(1 - 2^-q) of its error: the error is the change by 1 - 2^-q. The order q is that of the elements,
+or less where the ground has corners (`fem.singularity`). Where one refinement is too large for the
+memory or the patience, the error is taken from the jumps of the stress between elements.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from geoident.errors import InputError, ModelError
+from geoident.fem.refinement import refined
+from geoident.fem.singularity import exponent, openings
+from geoident.fem.solvers import pick_solver
+from geoident.forward.gauges.observation import reads_displacements
+from geoident.forward.model import StagedModel, staged_model
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.cells import CELLS
+from geoident.model.mesh_error import MATTERS, NOTICED, MeshError
+from geoident.units import in_unit, shown_unit
+from geoident.workflow.running.cost import refinement_cost
+from geoident.workflow.running.recovery import energy_error
+
+SHARE_OF_MEMORY = 0.6
+"""Of what is free, that a refined model may take."""
+
+LEAST_PATIENCE = 2.0
+"""Seconds for which a refinement is made beside any fit."""
+
+
+def mesh_error(
+    model: StagedModel, case: Case, p: Floats, *, patience: float | None = None
+) -> MeshError:
+    """What the mesh does to all readings.
+
+    Args:
+        model: of the case.
+        case: as it was written, without the modes of fields.
+        p: (n,) parameters of the model, SI.
+        patience: seconds that the refined model may take; None for as long as it needs.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    computed = model.computed(p)
+    why = _too_large(model, patience)
+    if why is None:
+        try:
+            return _by_refinement(model, case, p, computed)
+        except (InputError, ModelError, MemoryError) as error:
+            said = str(error).splitlines()[0] if str(error) else "no memory is left"
+            why = f"The refined mesh cannot be computed with: {said}"
+    return _by_recovery(model, p, computed, why)
+
+
+def _too_large(model: StagedModel, patience: float | None) -> str | None:
+    """Why the refined model is not computed, a sentence; None if it can be."""
+    cost = refinement_cost(model)
+    free = _free_memory()
+    if free is not None and cost.memory > SHARE_OF_MEMORY * free:
+        return (
+            f"One refinement needs about {cost.memory / 1e9:.1f} GB of memory, of which "
+            f"{free / 1e9:.1f} GB are free."
+        )
+    if patience is not None and cost.seconds > max(patience, LEAST_PATIENCE):
+        return (
+            f"One refinement takes about {cost.seconds:.0f} s, longer than the fit itself; "
+            "'geoident check --mesh-error' makes it."
+        )
+    return None
+
+
+def _free_memory() -> float | None:
+    """Bytes of memory that are free; None where the system does not tell."""
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def _by_refinement(model: StagedModel, case: Case, p: Floats, computed: Floats) -> MeshError:
+    fine_mesh = refined(model.mesh)
+    fine = staged_model(fine_mesh, case, solver=pick_solver(model.solver_name))
+    known = model.values(p)
+    values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
+    change = fine.computed(np.array([values[name] for name in fine.names])) - computed
+    q, corner = orders(model)
+    by_channel = np.array(
+        [
+            q if reads_displacements(channel) else min(q, _order(model))
+            for channel in model.case.channels
+        ]
+    )
+    error = change / (1.0 - 2.0 ** -by_channel[:, None])
+    return _table(
+        model, computed, change, error, "refinement", q,
+        (model.mesh.n_elements, fine_mesh.n_elements),
+        (*_corner_notes(q, corner), *_chord_notes(model)),
+    )  # fmt: skip
+
+
+def _by_recovery(model: StagedModel, p: Floats, computed: Floats, why: str) -> MeshError:
+    part = energy_error(model, p)
+    error = computed * part
+    notes = (
+        why,
+        f"The error is taken from the jumps of the stress between elements: {100 * part:.2g} % of "
+        "the energy of the change, and so of the motions that make it.",
+    )
+    unknown = np.full(computed.shape, np.nan)
+    n = model.mesh.n_elements
+    return _table(model, computed, unknown, error, "recovery", np.nan, (n, n), notes)
+
+
+def _table(
+    model: StagedModel, computed: Floats, change: Floats, error: Floats, how: str, order: float,
+    elements: tuple[int, int], notes: tuple[str, ...],
+) -> MeshError:  # fmt: skip
+    channels = model.case.channels
+    return MeshError(
+        how=how,
+        channels=tuple(channel.name for channel in channels),
+        stages=tuple(stage.name for stage in model.case.stages),
+        computed=computed,
+        change=change,
+        error=error,
+        accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
+        units=tuple(channel.unit for channel in channels),
+        dimensions=tuple(channel.dimension for channel in channels),
+        order=order,
+        elements=elements,
+        notes=notes,
+    )
+
+
+def _order(model: StagedModel) -> int:
+    """Order of the elements, the lowest where there are several."""
+    return min(CELLS[block.kind].order for block in model.mesh.blocks)
+
+
+def orders(model: StagedModel) -> tuple[float, float]:
+    """Order of convergence of displacements, and the sharpest opening of the ground, rad."""
+    sequence, sharpest = model.sequence, np.pi
+    states = {sequence.present(n).tobytes(): n for n in range(len(sequence.states))}
+    for n in states.values():
+        found = openings(model.mesh, model.on_mesh.table, sequence.present(n))
+        sharpest = max(sharpest, float(found.max(initial=np.pi)))
+    return min(_order(model) + 1.0, 2.0 * exponent(min(sharpest, 2.0 * np.pi))), sharpest
+
+
+def _corner_notes(q: float, corner: float) -> tuple[str, ...]:
+    if corner < _SHARP:
+        return ()
+    return (
+        f"Corners of {np.degrees(corner):.0f} degrees make the readings converge with the power "
+        f"{q:.2g} of the size of elements only; the error is {1.0 / (1.0 - 2.0**-q):.2g} times the "
+        "change by the refinement. Finer elements around the corners help most.",
+    )
+
+
+_SHARP = np.radians(226.0)
+"""Opening of the ground from which on a corner is one, and no turn of a curve."""
+
+_TURNS = (np.radians(1.0), np.radians(46.0))
+"""Turns of a boundary at which it may be a curve that is drawn by chords."""
+
+
+def _chord_notes(model: StagedModel) -> tuple[str, ...]:
+    """What new nodes on straight edges do not tell of curved walls."""
+    if _order(model) == 2:
+        return ()
+    sequence, typical = model.sequence, 0.0
+    states = {sequence.present(n).tobytes(): n for n in range(1, len(sequence.states))}
+    for n in states.values():
+        turn = openings(model.mesh, model.on_mesh.table, sequence.present(n)) - np.pi
+        soft = turn[(turn > _TURNS[0]) & (turn < _TURNS[1])]
+        typical = max(typical, float(np.median(soft)) if len(soft) > _MANY else 0.0)
+    if not typical:
+        return ()
+    return (
+        "New nodes stand in the middle of straight edges: what chords cut off of a curved wall "
+        f"(turns of {np.degrees(typical):.0f} degrees, {100.0 * typical**2 / 6.0:.1g} % of the "
+        "opening) is not in these numbers.",
+    )
+
+
+_MANY = 4
+
+
+def mesh_sentence(found: MeshError, which: Bools) -> str:
+    """What the mesh does to some readings (n_channels, n_stages), in one sentence."""
+    share = np.where(which, np.nan_to_num(found.share), 0.0)
+    if not share.any():
+        return "The mesh changes none of the readings."
+    i, j = np.unravel_index(int(share.argmax()), share.shape)
+    unit = found.units[i], found.dimensions[i]
+    size = f"{in_unit(abs(float(found.error[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    worst = f"{size} at {found.channels[i]} in {found.stages[j]}, {share[i, j]:.2g} accuracies"
+    scatter = found.scatter(which)
+    if scatter < NOTICED:
+        return f"The mesh eats little of the accuracy of the readings (at most {worst})."
+    eaten = f"the error of the readings by the mesh is {scatter:.2g} of their accuracy in the mean"
+    if scatter < MATTERS:
+        return f"The mesh is fine enough: {eaten} (at most {worst})."
+    return (
+        f"The mesh is too coarse for these readings: {eaten} (at most {worst}). Halve the elements "
+        "where the ground moves most, or take elements of second order."
+    )

@@ -1,0 +1,86 @@
+"""The error of a mesh from the jumps of its stress (Zienkiewicz & Zhu 1987), at no factorization.
+
+A smooth stress sigma* is made of that of the strain points by means at the nodes, each material by
+itself, and compared with it in the energy of the compliance:
+
+    eta^2 = |sigma* - sigma|^2 / (|sigma|^2 + |sigma* - sigma|^2)
+
+for the stress that construction has changed. The energy of that change is the work of what was
+excavated and loaded, so eta^2 is about the relative error of the motions of the loaded faces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.elements import reference_element
+from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.march.march import RunOptions
+from geoident.forward.model import StagedModel
+from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import ParameterPoint
+from geoident.model.mesh import spans
+
+
+def energy_error(model: StagedModel, p: Floats) -> float:
+    """Relative error eta^2 of the energy of what all stages change, at p (n,).
+
+    Where the last states differ in what is present, each change counts where the ground stays.
+    """
+    points = model.discretization.points
+    run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+    before: dict[int, Floats] = {}
+    wrong, whole = 0.0, 0.0
+    for end in run.states():
+        stress = end.stress[..., 0].copy()
+        state = model.sequence.states[end.state]
+        if end.state and state.base in before:
+            present = model.sequence.present(end.state)[points.element]
+            change = np.where(present, stress - before[state.base], 0.0)
+            for material in sorted(set(state.materials.values())):
+                groups = [g for g, name in state.materials.items() if name == material]
+                mine = np.flatnonzero(
+                    np.isin(model.sequence.group_of[points.element], groups) & present
+                )
+                elastic = elasticity(
+                    model.case.materials[material].elastic,
+                    ParameterPoint(model.values(p), ()),
+                    section=points.n_strain < _SOLID,
+                )
+                S = np.linalg.inv(elastic.value[: points.n_strain, : points.n_strain])
+                part = change[:, mine]
+                gap = _smooth(model, mine, part) - part
+                V = points.volume[mine]
+                whole += float(np.einsum("im,ij,jm,m->", part, S, part, V, optimize=True))
+                wrong += float(np.einsum("im,ij,jm,m->", gap, S, gap, V, optimize=True))
+        before[end.state] = stress
+    return wrong / (whole + wrong) if whole > 0.0 else 0.0
+
+
+_SOLID = 6
+
+
+def _smooth(model: StagedModel, mine: Ints, values: Floats) -> Floats:
+    """Values (s, q) at some strain points (q,) by means at nodes, interpolated back."""
+    points, mesh = model.discretization.points, model.mesh
+    rows, columns, weights = [], [], []
+    first = 0
+    for block, _ in spans(mesh.blocks):
+        xi = model.discretization.kinematics.quadrature(block.kind)[0]
+        shapes = reference_element(block.kind).shapes(xi)
+        corners = shapes.shape[1]
+        n = len(block) * len(xi)
+        rows.append(np.repeat(np.arange(first, first + n), corners))
+        columns.append(np.repeat(block.nodes, len(xi), axis=0).ravel())
+        weights.append(np.tile(shapes, (len(block), 1)).ravel())
+        first += n
+    shape = (first, mesh.n_nodes)
+    N = sp.csr_array(
+        (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=shape
+    )[mine]
+    near = sp.csr_array((np.abs(N.data), N.indices, N.indptr), shape=N.shape)
+    V = points.volume[mine]
+    lumped = np.asarray(near.T @ V)
+    sums = np.asarray(near.T @ (values * V).T)
+    return np.asarray((N @ (sums / np.where(lumped > 0.0, lumped, 1.0)[:, None])).T)

@@ -1,0 +1,213 @@
+"""``geoident sample``: the command, its file, and who reads it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import sys
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+
+from geoident.errors import ExitCode, Interrupted
+from geoident.io.result.file import read_result, write_result
+from geoident.workflow.running.answers import Asked
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.sample import SampleRequest, plan_sample, sample
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import arviz
+
+FEW = ("-n", "1000", "--effective", "400")
+
+
+@pytest.fixture
+def fitted(trench, run):
+    """The folder of a case with its fit."""
+    assert run("fit", "case.yaml").exit_code in (0, 4)
+    return trench
+
+
+@pytest.fixture
+def sampled(fitted, run):
+    found = run("sample", "case.fit.h5", *FEW)
+    assert found.exit_code == 0, found.stderr
+    assert found.stdout == "case.sample.h5\n"
+    return fitted
+
+
+def test_draws_of_a_nearly_linear_case_agree_with_its_fit(sampled):
+    """Three readings of 2 parameters, a hundredth of a millimetre: Laplace's intervals hold."""
+    fit, drawn = read_result("case.fit.h5").parameters, read_result("case.sample.h5")
+    table, found = drawn.parameters, drawn.posterior
+    np.testing.assert_allclose(table.values, fit.values, atol=0.3 * fit.sd.max(), rtol=0.02)
+    width, expected = table.upper95 - table.lower95, fit.upper95 - fit.lower95
+    np.testing.assert_allclose(width, expected, rtol=0.2)
+    assert found.n_draws == 1000
+    assert found.least_effective >= 400
+    assert found.pareto_k < 0.7
+    assert drawn.status == "converged"
+
+
+def test_predictions_have_the_bands_of_the_fit(sampled):
+    """Of the later stage, whose readings depend on the parameters almost linearly."""
+    fit, drawn = read_result("case.fit.h5").prediction, read_result("case.sample.h5").prediction
+    later = np.isfinite(fit.sd)
+    np.testing.assert_allclose(drawn.mean[later], fit.mean[later], atol=0.3 * fit.sd[later].max())
+    width, expected = drawn.upper95 - drawn.lower95, fit.upper95 - fit.lower95
+    np.testing.assert_allclose(width[later], expected[later], rtol=0.25)
+    assert np.isfinite(drawn.mean).sum() > np.isfinite(fit.mean).sum()  # the fitted stage too
+
+
+def test_arviz_opens_the_file(sampled):
+    found = read_result("case.sample.h5").posterior
+    data = arviz.from_netcdf("case.sample.h5").load()
+    data.close()
+    assert set(data.posterior.data_vars) == {"E", "K0"}
+    assert data.posterior["E"].dims == ("chain", "draw")
+    np.testing.assert_array_equal(data.posterior["E"].to_numpy(), found.values[:, :, 0])
+    np.testing.assert_array_equal(data.sample_stats["lp"].to_numpy(), found.log_density)
+    assert data.posterior_predictive["readings"].dims == ("chain", "draw", "reading")
+    assert "CV at second" in data.posterior_predictive["reading"].to_numpy().tolist()
+    assert data.posterior.attrs["pareto_k"] == found.pareto_k
+    summary = arviz.hdi(data, hdi_prob=0.95)
+    assert summary["K0"].shape == (2,)
+
+
+def test_the_file_gives_back_what_was_written(sampled):
+    first = read_result("case.sample.h5")
+    write_result(first, "again.h5", overwrite=False)
+    again = read_result("again.h5").posterior
+    for name in ("values", "log_density", "effective", "r_hat", "predicted", "taken"):
+        np.testing.assert_array_equal(getattr(first.posterior, name), getattr(again, name))
+    assert again.channels == first.posterior.channels
+    assert again.evaluations == first.posterior.evaluations
+
+
+def test_the_table_says_quantiles_and_effective_size(sampled, run):
+    told = run("show", "case.sample.h5").stdout
+    assert "2.5 %" in told
+    assert "97.5 %" in told
+    assert "ESS" in told
+    assert "Pareto k" in told
+    assert "flat within the bounds: E in its logarithm; K0 in its value" in told.replace(
+        "\n  ", " "
+    )
+
+
+def test_json_has_the_posterior(sampled, run_json):
+    (found,) = run_json("show", "case.sample.h5")
+    posterior = found["posterior"]
+    assert posterior["draws"] == 1000
+    assert posterior["parameters"]["E"]["quantiles"]["0.5"] == found["parameters"]["E"]["value"]
+    assert posterior["effective_size"] >= 400
+
+
+def test_draws_are_exported_in_the_units_of_the_case(sampled, run):
+    text = run("export", "case.sample.h5", "--table", "draws").stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    found = read_result("case.sample.h5").posterior
+    assert len(rows) == 1000
+    np.testing.assert_allclose([float(r["E [GPa]"]) for r in rows], found.values[0, :, 0] / 1e9)
+    assert "# draws" not in run("show", "case.sample.h5", "--csv").stdout
+    assert "# posterior" in run("show", "case.sample.h5", "--csv").stdout
+
+
+def test_the_report_has_a_corner_plot(sampled, run):
+    assert run("report", "case.sample.h5", "--figures", ".").exit_code == 0
+    assert (sampled / "posterior.svg").stat().st_size > 2000
+    assert "Pareto k" in (sampled / "case.sample.html").read_text()
+
+
+def test_the_same_is_up_to_date_and_another_one_is_not_overwritten(sampled, run):
+    again = run("sample", "case.fit.h5", *FEW)
+    assert again.exit_code == 0
+    assert "up to date" in again.stderr
+    other = run("sample", "case.fit.h5", *FEW, "--seed", "1")
+    assert other.exit_code == ExitCode.OUTPUT
+    assert run("sample", "case.fit.h5", *FEW, "--seed", "1", "--force").exit_code == 0
+
+
+def test_a_budget_that_is_too_small_is_told(fitted, run):
+    found = run("sample", "case.fit.h5", *FEW, "--max-evaluations", "150")
+    assert found.exit_code == ExitCode.NOT_CONVERGED
+    assert "allowed are used up" in found.stderr.replace("\n", " ")
+    assert read_result("case.sample.h5").status == "out-of-budget"
+
+
+def test_only_a_fit_is_sampled(sampled, run):
+    refused = run("sample", "case.sample.h5")
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert "A sample cannot be sampled from" in refused.stderr
+
+
+def test_what_is_not_installed_is_named(fitted, run, monkeypatch):
+    from geoident.identify.posterior.diagnosis import library  # noqa: PLC0415
+
+    library.cache_clear()
+    monkeypatch.setitem(sys.modules, "emcee", None)
+    refused = run("sample", "case.fit.h5")
+    library.cache_clear()
+    assert refused.exit_code == ExitCode.USAGE
+    assert 'pip install "geoident[sample]"' in refused.stderr
+
+
+class Stopping(Silent):
+    """Asks for a stop when some evaluations are done."""
+
+    def __init__(self, control_of, number):
+        self.control_of, self.number = control_of, number
+
+    def part(self, words, done):
+        if int(words.split(": ")[1].split()[0]) >= self.number:
+            self.control_of().stop.ask(ExitCode.INTERRUPTED)
+
+
+def test_a_run_that_was_interrupted_goes_on_from_its_checkpoint(fitted, monkeypatch):
+    request = SampleRequest("case.fit.h5", draws=1000, effective=400)
+    control = Control()
+    control.monitor = Stopping(lambda: control, 200)
+    with pytest.raises(Interrupted, match="goes on from there"):
+        sample(plan_sample(request), control)
+    assert (fitted / "case.sample.checkpoint").exists()
+    asked, once = [], Asked.answer
+    with monkeypatch.context() as patch:
+        patch.setattr(Asked, "answer", lambda self, p: asked.append(p) or once(self, p))
+        found = sample(plan_sample(request), Control()).result.posterior
+    assert len(asked) <= found.evaluations - 190
+    assert not (fitted / "case.sample.checkpoint").exists()
+    fresh = SampleRequest("case.fit.h5", draws=1000, effective=400, fresh=True)
+    whole = sample(plan_sample(fresh), Control()).result.posterior
+    np.testing.assert_array_equal(whole.values, found.values)
+    np.testing.assert_array_equal(whole.predicted, found.predicted)
+
+
+def test_processes_give_the_same_draws(sampled, run):
+    alone = read_result("case.sample.h5").posterior
+    found = run("sample", "case.fit.h5", *FEW, "-j", "2", "--fresh")
+    assert found.exit_code == 0, found.stderr
+    together = read_result("case.sample.h5").posterior
+    np.testing.assert_allclose(together.values, alone.values, rtol=1e-9)
+    assert "OMP_NUM_THREADS" not in os.environ or os.environ["OMP_NUM_THREADS"]
+
+
+def test_a_time_limit_ends_with_what_there_is(fitted, run):
+    assert run("sample", "case.fit.h5", "--max-time", "0.001s").exit_code == 4  # nothing yet
+    assert not (fitted / "case.sample.h5").exists()
+    found = run("sample", "case.fit.h5", "--max-time", "2s", "--effective", "10000")
+    assert found.exit_code == ExitCode.NOT_CONVERGED
+    assert "time that was given is used up" in found.stderr.replace("\n", " ")
+    assert (fitted / "case.sample.checkpoint").exists()
+    result = read_result("case.sample.h5")
+    assert result.posterior.n_draws == 10_000
+    assert result.posterior.least_effective < 10_000
+
+
+def test_axes_are_named_and_units_told(sampled):
+    with h5py.File("case.sample.h5") as file:
+        assert file["posterior/E"].dims[0][0].name == "/posterior/chain"
+        assert file["posterior/E"].attrs["unit"] == "Pa"

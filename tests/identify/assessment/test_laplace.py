@@ -1,0 +1,149 @@
+"""What a minimum holds, and the evidence: against quadrature, scipy and closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.integrate import dblquad, quad
+from scipy.stats import multivariate_normal, norm
+
+from geoident.identify.assessment.laplace import (
+    laplace_mass,
+    log_box_probability,
+    log_normalisation,
+    log_prior_volume,
+    mixture_interval,
+)
+from geoident.identify.objective.discrepancy import Discrepancy, transformed
+from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.problem import Scaling
+from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
+from geoident.model.parameter import Parameter, Prior
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+def test_the_probability_of_a_box_is_that_of_scipy(n):
+    rng = np.random.default_rng(n)
+    A = rng.normal(size=(n + 1, n))
+    covariance, mean = np.linalg.inv(A.T @ A), rng.normal(size=n)
+    sd = np.sqrt(np.diag(covariance))
+    lower = mean - rng.uniform(-0.5, 3.0, n) * sd
+    upper = lower + rng.uniform(0.5, 4.0, n) * sd
+    expected = multivariate_normal(mean, covariance, seed=1).cdf(upper, lower_limit=lower)
+    found = np.exp(log_box_probability(mean, covariance, lower, upper))
+    assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_box_far_out_keeps_its_logarithm():
+    """Independent numbers 40 standard deviations off: far below what a float can hold."""
+    mean, one = np.array([41.0, 0.0]), np.ones(2)
+    found = log_box_probability(mean, np.eye(2), -one, one)
+    expected = norm.logsf(40.0) + np.log(norm.cdf(1.0) - norm.cdf(-1.0))
+    assert found == pytest.approx(expected, abs=0.05)
+
+
+def _mass(problem, p):
+    discrepancy = Discrepancy(problem)
+    x = discrepancy.scaling.to_scaled(np.asarray(p))
+    return laplace_mass(discrepancy.linearize(np.asarray(p)), x, discrepancy.scaling).log_mass
+
+
+@pytest.mark.parametrize("measured", [[0.9, 0.4], [3.0, 2.2], [-5.0, 0.0]], ids=str)
+def test_the_mass_of_a_linear_model_is_the_integral_over_the_bounds(make_problem, measured):
+    """Inside, on one bound, and far outside of both."""
+    A = np.array([[1.0, 0.3], [0.2, 0.8]])
+    q = [Parameter("a", 1.0, -1.0, 2.0), Parameter("b", 1.0, -1.0, 2.0)]
+    problem = make_problem(lambda p: A @ p, q, measured, 0.5)
+    discrepancy = Discrepancy(problem)
+
+    def density(b, a):
+        p = discrepancy.scaling.to_natural(np.array([a, b]))
+        return np.exp(-0.5 * discrepancy.objective(p))
+
+    low, high = discrepancy.scaling.lower, discrepancy.scaling.upper
+    expected, _ = dblquad(density, low[0], high[0], low[1], high[1], epsabs=0.0, epsrel=1e-6)
+    for at in ([1.0, 1.0], [2.0, 0.3]):  # the linearised model is the same from everywhere
+        assert _mass(problem, at) == pytest.approx(np.log(expected), abs=3e-3)
+
+
+def test_what_the_readings_do_not_see_holds_its_range(make_problem):
+    q = [Parameter("a", 1.0, -4.0, 4.0), Parameter("b", 1.0, 0.0, 3.0)]
+    problem = make_problem(lambda p: p[:1], q, [0.5], 0.1)
+    reference = Discrepancy(problem).scaling.reference
+    expected = np.log(0.1 / reference[0] * np.sqrt(2 * np.pi)) + np.log(3.0 / reference[1])
+    assert _mass(problem, [0.5, 1.0]) == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_evidence_of_a_linear_model_is_the_density_of_its_readings(make_problem):
+    """y = A p + e with p ~ N(m, S) and errors that share one: y ~ N(A m, A S A' + Sigma)."""
+    rng = np.random.default_rng(2)
+    A, B = rng.normal(size=(6, 2)), 0.4 * rng.normal(size=(6, 1))
+    m, s = np.array([1.0, -0.5]), np.array([0.4, 0.7])
+    q = [
+        Parameter(n, 0.1, -90.0, 90.0, prior=Prior(a, b))
+        for n, a, b in zip("ab", m, s, strict=True)
+    ]
+    y, sd = rng.normal(size=6), rng.uniform(0.2, 0.5, 6)
+    problem = replace(make_problem(lambda p: A @ p, q, y, sd), shared=SharedErrors(sp.csr_array(B)))
+    found = _mass(problem, [0.3, 0.2]) - log_prior_volume(tuple(q))
+    found -= log_normalisation(problem, A @ m)
+    sigma = np.diag(sd**2) + B @ B.T + A @ np.diag(s**2) @ A.T
+    assert found == pytest.approx(multivariate_normal(A @ m, sigma).logpdf(y), rel=1e-6)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize("kind", ["normal", "lognormal"])
+def test_the_volume_of_a_prior_is_its_integral_between_the_bounds(scale, kind):
+    parameter = Parameter("E", 3.0, 1.0, 6.0, scale, Prior(4.0, 1.3, kind))
+    scaling = Scaling([parameter])
+
+    def density(x):
+        return np.exp(
+            -0.5 * float(scaling.prior_residuals(scaling.to_natural(np.array([x])))[0]) ** 2
+        )
+
+    expected, _ = quad(density, scaling.lower[0], scaling.upper[0], epsabs=0.0, epsrel=1e-10)
+    assert log_prior_volume((parameter,)) == pytest.approx(np.log(expected), abs=1e-8)
+
+
+def test_a_parameter_without_bounds_and_prior_has_no_volume():
+    assert log_prior_volume((Parameter("a", 1.0, -np.inf, np.inf),)) == np.inf
+
+
+@pytest.mark.parametrize("loss", [SquaredOptions(), HuberOptions(), StudentOptions()], ids=str)
+def test_the_normalisation_is_the_integral_over_the_readings(make_problem, loss):
+    problem = replace(
+        make_problem(lambda p: p, [Parameter("a", 1.0, 0.0, 2.0)], [0.5], 0.3), loss=loss
+    )
+
+    def density(y):
+        f, _ = transformed(loss, np.array([y / 0.3]))
+        return float(np.exp(-0.5 * f[0] ** 2))
+
+    expected, _ = quad(density, -np.inf, np.inf, epsabs=0.0, epsrel=1e-10, limit=500)
+    assert log_normalisation(problem, np.array([0.5])) == pytest.approx(np.log(expected), abs=1e-6)
+
+
+def test_shared_errors_under_a_robust_loss_are_counted_as_under_the_squared_one(make_problem):
+    """Where no reading is off the two losses agree, but for the tails of the one."""
+    B = np.full((4, 1), 0.5)
+    q = [Parameter("a", 1.0, 0.0, 2.0)]
+    given = replace(
+        make_problem(lambda p: np.ones(4) * p[0], q, [1.0, 1.1, 0.9, 1.0], 0.3),
+        shared=SharedErrors(sp.csr_array(B)),
+    )
+    v = np.ones(4)
+    squared = log_normalisation(given, v)
+    huber = log_normalisation(replace(given, loss=HuberOptions(9.0)), v)
+    assert huber == pytest.approx(squared, abs=1e-6)
+
+
+def test_the_interval_of_a_mixture_holds_95_percent_of_it():
+    odds, means, sds = np.array([0.7, 0.3]), np.array([[1.0], [6.0]]), np.array([[0.5], [1.0]])
+    low, high = mixture_interval(odds, means, sds)
+    below = [float(odds @ norm.cdf(end, means[:, 0], sds[:, 0])) for end in (low[0], high[0])]
+    np.testing.assert_allclose(below, [0.025, 0.975], atol=1e-9)
+    one = mixture_interval(np.ones(1), means[:1], sds[:1])
+    np.testing.assert_allclose(np.ravel(one), [1.0 - 0.98, 1.0 + 0.98], atol=1e-4)
+    assert np.isnan(mixture_interval(odds, means, np.array([[0.5], [np.inf]]))[0][0])

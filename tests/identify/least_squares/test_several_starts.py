@@ -1,0 +1,125 @@
+"""Several descents: when they begin, where, and which minima are one."""
+
+import numpy as np
+import pytest
+
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.least_squares.several_starts import Angles, spread, start_ranges
+from geoident.identify.problem.problem import Scaling
+from geoident.model.methods import GaussNewtonOptions
+from geoident.model.parameter import Parameter, Prior
+
+DIP = Parameter("dip", 0.3, -1.55, 1.55, dimension="angle", period=np.pi)
+E = Parameter("E", 2.0, 0.1, 50.0, "log")
+
+
+def run(problem, **options):
+    return gauss_newton(problem, GaussNewtonOptions(**options), lambda _: None)
+
+
+def axis(p):
+    """Readings of a dip and a size that repeat after half a turn, with a hill in between."""
+    a = 2.0 * p[0]
+    return np.array([p[1] * np.cos(a), p[1] * np.sin(a), np.cos(2.0 * a)])
+
+
+def test_a_start_is_spread_over_the_circle_from_where_the_user_began():
+    scaling = Scaling([E, DIP])
+    angles = Angles([E, DIP], scaling)
+    points = spread(scaling, angles, scaling.start, angles.sought)
+    x = np.array([scaling.start, *(next(points) for _ in range(3))])
+    np.testing.assert_array_equal(x[:, 0], scaling.start[0])  # the rest starts as given
+    turn = (x[:, 1] - x[0, 1]) / (3.1 / scaling.reference[1])
+    np.testing.assert_allclose(np.sort(turn % 1.0), [0.0, 0.25, 0.5, 0.75], atol=1e-12)
+
+
+def test_a_prior_keeps_starts_near():
+    known = Parameter("dip", 0.3, -1.55, 1.55, prior=Prior(0.4, 0.1), period=np.pi)
+    low, high = start_ranges(Scaling([known]))
+    scaling = Scaling([known])
+    np.testing.assert_allclose(low * scaling.reference, 0.1)
+    np.testing.assert_allclose(high * scaling.reference, 0.7)
+    assert Angles([known], scaling).sought == ()
+    assert Angles([DIP], Scaling([DIP])).sought == (0,)
+
+
+def test_a_descent_goes_on_past_the_bound_of_an_angle(make_problem):
+    """The answer lies 2 degrees past the upper bound: it is found behind the lower one."""
+    truth = np.array([1.58, 2.0])
+    parameters = [
+        Parameter("dip", 1.2, -1.57, 1.45, period=np.pi),
+        Parameter("E", 2.0, 0.1, 9.0, "log"),
+    ]
+    problem = make_problem(axis, parameters, axis(truth), 0.01)
+    outcome = run(problem, starts=1)
+    assert any(step.note == "past the bound of an angle" for step in outcome.iterations)
+    np.testing.assert_allclose(outcome.values, [1.58 - np.pi, 2.0], rtol=1e-6)
+
+
+def test_minima_that_differ_by_a_period_are_one(make_problem):
+    wide = [Parameter("dip", 0.2, -4.0, 4.0, period=np.pi), Parameter("E", 2.0, 0.1, 9.0, "log")]
+    problem = make_problem(axis, wide, axis(np.array([0.5, 2.0])), 0.01)
+    assert run(problem, starts=12).minima == ()
+    told_nothing = [Parameter("dip", 0.2, -4.0, 4.0), wide[1]]
+    assert len(run(make_problem(axis, told_nothing, problem.measured, 0.01), starts=12).minima) >= 1
+
+
+def test_a_dip_turned_over_with_its_direction_is_the_same(make_problem):
+    """The normal of planes that dip by -d towards a is that of d towards a + 180 degrees."""
+
+    def normal(p):
+        n = np.array([np.sin(p[0]) * np.sin(p[1]), np.sin(p[0]) * np.cos(p[1]), np.cos(p[0])])
+        return np.outer(n, n)[np.triu_indices(3)]
+
+    parameters = [
+        Parameter("dip", 0.4, -1.5, 1.5, period=np.pi, mirror=("towards", np.pi)),
+        Parameter("towards", 1.0, 0.0, 6.2, period=2 * np.pi),
+    ]
+    measured = normal(np.array([0.6, 1.4])) + 0.003 * np.array([1, -1, 1, 1, -1, 1])
+    outcome = run(make_problem(normal, parameters, measured, 0.01), starts=20)
+    assert outcome.minima == ()
+    free = [Parameter(q.name, q.start, q.lower, q.upper) for q in parameters]
+    assert len(run(make_problem(normal, free, measured, 0.01), starts=20).minima) >= 1
+
+
+def valleys(p):
+    """Lowest at 2, where all vanishes; other minima about every 1.4."""
+    return np.array([4.0 * np.sin(4.0 * p[0]) - 4.0 * np.sin(8.0), 3.0 * (p[0] - 2.0)])
+
+
+def test_a_hill_that_the_search_saw_makes_it_begin_elsewhere_too(make_problem):
+    """A step led over a hill: from there the way back to the better point begins uphill."""
+    straight = run(make_problem(valleys, [Parameter("x", 0.3, -4.0, 4.0)], [0, 0], 1))
+    np.testing.assert_allclose(straight.values, [0.589], atol=1e-3)  # it saw nothing of the others
+    assert straight.remarks == ()
+    found = run(make_problem(valleys, [Parameter("x", 0.14, -4.0, 4.0)], [0, 0], 1))
+    assert found.remarks == ("the search had 5 starts, as the way to a better point began uphill",)
+    np.testing.assert_allclose(found.values, [2.0], atol=1e-6)
+    assert any(abs(minimum.values[0] - 0.589) < 1e-3 for minimum in found.minima)
+
+
+def test_a_kink_makes_the_search_begin_elsewhere_too(make_problem):
+    """Readings that jump: no step lowers the misfit, although the derivatives say so."""
+    q = [Parameter("x", 0.9, -4.0, 4.0)]
+    jump = make_problem(
+        lambda p: np.array([p[0] + (p[0].real < 0.8) * 5.0, 0.1 * p[0]]), q, [0, 0], 1
+    )
+    found = run(jump)
+    assert run(jump, starts=1).status == "not-converged"
+    assert found.objective < run(jump, starts=1).objective
+    assert found.remarks == ("the search had 5 starts, as the misfit has kinks where it ended",)
+
+
+@pytest.mark.parametrize("starts", [1, 3])
+def test_an_explicit_number_of_starts_stays(make_problem, starts):
+    problem = make_problem(axis, [DIP, E], axis(np.array([0.5, 2.0])), 0.01)
+    notes = [step.note for step in run(problem, starts=starts).iterations]
+    assert sum(note.startswith("start") for note in notes) == starts
+
+
+def test_convex_problems_cost_what_one_descent_costs(make_problem):
+    rng = np.random.default_rng(4)
+    A = rng.normal(size=(6, 3))
+    q = [Parameter(f"x{i}", 1.0, -9.0, 9.0) for i in range(3)]
+    problem = make_problem(lambda p: A @ p, q, rng.normal(size=6), 0.1)
+    assert len(run(problem).iterations) == len(run(problem, starts=1).iterations)

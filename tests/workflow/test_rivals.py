@@ -1,0 +1,117 @@
+"""Minima nearly as low as the answer are named, and nothing is said as if they were not there."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.strata import TRUTH, write_case, write_readings
+
+from geoident.io.result.file import read_result
+from geoident.model.rivals import Rivals
+from geoident.report.text.result import result_text
+
+FEW = ("h", "v", "d1", "d2", "d3")
+SECOND = {**TRUTH, "dip": np.radians(52.4), "K0": 1.4}
+
+
+@pytest.fixture(scope="module")
+def torn(tmp_path_factory):
+    """A fit whose five readings two or three attitudes of the strata meet alike."""
+    case = write_case(tmp_path_factory.mktemp("torn"), gauges=FEW)
+    write_readings(case, SECOND, seed=5)
+    ended = run_command("fit", str(case), "--json")
+    return case.with_name("case.fit.h5"), ended.exit_code, json.loads(ended.stdout)
+
+
+def test_a_rival_of_like_odds_is_named_and_leaves_the_dip_undetermined(torn):
+    path, code, told = torn
+    result = read_result(path)
+    rivals = result.rivals
+    assert code == 4
+    assert result.status == "not-determined"
+    assert len(rivals) >= 2
+    assert np.all(rivals.objectives - rivals.objectives[0] <= 4.0)
+    assert rivals.odds.sum() == pytest.approx(1.0)
+    truth = np.array(list(SECOND.values()))
+    sd = np.sqrt(np.diagonal(rivals.covariance, axis1=1, axis2=2))
+    assert np.any(np.all(np.abs(rivals.values - truth) < 3.0 * sd, axis=1))  # one of them is right
+    assert not result.parameters.determined[2]
+    assert np.isnan(result.parameters.upper95[2])
+    (said,) = [text for text in result.findings if "nearly as low" in text]
+    assert "dip" in said
+    assert "odds" in said
+    assert told["parameters"]["dip"]["value"] is None
+    assert len(told["rivals"]) == len(rivals)
+    assert "rival 1" in result_text(result)
+
+
+def test_predictions_hold_what_each_of_the_minima_lets_expect(torn):
+    path, _, _ = torn
+    result = read_result(path)
+    second = result.gauges.stages.index("second")
+    band = result.prediction.upper95[:, second] - result.prediction.lower95[:, second]
+    normal = 2 * 1.96 * result.prediction.sd[:, second]
+    assert np.all(np.abs(band - normal) < normal)  # finite, of the size of both together
+    inside = (result.gauges.measured >= result.prediction.lower95) & (
+        result.gauges.measured <= result.prediction.upper95
+    )
+    assert inside[:, second].mean() >= 0.8
+
+
+def test_with_more_gauges_the_answer_is_settled(tmp_path):
+    case = write_case(tmp_path)
+    write_readings(case, SECOND, seed=5)
+    ended = run_command("fit", str(case))
+    result = read_result(case.with_name("case.fit.h5"))
+    assert ended.exit_code == 0
+    assert result.rivals is None
+    assert "dip is an angle" in " ".join(result.notes)
+    assert result.evidence.readings == 9
+
+
+def test_rivals_are_those_of_the_accuracies_that_were_estimated(tmp_path):
+    """Ten times too good accuracies put rivals hopelessly high; estimated, they come back."""
+    case = write_case(
+        tmp_path,
+        accuracy="0.02 mm",
+        gauges=(*FEW, "e3"),
+        fit="{stages: [dig], accuracies: estimate}",
+    )
+    truth = {**TRUTH, "dip": np.radians(-71.2), "K0": 0.84}
+    write_readings(case, truth, seed=3, noise=10.0)
+    ended = run_command("fit", str(case), "--json")
+    told = json.loads(ended.stdout)
+    result = read_result(case.with_name("case.fit.h5"))
+    lowest = result.objective
+    assert told["accuracies"][0]["factor"] is not None
+    if result.rivals is not None:
+        assert np.all(result.rivals.objectives >= lowest - 0.1)
+        assert np.all(result.rivals.objectives <= lowest + 4.0)
+
+
+def test_an_explicit_number_of_starts_is_a_key_of_the_case(tmp_path):
+    fit = "{stages: [dig], gauss-newton: {starts: NUMBER}}"
+    case = write_case(tmp_path, fit=fit.replace("NUMBER", "1"))
+    write_readings(case, SECOND, seed=5)
+    run_command("fit", str(case))
+    notes = " ".join(read_result(case.with_name("case.fit.h5")).notes)
+    assert "starts" not in notes
+    write_case(tmp_path, fit=fit.replace("NUMBER", "automatic"), name="auto.yaml")
+    assert run_command("check", str(tmp_path / "auto.yaml")).exit_code == 0
+    write_case(tmp_path, fit=fit.replace("NUMBER", "many"), name="many.yaml")
+    refused = run_command("check", str(tmp_path / "many.yaml"))
+    assert refused.exit_code == 3
+    assert "'many' is not a whole number from 1 on, or 'automatic'" in refused.stderr
+
+
+def test_the_odds_of_one_minimum_are_settled_from_19_to_1_on():
+    def pair(part):
+        return Rivals(
+            np.zeros((2, 1)), np.zeros(2), np.array([part, 1.0 - part]), np.ones((2, 1, 1))
+        )
+
+    assert pair(0.951).settled
+    assert not pair(0.949).settled
