@@ -9,7 +9,8 @@ weak prior,
 is summed over a grid. From then on Sigma is its mean, with eta^2 the mean of the grid: of all that
 one could plug in it gives nearly the bands of the whole mixture, since variances add up.
 
-Accuracies that are estimated along have, at every eta, the values of highest likelihood.
+Accuracies that are estimated along have, at every eta, the values of highest likelihood, under a
+weak prior too: a model error that explains all residuals would let them vanish.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ from geoident.model.arrays import Floats
 
 PRIOR_SD = 0.3
 """Of the half-normal prior of eta: errors of 10 to 30 % of the motion are usual."""
+
+ACCURACY_SPREAD = np.log(3.0)
+"""Of the logarithm of an accuracy that is estimated along: known within a factor of three."""
 
 SIZES = np.concatenate([[1e-6], np.geomspace(0.005, 1.0, 28)])
 """The eta that are weighed, (m,); the first of them stands for none."""
@@ -92,7 +96,7 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
         eta: its size.
         start: (c,) logarithms of the factors of the others to begin with.
     """
-    held = HeldLast(likelihood, 2.0 * np.log(eta))
+    held = HeldLast(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
     if len(start):
         return estimate_components(held, start)
     nothing = np.zeros(0)

@@ -110,22 +110,34 @@ class Likelihood(Protocol):
 class HeldLast:
     """The likelihood of the first c of c + 1 components, at a given factor of the last.
 
+    A weak prior keeps the others near what is stated: what explains all residuals by itself would
+    let the rest vanish.
+
     Args:
         whole: of all of them.
         last: logarithm of the factor of the last.
+        spread: standard deviation of the logarithm of an accuracy, before any residual.
     """
 
     whole: Likelihood
     last: float
+    spread: float
 
     def value(self, t: Floats) -> float:
-        """-2 l at t (c,)."""
-        return self.whole.value(np.append(t, self.last))
+        """-2 l at t (c,), with the prior."""
+        return self.whole.value(np.append(t, self.last)) + self._prior(t)
 
     def terms(self, t: Floats) -> Terms:
-        """-2 l at t (c,) with its derivatives by these."""
+        """The same with its derivatives by these."""
         found = self.whole.terms(np.append(t, self.last))
-        return Terms(found.value, found.gradient[:-1], found.information[:-1, :-1])
+        return Terms(
+            found.value + self._prior(t),
+            found.gradient[:-1] + 0.5 * t / self.spread**2,
+            found.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
+        )
+
+    def _prior(self, t: Floats) -> float:
+        return float(np.sum((0.5 * t / self.spread) ** 2))
 
 
 class RestrictedLikelihood:

@@ -560,6 +560,8 @@ def _with_model_error(
     again = replace(setup, model_error=found.found)
     if structure.names:
         again = _sized(again, structure, found.components)
+        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
+        again = replace(again, model_error=found.found.of_channels(channels))
     return again, found.problem, found.outcome
 
 

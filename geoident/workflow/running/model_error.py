@@ -367,6 +367,10 @@ class FittedModelError:
     weighed: SizeWeights | None = None
     findings: tuple[str, ...] = ()
 
+    def of_channels(self, channels: tuple[Channel, ...]) -> FittedModelError:
+        """The same for the channels (g) with the accuracies that were estimated."""
+        return replace(self, used=replace(self.used, channels=channels))
+
     def with_later(self, structure: ErrorStructure, *later: ReadingSteps) -> ErrorStructure:
         """The errors of the readings used, and of later ones below them, with the model error.
 
