@@ -88,7 +88,7 @@ class VarianceComponents:
 
 
 @dataclass(frozen=True)
-class Terms:
+class LikelihoodTerms:
     """-2 l at one t, its gradient (c,) and the expected information (c, c)."""
 
     value: float
@@ -102,7 +102,7 @@ class Likelihood(Protocol):
     def value(self, t: Floats) -> float:
         """-2 l at t (c,)."""
 
-    def terms(self, t: Floats) -> Terms:
+    def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
 
 
@@ -127,10 +127,10 @@ class HeldLast:
         """-2 l at t (c,), with the prior."""
         return self.whole.value(np.append(t, self.last)) + self._prior(t)
 
-    def terms(self, t: Floats) -> Terms:
+    def terms(self, t: Floats) -> LikelihoodTerms:
         """The same with its derivatives by these."""
         found = self.whole.terms(np.append(t, self.last))
-        return Terms(
+        return LikelihoodTerms(
             found.value + self._prior(t),
             found.gradient[:-1] + 0.5 * t / self.spread**2,
             found.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
@@ -170,7 +170,7 @@ class RestrictedLikelihood:
         """-2 l at t (c,)."""
         return self._solved(t).value
 
-    def terms(self, t: Floats) -> Terms:
+    def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
         s = self._solved(t)
         k, n = len(s.inverse), len(s.x)
@@ -200,7 +200,7 @@ class RestrictedLikelihood:
                 both[d, c] += mixed[columns[d]].sum()
                 both[c, d] += np.sum(shared[np.ix_(columns[c], columns[d])] ** 2)
             both[c, c] += self._sums.count[c] - 2.0 * np.trace(part[c])
-        return Terms(s.value, trace - squares, 0.5 * both)
+        return LikelihoodTerms(s.value, trace - squares, 0.5 * both)
 
     def _solved(self, t: Floats) -> _Solved:
         """What follows of the sums at t (c,)."""

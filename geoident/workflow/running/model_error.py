@@ -491,7 +491,7 @@ def of_result(
     Args:
         found: in the result.
         channels: of the g readings used.
-        rows: which of the k readings they are.
+        rows: (k,) which of the readings they are, or (g,) their numbers.
     """
     used = ReadingSteps(tuple(channels), found.states, found.steps[rows], found.floors[rows])
     return FittedModelError(used, found.size, found.length)
@@ -521,9 +521,10 @@ class ModelErrorSearch:
     Args:
         options: what the case says.
         length: over which it is correlated, m.
-        structure: the errors of the g readings without it.
+        structure: the errors of the readings without it.
         channels: of the readings.
-        steps_at: what it is made of where the increments of the channels are as given.
+        steps_at: what it is made of where each step changes what the channels see by increments
+            (n_states, n_channels), SI.
         search: for the parameters, from where the problem begins.
     """
 

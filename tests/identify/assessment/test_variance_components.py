@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
     RestrictedLikelihood,
-    Terms,
+    LikelihoodTerms,
     _descended,
     _inverse,
     _minimised,
@@ -173,7 +173,7 @@ class Given:
 
     def terms(self, t):
         self.asked.append(t.tolist())
-        return Terms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
+        return LikelihoodTerms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
 
 
 def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interval():
