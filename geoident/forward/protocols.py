@@ -98,11 +98,14 @@ class CaseModel(Protocol):
     ) -> Response:
         """The response in the readings of some (channel, stage) pairs."""
 
-    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+    def survey(
+        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
+    ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
         Args:
             p: (n,) parameters.
             fields: whether displacements and stresses are wanted.
             partial: what stages that collapse leave unknown is NaN, instead of an error.
+            last: index of the last state wanted, after which readings may be NaN; None for all.
         """

@@ -15,7 +15,7 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
-from geoident.model.posterior import Posterior
+from geoident.model.posterior import PosteriorDraws
 from geoident.model.rivals import Evidence, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -510,7 +510,7 @@ class Result:
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None
-    posterior: Posterior | None = None
+    posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
     backtest: Backtest | None = None

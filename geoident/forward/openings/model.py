@@ -78,13 +78,16 @@ class OpeningModel:
         """The response in the readings of some (channel, stage) pairs."""
         return OpeningResponse(self, pairs, times)
 
-    def survey(self, p: Floats, *, fields: bool, partial: bool = False) -> Survey:
+    def survey(
+        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
+    ) -> Survey:
         """All channels at all stages and their derivatives; there are no fields.
 
         Args:
             p: (n,) parameters.
             fields: of no effect.
             partial: where a stage has no equilibrium, give what can be known without it.
+            last: of no effect: a stage costs nothing.
 
         Raises:
             ModelError: a stage has no equilibrium; with ``partial``, only if nothing is left.

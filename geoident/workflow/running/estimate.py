@@ -47,6 +47,7 @@ from geoident.workflow.running.model_error import (
     of_result,
     reading_steps,
 )
+from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
@@ -237,7 +238,7 @@ def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
 
 
 def surveyed(
-    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
 ) -> tuple[Survey, ReadingTable, Counts]:
     """The model at the end of a search, what it says of each reading, and what both have cost.
 
@@ -246,10 +247,11 @@ def surveyed(
         problem: of the search.
         outcome: of the search.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    survey = model.survey(p, fields=fields, partial=True)
+    survey = model.survey(p, fields=fields, partial=True, last=last)
     search, after = problem.response.counts, model.counts
     counts = Counts(
         evaluations=search.evaluations + after.evaluations - before.evaluations,
@@ -272,6 +274,7 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
+        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
         rivals: other minima, with the lowest; None where there are none.
         others: what is known at the rivals, in their order without the first.
         evidence: of the model, None where the search did not converge.
@@ -284,12 +287,15 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
+    bends: Bends | None = None
     rivals: Rivals | None = None
     others: tuple[Estimate, ...] = ()
     evidence: Evidence | None = None
 
 
-def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> Estimate:
+def look(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
+) -> Estimate:
     """One survey of the model at the end of a search says everything else.
 
     Args:
@@ -297,14 +303,20 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
         problem: likewise.
         outcome: likewise.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
-    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields)
+    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
+    before = setup.model.counts
+    assessment, bends = follow_open_bound(
+        setup.model, setup.case, problem, outcome.values, survey, readings, assessment
+    )
+    counts = further(counts, before, setup.model.counts)
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)
-    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
     if rivals is None:
         return replace(found, evidence=evidence)
@@ -316,6 +328,16 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
     others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
     spent = with_further(counts, [other.counts for other in others], problem.response.counts)
     return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+
+
+def further(counts: Counts, before: Counts, after: Counts) -> Counts:
+    """Costs with those of a model between two moments."""
+    return Counts(
+        evaluations=counts.evaluations + after.evaluations - before.evaluations,
+        analyses=max(counts.analyses, after.analyses),
+        factorizations=counts.factorizations + after.factorizations - before.factorizations,
+        solves=counts.solves + after.solves - before.solves,
+    )
 
 
 def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
@@ -384,7 +406,7 @@ def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
         stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors, found.bends)
     if found.rivals is None:
         return first
     others = [predicted(setup, other, stages) for other in found.others]

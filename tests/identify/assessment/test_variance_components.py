@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
-    RestrictedLikelihood,
     LikelihoodTerms,
+    RestrictedLikelihood,
     _descended,
     _inverse,
     _minimised,
