@@ -17,6 +17,7 @@ from geoident.report.page.svg import figure_element
 from geoident.report.text import (
     accuracies,
     backtest,
+    model_error,
     models,
     posterior,
     rivals,
@@ -92,6 +93,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
         _section(models.TITLE, *_models(result)),
+        _section(model_error.TITLE, _model_error(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
@@ -112,6 +114,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )
+
+
+def _model_error(result: Result) -> Html:
+    text = model_error.model_error_text(result.model_error)
+    return tag("p", text) if text else Html("")
 
 
 def _posterior(result: Result) -> tuple[str, ...]:
