@@ -222,7 +222,7 @@ def is_poor(found: Diagnostics, gross: Ints) -> bool:
 
     Args:
         found: the diagnostics of each reading.
-        gross: rows of `gross_readings`.
+        gross: (m,) rows of `gross_readings`.
     """
     return _unexplained(found) or len(gross) > 0
 
@@ -236,7 +236,7 @@ def why_poor(found: Diagnostics, gross: Ints) -> str:
 
     Args:
         found: the diagnostics of each reading.
-        gross: rows of `gross_readings`.
+        gross: (m,) rows of `gross_readings`.
     """
     if not is_poor(found, gross):
         return ""
@@ -269,7 +269,7 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     """A sentence for readings that are grossly wrong, with the place where each is written.
 
     Args:
-        gross: rows of `gross_readings`.
+        gross: (m,) rows of `gross_readings`.
         readings: k of them, as the case has them.
         case: with the places where they are written.
     """
