@@ -42,3 +42,13 @@ def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, los
     assert f"readings.csv:{number}:" in said
     assert "CV at second" in said
     assert not any("accuracies: estimate" in text for text in found["findings"])
+
+
+def test_predictions_from_a_poor_fit_are_not_to_be_relied_on(tmp_path):
+    readings = READINGS.replace("CV,first,-0.598", "CV,first,-250")
+    code, _ = fitted(tmp_path, "squared", readings=readings, stages="[first]")
+    assert code == 4
+    run = run_command("predict", str(tmp_path / "case.fit.h5"), "--json", "-q")
+    found = json.loads(run.stdout)
+    assert (run.exit_code, found["status"]) == (4, "poor-fit")
+    assert "not to be relied on" in found["reason"]
