@@ -38,6 +38,7 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predicted_stages,
@@ -99,6 +100,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *model_error_findings(setup.model_error),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
@@ -114,6 +116,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        model_error=setup.model_error_table,
         rivals=found.rivals,
         evidence=found.evidence,
         varied=field_estimates(setup.model, found.outcome.values, found.assessment),
@@ -122,6 +125,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
+            *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,
