@@ -14,7 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
-from geoident.model.posterior import Posterior
+from geoident.model.posterior import PosteriorDraws
 from geoident.model.rivals import Evidence, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -507,7 +507,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
-    posterior: Posterior | None = None
+    posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
     backtest: Backtest | None = None

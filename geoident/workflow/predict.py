@@ -33,6 +33,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     provenance,
 )
+from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     KnownErrors,
@@ -85,13 +86,17 @@ class Known:
         parameters: their table, in the order of that case.
         assessment: likewise.
         readings: of the fit.
+        problem: of the fit: its used readings with the accuracies that its loss leaves them.
         errors: what its readings tell of errors that later ones share; None where none do.
+        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
     """
 
     parameters: ParameterTable
     assessment: Assessment
     readings: ReadingTable
+    problem: Problem
     errors: KnownErrors | None = None
+    bends: Bends | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +168,7 @@ def predict(task: Task, control: Control) -> Finished:
     known = what_is_known(task.fit, task.origin, model, task.inputs.case)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
-    result = _result(task, known, survey, model)
+    result = _result(task, _followed(task, known, survey, model), survey, model)
     return write(result, place, found, inputs=task.files_read)
 
 
@@ -257,8 +262,31 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     return Known(
-        parameters, pick_assessment(assessment, order), readings, known if shares else None
+        parameters,
+        pick_assessment(assessment, order),
+        readings,
+        problem,
+        known if shares else None,
     )
+
+
+def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Known:
+    """With what a bound leaves open, as the fit has it; not for another case than that of the fit.
+
+    Args:
+        task: the prediction.
+        known: what the fit knows.
+        survey: the model at the estimate.
+        model: of the case to predict.
+    """
+    if task.request.case is not None:
+        return known
+    case, p = task.inputs.case, known.parameters.values
+    readings = with_computed(known.readings, case, model, survey, p)
+    assessment, bends = follow_open_bound(
+        model, case, known.problem, p, survey, readings, known.assessment
+    )
+    return replace(known, assessment=assessment, bends=bends)
 
 
 def _shared(case: Case, used: Bools) -> SharedErrors | None:
@@ -277,6 +305,8 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         covariance=assessment.covariance[square],
         correlation=assessment.correlation[square],
         posterior=assessment.posterior.pick(order),
+        uncut_mean=assessment.uncut_mean[order],
+        uncut_factor=assessment.uncut_factor[order],
         determined_x=assessment.determined_x[order],
         gaps_x=assessment.gaps_x[order],
         held_covariance_x=assessment.held_covariance_x[square],
@@ -306,7 +336,9 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     gauges = gauge_table(case, readings, survey.computed)
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
-    prediction = predict_stages(survey, known.assessment, accuracies(case), stages, known.errors)
+    prediction = predict_stages(
+        survey, known.assessment, accuracies(case), stages, known.errors, known.bends
+    )
     return Result(
         kind="predict",
         status="done",

@@ -35,6 +35,7 @@ from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagno
 from geoident.workflow.running.errors import ChannelReading, error_structure
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
@@ -219,6 +220,7 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
+        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
         rivals: other minima, with the lowest; None where there are none.
         others: what is known at the rivals, in their order without the first.
         evidence: of the model, None where the search did not converge.
@@ -231,6 +233,7 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
+    bends: Bends | None = None
     rivals: Rivals | None = None
     others: tuple[Estimate, ...] = ()
     evidence: Evidence | None = None
@@ -252,12 +255,17 @@ def look(
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
+    before = setup.model.counts
+    assessment, bends = follow_open_bound(
+        setup.model, setup.case, problem, outcome.values, survey, readings, assessment
+    )
+    counts = further(counts, before, setup.model.counts)
     known = None
     if any(channel.errors for channel in setup.case.channels):
         left = replace(problem, sd=effective_sd(problem, computed))
         rows = used_rows(setup.case, readings.used)
         known = KnownErrors(setup.case, left, computed, jacobian, rows)
-    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
     if rivals is None:
         return replace(found, evidence=evidence)
@@ -269,6 +277,16 @@ def look(
     others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
     spent = with_further(counts, [other.counts for other in others], problem.response.counts)
     return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+
+
+def further(counts: Counts, before: Counts, after: Counts) -> Counts:
+    """Costs with those of a model between two moments."""
+    return Counts(
+        evaluations=counts.evaluations + after.evaluations - before.evaluations,
+        analyses=max(counts.analyses, after.analyses),
+        factorizations=counts.factorizations + after.factorizations - before.factorizations,
+        solves=counts.solves + after.solves - before.solves,
+    )
 
 
 def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
@@ -296,7 +314,7 @@ def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
         stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors, found.bends)
     if found.rivals is None:
         return first
     others = [predicted(setup, other, stages) for other in found.others]

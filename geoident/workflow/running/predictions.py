@@ -17,6 +17,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.result import GaugeTable, Prediction
 from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.open_bounds import Bends
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
@@ -35,6 +36,7 @@ def predict_stages(
     accuracy: Floats,
     stages: Bools,
     known: KnownErrors | None = None,
+    bends: Bends | None = None,
 ) -> Prediction:
     """Bands of the computed readings at the given stages.
 
@@ -45,17 +47,20 @@ def predict_stages(
         stages: (n_stages,) the stages to predict.
         known: what the used readings tell of errors that later ones share; None where all are
             independent.
+        bends: how readings deviate from linear where a bound leaves a parameter open; None for not
+            at all.
     """
     computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sensitivity = survey.sensitivity[wanted]
+    bend = None if bends is None else bends.of(wanted)
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
-        band = predict_band(assessment, later.jacobian, later.sd)
+        band = predict_band(assessment, later.jacobian, later.sd, bend)
     else:
-        band = predict_band(assessment, sensitivity, accuracy[wanted])
+        band = predict_band(assessment, sensitivity, accuracy[wanted], bend)
 
     def placed(values: Floats) -> Floats:
         table = np.full(computed.shape, np.nan)
