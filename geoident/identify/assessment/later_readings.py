@@ -67,6 +67,23 @@ def given_used(
     )
 
 
+def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
+    """Covariance (l, l) of the errors of later readings that the used ones leave, SI.
+
+    Args:
+        problem: the used readings.
+        later: the errors of the later readings, with the shared errors of the used ones.
+    """
+    sd, shared = later.at(np.zeros(len(later.names)))
+    own: Floats = np.diag(sd**2)
+    if shared is None:
+        return own
+    if problem.covariance is None:
+        own = own + np.asarray((shared.columns @ shared.columns.T).toarray())
+        return own
+    return np.asarray(own + problem.covariance.shared_left_matrix(shared.columns))
+
+
 def _squares(shared: SharedErrors) -> Floats:
     """Variance (l,) of what each reading shares."""
     return np.asarray(shared.columns.power(2).sum(axis=1), dtype=np.float64).ravel()

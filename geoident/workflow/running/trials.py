@@ -216,7 +216,9 @@ def tried(
         gauges,
         step,
         bands,
-        correlations(found.survey, found.assessment, prediction, ahead & bands.scored),
+        correlations(
+            found.survey, found.assessment, prediction, ahead & bands.scored, found.errors
+        ),
         ahead,
         extrapolation_findings(levels, setup.case, last + 1, states),
     )
