@@ -75,13 +75,12 @@ def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
         later: the errors of the later readings, with the shared errors of the used ones.
     """
     sd, shared = later.at(np.zeros(len(later.names)))
-    own: Floats = np.diag(sd**2)
-    if shared is None:
-        return own
-    if problem.covariance is None:
-        own = own + np.asarray((shared.columns @ shared.columns.T).toarray())
-        return own
-    return np.asarray(own + problem.covariance.shared_left_matrix(shared.columns))
+    left = np.array(np.diag(sd**2))
+    if shared is not None and problem.covariance is None:
+        left += (shared.columns @ shared.columns.T).toarray()
+    elif shared is not None and problem.covariance is not None:
+        left += problem.covariance.shared_left_matrix(shared.columns)
+    return left
 
 
 def _squares(shared: SharedErrors) -> Floats:
