@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
@@ -19,7 +19,6 @@ from geoident.workflow.running.diagnosis import (
     bound_findings,
     gross_findings,
     gross_readings,
-    is_poor,
     opened,
     over_all_stages,
     parameter_table,
@@ -90,13 +89,14 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
-    status = _status(found, gross)
+    poor = why_poor(found.diagnostics, gross, setup.model_error_table)
+    status = _status(found, poor)
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters, gross),
+        reason=_reason(found, case.parameters) + poor,
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
@@ -152,10 +152,10 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate, gross: Ints) -> str:
+def _status(found: Estimate, poor: str) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
-    if is_poor(found.diagnostics, gross):
+    if poor:
         return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
 
@@ -167,7 +167,7 @@ def _undetermined(found: Estimate) -> Bools:
     return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, parameters: Sequence[Parameter], gross: Ints) -> str:
+def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
     loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also + why_poor(found.diagnostics, gross)
+    return found.outcome.reason + also

@@ -200,9 +200,14 @@ def _fit(result: Result) -> list[str]:
     far = sum(outlier.used for outlier in outliers(result))
     count = {0: "no reading exceeds", 1: "one reading exceeds"}.get(far, f"{far} readings exceed")
     return [
-        f"The root mean square of the residuals is {spread:.2f} of the stated standard deviation "
-        f"(about 1 if the stated accuracies are right); {count} {OUTLIER:g} standard deviations."
+        f"The root mean square of the residuals is {_size(spread)} of the stated standard "
+        "deviation (about 1 if the stated accuracies are right); "
+        f"{count} {OUTLIER:g} standard deviations."
     ]
+
+
+def _size(spread: float) -> str:
+    return f"{spread:.2f}" if spread < 1000.0 else number(spread)
 
 
 def _predicted(result: Result) -> list[str]:

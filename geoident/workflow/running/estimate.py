@@ -335,7 +335,13 @@ def look(
 
 
 def further(counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Costs with those of a model between two moments."""
+    """Costs with those of a model between two moments.
+
+    Args:
+        counts: of the search and the survey.
+        before: of the model at the first moment.
+        after: at the second.
+    """
     return Counts(
         evaluations=counts.evaluations + after.evaluations - before.evaluations,
         analyses=max(counts.analyses, after.analyses),
