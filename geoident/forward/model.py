@@ -243,11 +243,12 @@ class StagedModel:
                 recorder.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
+        seen_at = np.stack(observed)
         if back is None:
-            table = self.relative(np.stack(observed))
+            table = self.relative(seen_at)
         else:
             table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
-            table[back.states, back.rows] = back.table(run, end, np.stack(observed))
+            table[back.states, back.rows] = back.table(run, end, seen_at)
         table = self._with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
@@ -267,7 +268,17 @@ class StagedModel:
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
             ),
+            self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
         )
+
+    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
+
+        Args:
+            pairs: their channels and stages.
+        """
+        places = ReadingPlaces.of(self.case, pairs, ())
+        return self.observation.steps(self.sequence.built_on, places.rows, places.states)
 
     def _readings_until(self, last: int) -> ReadingAdjoints:
         """What can be read of all stages up to a state, and the way back from it."""
@@ -332,6 +343,7 @@ class StagedResponse:
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
+        self._increments: tuple[bytes, Floats] | None = None  # likewise
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
@@ -365,6 +377,17 @@ class StagedResponse:
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see at p (n,).
+
+        (n_states, n_channels), SI, up to the last stage that a reading needs. Of the last run if
+        it was made there.
+        """
+        if self._increments is None or self._increments[0] != p.tobytes():
+            self.readings(p)
+        assert self._increments is not None
+        return self._increments[1]
+
     def by_adjoints(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a reading back through the stages.
 
@@ -375,7 +398,10 @@ class StagedResponse:
         model.count_evaluation()
         run = model.at(p, RunOptions(last=self._last, traced=True))
         observed = [(end, self.adjoints.observed(end, run)) for end in run.states()]
-        table = self.adjoints.table(run, observed[-1][0], np.stack([seen for _, seen in observed]))
+        seen = np.stack([of_end for _, of_end in observed])
+        change = model.observation.increments(seen[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
+        table = self.adjoints.table(run, observed[-1][0], seen)
         self._activity = p.tobytes(), run.findings.activity
         table += model.instrument_errors.added(model.values(p), self.names, self._places)
         return table[:, 0], table[:, 1:]
@@ -478,6 +504,8 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
+        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
         table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
         added = model.instrument_errors.added(model.values(p), names, self._places)

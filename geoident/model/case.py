@@ -12,6 +12,7 @@ from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
+from geoident.model.model_error import ModelErrorOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
 from geoident.model.yielding import YieldSurface
@@ -146,6 +147,22 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Rung:
+    """A model of a ladder: the case with some changes.
+
+    Args:
+        name: what people call it.
+        overrides: changes to the case, texts ``path=value``.
+        origins: new parameter to those of simpler models from which it begins, the nearest first,
+            with factors; None where it has none.
+    """
+
+    name: str
+    overrides: tuple[str, ...] = ()
+    origins: Mapping[str, tuple[tuple[str, float], ...]] | None = None
+
+
+@dataclass(frozen=True)
 class FitSettings:
     """How the parameters are identified.
 
@@ -154,14 +171,19 @@ class FitSettings:
         stages: names of the stages whose readings are used; None for all stages.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
+        model_error: how far the ground may differ from the model.
         backtest: whether the last fitted stage is predicted from those before it, too.
+        ladder: models that are fitted one after the other, from the simplest on; none for the one
+            that the case describes.
     """
 
     methods: tuple[MethodOptions, ...]
     stages: tuple[str, ...] | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
+    model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
+    ladder: tuple[Rung, ...] = ()
 
 
 @dataclass(frozen=True)

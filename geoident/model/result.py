@@ -13,9 +13,10 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.posterior import PosteriorDraws
-from geoident.model.rivals import Evidence, Rivals
+from geoident.model.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
@@ -475,9 +476,11 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        model_error: how far the ground may differ from the model, or None for none.
         posterior: draws of the parameters, or None.
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
+        comparison: of a ladder of models, of which this is the chosen one, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -507,9 +510,11 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    model_error: ModelErrorTable | None = None
     posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
+    comparison: ModelComparison | None = None
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
 

@@ -18,7 +18,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     bound_findings,
     gross_findings,
-    is_poor,
+    gross_readings,
     opened,
     over_all_stages,
     parameter_table,
@@ -37,12 +37,14 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.ladder import climb
+from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predicted_stages,
     score,
 )
-from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.running.trials import LastStage, added, last_stage
 
@@ -54,6 +56,13 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
+    if job.inputs.case.fit.ladder:
+        return climb(job, control, _fit)
+    return _fit(job, control)
+
+
+def _fit(job: Job, control: Control) -> Finished:
+    """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = look(setup, problem, outcome, fields=True)
@@ -79,24 +88,27 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     )
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
-    status = _status(found)
+    gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
+    poor = why_poor(found.diagnostics, gross, setup.model_error_table)
+    status = _status(found, poor)
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters),
+        reason=_reason(found, case.parameters) + poor,
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
-            *gross_findings(found.diagnostics, found.readings, case),
-            *remarks(found.diagnostics, gauges, parameters.names),
+            *gross_findings(gross, found.readings, case),
+            *remarks(found.diagnostics, gauges, parameters.names, gross=len(gross) > 0),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *model_error_findings(setup.model_error),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
@@ -112,6 +124,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        model_error=setup.model_error_table,
         rivals=found.rivals,
         evidence=found.evidence,
         varied=field_estimates(setup.model, found.outcome.values, found.assessment),
@@ -120,6 +133,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
+            *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,
@@ -138,10 +152,10 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate) -> str:
+def _status(found: Estimate, poor: str) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
-    if is_poor(found.diagnostics, found.readings):
+    if poor:
         return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
 
@@ -156,4 +170,4 @@ def _undetermined(found: Estimate) -> Bools:
 def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
     loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also + why_poor(found.diagnostics, found.readings)
+    return found.outcome.reason + also

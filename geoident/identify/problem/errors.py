@@ -204,6 +204,15 @@ class Covariance:
                 found[rows] += row_squares(sp.csr_array(part[rows]), less)
         return found
 
+    def shared_left_matrix(self, columns: sp.csr_array) -> Floats:
+        """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
+        found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
+        for block in self._blocks:
+            part = sp.csr_array(columns[:, block.shared])
+            less = block.left - np.eye(len(block.R))
+            found += part @ np.asarray((part @ less).T)
+        return found
+
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
 
@@ -284,6 +293,27 @@ class ErrorStructure:
     @cached_property
     def _blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         return SharedErrors(self.columns).blocks
+
+    def with_component(self, columns: sp.csr_array, name: str) -> ErrorStructure:
+        """The same with one component more, of shared errors alone.
+
+        Args:
+            columns: (g, k) their sizes at a factor of one, SI.
+            name: of the component.
+        """
+        number = np.full(columns.shape[1], len(self.names), dtype=np.int64)
+        return ErrorStructure(
+            self.sd,
+            self.component,
+            sp.csr_array(sp.hstack([self.columns, columns])),
+            np.concatenate([self.column_component, number]),
+            (*self.names, name),
+        )
+
+    def with_one_factor(self, name: str) -> ErrorStructure:
+        """The same with all errors in one component: all sizes are wrong by one factor."""
+        component, columns = np.zeros_like(self.component), np.zeros_like(self.column_component)
+        return ErrorStructure(self.sd, component, self.columns, columns, (name,))
 
     def rows(self, kept: Ints) -> ErrorStructure:
         """Of some of the readings (m,)."""

@@ -45,6 +45,10 @@ FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
 """What the formulations of the complementarity method need beside the model's equations."""
 
 
+METHOD_PACKAGES = {"ensemble-smoother": ("iterative_ensemble_smoother", "ensemble")}
+"""What a method needs installed, and the extra that brings it."""
+
+
 @dataclass(frozen=True)
 class Method:
     """One identifier.
@@ -93,6 +97,10 @@ METHODS: Mapping[str, Method] = dict(
         _method(
             "yield_limits", "complementarity", YieldSystem,
             "yield limits from several starts (their default)",
+        ),
+        _method(
+            "direct", "ensemble-smoother", Response,
+            "an ensemble of the priors, without derivatives, for fields and ground that yields",
         ),
     ]
 )  # fmt: skip
@@ -147,7 +155,7 @@ def _obstacle(
     response: Response, method: Method, loss: LossOptions, options: MethodOptions | None = None
 ) -> str | None:
     if method.needs is Response:
-        return None
+        return _package_obstacle(method.name, loss)
     if method.needs is YieldSystem:
         return _yield_obstacle(response, options)
     if method.needs is HasOpening:
@@ -158,6 +166,18 @@ def _obstacle(
     if not isinstance(response, AffineElastic):
         return "the model does not offer its equations"
     return response.obstacle()
+
+
+def _package_obstacle(name: str, loss: LossOptions) -> str | None:
+    """Why a method that takes any model cannot work here, a clause; None if it can."""
+    if name not in METHOD_PACKAGES:
+        return None
+    package, extra = METHOD_PACKAGES[name]
+    if loss_name(loss) != "squared":
+        return f"its updates are those of the squared loss, and the loss is {loss_name(loss)}"
+    if find_spec(package) is None:
+        return f'it needs {package} (pip install "geoident[{extra}]")'
+    return None
 
 
 def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:
@@ -222,6 +242,29 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
             break
         problem = problem.begun_at(outcome.values)
     return _joined(done)
+
+
+def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outcome:
+    """One descent from the start of a problem that differs little from one that was solved.
+
+    Whatever method solved it, its solution is near: yield limits go down without scan and restarts,
+    a closed form by its formulas, all else by Gauss-Newton steps.
+
+    Args:
+        problem: readings, model, and parameters that start at that solution.
+        options: of the method that found it.
+        observe: is told of every iteration; its reason to stop ends the descent.
+
+    Raises:
+        ModelError: the model has no solution at the start.
+    """
+    if isinstance(options, ComplementarityOptions):
+        limits = import_module("geoident.identify.yield_limits.implicit")
+        return cast(Identifier, limits.descend)(problem, options, observe)
+    if isinstance(options, ClosedFormOptions):
+        return identify(problem, [replace(options, starts=1)], observe)
+    steps = options if isinstance(options, GaussNewtonOptions) else GaussNewtonOptions()
+    return identify(problem, [replace(steps, starts=1)], observe)
 
 
 def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:

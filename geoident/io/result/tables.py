@@ -12,9 +12,10 @@ from dataclasses import fields
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
+from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
@@ -25,7 +26,7 @@ from geoident.model.result import (
     ParameterTable,
     Prediction,
 )
-from geoident.model.rivals import Evidence, Rivals
+from geoident.model.rivals import Evidence, ModelComparison, ModelScore, Rivals
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -350,21 +351,77 @@ def read_members(file: h5py.File) -> MemberForces:
     )
 
 
+MODEL_ERROR = "model_error"
+"""Group of the model error."""
+
+_MODEL_ERROR_NUMBERS = ("size", "lower95", "upper95", "length")
+
+
+def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
+    """Writes ``/model_error``: its size, and what it is made of at every reading.
+
+    Args:
+        file: the result.
+        table: the model error.
+    """
+    out = TableWriter(
+        file,
+        MODEL_ERROR,
+        {"eta": table.sizes, "state": table.states, "reading": np.arange(len(table.steps))},
+    )
+    for name in _MODEL_ERROR_NUMBERS:
+        out.group.attrs[name] = np.float64(getattr(table, name))
+    for name in ("kind", "sentence"):
+        out.group.attrs[name] = plain_text(getattr(table, name))
+    out.group.attrs.create("findings", texts(table.findings), dtype=h5py.string_dtype())
+    out.add("weights", table.weights, "eta")
+    for name in ("steps", "floors"):
+        out.add(name, getattr(table, name), "reading", "state")
+
+
+def read_model_error(file: h5py.File) -> ModelErrorTable:
+    """The model error of a fit."""
+    group = TableReader(file, MODEL_ERROR)
+    states, sizes = group.texts("state"), group.array("eta", "f")
+    rows = len(group.array("reading", "iu"))
+    return ModelErrorTable(
+        kind=group.attribute("kind", str),
+        size=group.attribute("size", float),
+        lower95=group.attribute("lower95", float),
+        upper95=group.attribute("upper95", float),
+        length=group.attribute("length", float),
+        sentence=group.attribute("sentence", str),
+        sizes=sizes,
+        weights=group.floats("weights", len(sizes)),
+        states=states,
+        steps=group.floats("steps", rows, len(states)),
+        floors=group.floats("floors", rows, len(states)),
+        findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
+    )
+
+
 RIVALS = "rivals"
 EVIDENCE = "evidence"
 
 
 def write_rival_answers(
-    file: h5py.File, rivals: Rivals | None, evidence: Evidence | None, names: tuple[str, ...]
+    file: h5py.File,
+    rivals: Rivals | None,
+    evidence: Evidence | None,
+    comparison: ModelComparison | None,
+    names: tuple[str, ...],
 ) -> None:
-    """Writes ``/rivals`` and ``/evidence``, each where there is one.
+    """Writes ``/rivals``, ``/evidence`` and ``/models``, each where there is one.
 
     Args:
         file: the result.
         rivals: other minima.
         evidence: of the model.
+        comparison: of several models.
         names: of the parameters.
     """
+    if comparison is not None:
+        _write_models(file, comparison)
     if rivals is not None:
         _write_rivals(file, rivals, names)
     if evidence is not None:
@@ -414,4 +471,52 @@ def read_evidence(file: h5py.File) -> Evidence:
         log_evidence=group.attribute("log_evidence", float),
         log_likelihood=group.attribute("log_likelihood", float),
         readings=int(group.attribute("readings", float)),
+    )
+
+
+MODELS = "models"
+_MODEL_NUMBERS = ("objective", "log_evidence", "log_likelihood", "backtest")
+_MODEL_COUNTS = ("parameters", "backtested")
+
+
+def _write_models(file: h5py.File, found: ModelComparison) -> None:
+    """Writes ``/models``: one row a model, from the simplest on."""
+    models = found.models
+    names = tuple(model.name for model in models)
+    out = TableWriter(file, MODELS, {"model": names, "sentence": found.sentences})
+    out.add("path", [model.path for model in models], "model")
+    out.add("status", [model.status for model in models], "model")
+    for name in _MODEL_NUMBERS:
+        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.float64), "model")
+    for name in _MODEL_COUNTS:
+        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.int64), "model")
+    out.group.attrs["chosen"] = np.int64(found.chosen)
+    out.group.attrs["decided"] = np.int64(found.decided)
+    out.group.attrs["readings"] = np.int64(found.readings)
+
+
+def read_models(file: h5py.File) -> ModelComparison:
+    """The comparison of several models."""
+    group = TableReader(file, MODELS)
+    names = group.texts("model")
+    k = len(names)
+    paths, statuses = group.texts("path", k), group.texts("status", k)
+    numbers = {name: group.floats(name, k).tolist() for name in _MODEL_NUMBERS}
+    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS}
+    models = tuple(
+        ModelScore(
+            name=names[i],
+            path=paths[i],
+            status=statuses[i],
+            **{name: column[i] for name, column in {**numbers, **counts}.items()},
+        )
+        for i in range(k)
+    )
+    whole = {name: int(group.attribute(name, float)) for name in ("chosen", "decided", "readings")}
+    return ModelComparison(
+        models=models,
+        chosen=whole["chosen"],
+        decided=bool(whole["decided"]),
+        readings=whole["readings"],
+        sentences=group.texts("sentence"),
     )

@@ -17,6 +17,8 @@ from geoident.report.page.svg import figure_element
 from geoident.report.text import (
     accuracies,
     backtest,
+    model_error,
+    models,
     posterior,
     rivals,
     structures,
@@ -90,6 +92,8 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(varied.TITLE, table(varied.varied_table(result.varied))),
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
+        _section(models.TITLE, *_models(result)),
+        _section(model_error.TITLE, _model_error(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
@@ -112,6 +116,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
     )
 
 
+def _model_error(result: Result) -> Html:
+    text = model_error.model_error_text(result.model_error)
+    return tag("p", text) if text else Html("")
+
+
 def _posterior(result: Result) -> tuple[str, ...]:
     """How far the draws are to be believed, and their table."""
     if result.posterior is None:
@@ -124,6 +133,14 @@ def _section(title: str, *parts: str) -> Html:
     """A heading and what stands under it; nothing if that is nothing."""
     body = [part for part in parts if part]
     return tag("section", tag("h2", title), joined(body, "\n")) if body else Html("")
+
+
+def _models(result: Result) -> tuple[Html, ...]:
+    found = result.comparison
+    if found is None:
+        return ()
+    said = tag("ul", *(tag("li", text) for text in found.sentences))
+    return table(models.models_table(found)), said, tag("p", models.LEGEND)
 
 
 def _figures(pictures: Sequence[Picture]) -> Html:

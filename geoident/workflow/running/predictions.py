@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.forward.protocols import Survey
-from geoident.identify.assessment.later_readings import LaterReadings, given_used
+from geoident.identify.assessment.later_readings import LaterReadings, given_used, left_covariance
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
@@ -16,7 +16,8 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.result import GaugeTable, Prediction
-from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.errors import ChannelReading, gauge_errors
+from geoident.workflow.running.model_error import LaterModelError
 from geoident.workflow.running.open_bounds import Bends
 
 
@@ -73,21 +74,33 @@ def predict_stages(
 
 
 def correlations(
-    survey: Survey, assessment: Assessment, prediction: Prediction, places: Bools
+    survey: Survey,
+    assessment: Assessment,
+    prediction: Prediction,
+    places: Bools,
+    known: KnownErrors | None = None,
 ) -> Floats:
     """Of the errors of predictions: what the parameters lack is common to all of them.
+
+    So is what is left of errors that they share with used readings or with each other.
 
     Args:
         survey: the model at the estimate.
         assessment: how well the parameters are known.
         prediction: the bands.
         places: (n_channels, n_stages) the l predictions, all with a finite band.
+        known: what the used readings tell of shared errors; None where all are independent.
 
     Returns:
         (l, l).
     """
-    rows = survey.sensitivity[places] * assessment.slope
-    common = rows @ assessment.posterior.covariance @ rows.T
+    rows, numbers = survey.sensitivity[places], np.argwhere(places)
+    left = np.zeros((len(rows), len(rows)))
+    if known is not None and len(rows):
+        rows = known.of(numbers, rows).jacobian
+        left = left_covariance(*known.with_later(numbers))
+    rows = rows * assessment.slope
+    common = rows @ assessment.posterior.covariance @ rows.T + left
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
     found = common / np.outer(sd, sd)
     np.fill_diagonal(found, 1.0)
@@ -104,6 +117,7 @@ class KnownErrors:
         computed: (g,) what the model says of them at the estimate, SI.
         jacobian: (g, n) its derivative, SI.
         rows: the g readings with their channels.
+        model_error: that of the model in later readings; None for none.
     """
 
     case: Case
@@ -111,6 +125,7 @@ class KnownErrors:
     computed: Floats
     jacobian: Floats
     rows: tuple[ChannelReading, ...]
+    model_error: LaterModelError | None = None
 
     def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.
@@ -135,8 +150,11 @@ class KnownErrors:
             (channels[i], Reading(channels[i].name, stages[j].name, None))
             for i, j in places.tolist()
         ]
-        whole = error_structure([*self.rows, *later])
-        assert whole is not None
+        whole = gauge_errors([*self.rows, *later])
+        if self.model_error is not None:
+            pairs = [(reading.channel, reading.stage) for _, reading in later]
+            steps = self.model_error.later(pairs)
+            whole = self.model_error.fitted.with_later(whole, steps)
         g = len(self.rows)
         _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
         return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))
