@@ -155,6 +155,7 @@ class FitSettings:
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
         backtest: whether the last fitted stage is predicted from those before it, too.
+        mesh_error: whether the error of the mesh is estimated, and counts.
     """
 
     methods: tuple[MethodOptions, ...]
@@ -162,6 +163,7 @@ class FitSettings:
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
     backtest: bool = True
+    mesh_error: bool = True
 
 
 @dataclass(frozen=True)

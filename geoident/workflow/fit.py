@@ -96,6 +96,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             *remarks(found.diagnostics, gauges, parameters.names),
             *last.findings,
             *_extrapolation(setup, found, gauges),
+            *(setup.mesh.sentences if setup.mesh is not None else ()),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
         ),
         case_text=job.inputs.loaded.text,

@@ -119,6 +119,12 @@ class FitBase(Section):
         description="Whether a fit also predicts its last stage from those before it, which costs "
         "a few evaluations, and says whether that came true.",
     )
+    mesh_error: bool = Field(
+        True,
+        description="Whether a fit halves the elements of the mesh once, at the end, to see how "
+        "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
+        "the jumps of the stress tell), says it, and widens intervals and bands by it.",
+    )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
         description="How much a large residual counts: huber and student-t are robust against "
@@ -155,6 +161,7 @@ class FitBase(Section):
             self._loss(),
             opening,
             self.backtest,
+            mesh_error=self.mesh_error,
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -72,7 +72,7 @@ def weighed(
         t = found.log_factor
         sd, shared = structure.at(t)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-        outcome = _after(outcome, search(problem))
+        outcome = after(outcome, search(problem))
         found = _components(problem, structure, outcome, t)
     remark = f"parameters and estimated accuracies did not come to rest in {ROUNDS} rounds"
     return Weighed(problem, replace(outcome, remarks=(*outcome.remarks, remark)), found)
@@ -86,7 +86,7 @@ def _components(
     return estimate_components(likelihood, t)
 
 
-def _after(first: Outcome, second: Outcome) -> Outcome:
+def after(first: Outcome, second: Outcome) -> Outcome:
     """The second of two searches, with the history of both."""
     return replace(
         second,

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
-from geoident.forward.model import StagedResponse
+from geoident.forward.model import StagedModel, StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -25,16 +25,22 @@ from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.methods import MethodOptions
+from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.model.rivals import Evidence, Rivals
-from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
+from geoident.workflow.running.accuracies import (
+    accuracy_table,
+    after,
+    weighed,
+    with_accuracies,
+)
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.running.errors import ChannelReading, error_structure
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.mesh_error import FittedMesh, fitted_mesh, with_mesh_error
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
@@ -58,12 +64,14 @@ class Setup:
         case: the case.
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
+        mesh: what the mesh does to the readings; None where it was not asked.
     """
 
     model: CaseModel
     case: Case
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
+    mesh: FittedMesh | None = None
 
 
 def prepare(job: Job) -> Setup:
@@ -391,6 +399,7 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
+    setup, problem, first = _with_mesh(setup, problem, first, methods, control)
     found, final, outcome = _with_accuracies(setup, problem, first, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
@@ -408,6 +417,41 @@ def estimated(
     moved = problem.begun_at(lowest.values)
     found, final, outcome = _with_accuracies(setup, moved, again(moved), methods, control)
     return found, final, kept_up(final, outcome, [former, *first.minima], again)
+
+
+def _with_mesh(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with the error of the mesh among those of the readings, where it matters."""
+    case, model = setup.case, setup.model
+    asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
+    plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
+    if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
+        return setup, problem, outcome
+    pairs = [
+        pair for pair, used in zip(setup.readings.pairs, setup.readings.used, strict=True) if used
+    ]
+    found = fitted_mesh(model, problem, pairs, outcome)
+    setup = replace(setup, mesh=found)
+    if found is None or not found.counts:
+        return setup, problem, outcome
+    case = with_mesh_error(case, found.found)
+    structure = structure_of_used(case, setup.readings.used)
+    assert structure is not None  # the mesh is in it
+    sd, shared = structure.at(np.zeros(len(structure.names)))
+    problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
+    again = after(outcome, _search(problem, continued(methods), control))
+    table = reading_table(case, setup.readings.reason)
+    return replace(setup, case=case, readings=table), problem, again
+
+
+def _proves(options: MethodOptions) -> bool:
+    """Whether a method proves a bound, of the problem as it is given."""
+    return isinstance(options, ComplementarityOptions) and options.formulation == "global"
 
 
 def _with_accuracies(
@@ -432,6 +476,7 @@ def _with_accuracies(
         sized,
         reading_table(sized, setup.readings.reason),
         accuracy_table(case, structure.names, found.components),
+        setup.mesh,
     )
     return again, found.problem, found.outcome
 
