@@ -399,8 +399,8 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
-    setup, problem, first = _with_mesh(setup, problem, first, methods, control)
-    found, final, outcome = _with_accuracies(setup, problem, first, methods, control)
+    setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
+    found, final, outcome = _with_accuracies(setup, weighted, begun, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
@@ -414,7 +414,7 @@ def estimated(
         return found, final, outcome
     # what was estimated with the parameters belongs to another minimum
     former = LocalMinimum(outcome.values, outcome.objective)
-    moved = problem.begun_at(lowest.values)
+    moved = weighted.begun_at(lowest.values)
     found, final, outcome = _with_accuracies(setup, moved, again(moved), methods, control)
     return found, final, kept_up(final, outcome, [former, *first.minima], again)
 
