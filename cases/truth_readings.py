@@ -13,7 +13,15 @@ import yaml
 from geoident.workflow.simulate import Simulated, simulate
 
 
-def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
+def make_readings(
+    folder: Path,
+    *,
+    mesh: tuple[object, ...],
+    seed: int,
+    case: str = "case.yaml",
+    changes: tuple[str, ...] = (),
+    flags: tuple[str, ...] = (),
+) -> None:
     """Writes readings.csv of a case: truth.yaml on a finer mesh of quadratic elements, plus noise.
 
     The shipped mesh has larger elements, mostly linear ones. So the fit meets readings that its own
@@ -23,16 +31,20 @@ def make_readings(folder: Path, *, mesh: tuple[object, ...], seed: int) -> None:
         folder: of the case.
         mesh: options of make_mesh.py for the finer mesh.
         seed: of the noise, which has the accuracy of each gauge.
+        case: name of the case that says what the ground of the truth is.
+        changes: texts KEY=VALUE that change it further.
+        flags: of `geoident simulate`.
     """
     truth = yaml.safe_load((folder / "truth.yaml").read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory() as scratch:
         fine = Path(scratch) / "fine.msh"
         _python(folder / "make_mesh.py", *mesh, "--order", 2, "--output", fine)
-        changes = [f"mesh.file={fine}", "readings=[]"]
-        changes += [f"parameters.{name}.start={value}" for name, value in truth.items()]
-        flags = [word for change in changes for word in ("--set", change)]
-        flags += ["--noise", "--seed", seed, "--force", "-o", folder / "readings.csv"]
-        _python("-m", "geoident", "simulate", folder / "case.yaml", *flags)
+        wanted = [f"mesh.file={fine}", "readings=[]", *changes]
+        wanted += [f"parameters.{name}.start={value}" for name, value in truth.items()]
+        words = [word for change in wanted for word in ("--set", change)]
+        words += [*flags, "--noise", "--seed", str(seed), "--force"]
+        place = ("-o", folder / "readings.csv")
+        _python("-m", "geoident", "simulate", folder / case, *words, *place)
     _round(folder / "readings.csv")
 
 

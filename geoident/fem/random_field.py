@@ -27,6 +27,9 @@ MARGIN = 0.25
 JITTER = 1e-10
 """Variance, in parts of the field's, that is added where values are given without an accuracy."""
 
+_LEAST_COLUMNS = 400
+"""Columns of the factorization, at least: modes made of too few are not the best."""
+
 
 @dataclass(frozen=True)
 class Matern:
@@ -145,7 +148,8 @@ def principal_modes(
     if whole <= JITTER * len(points) * covariance.sd**2:
         return Modes(np.zeros((len(points), 0)), 1.0)
     left_out = MARGIN * (1 - explained) * whole
-    columns = _pivoted_cholesky(covariance, points, given, variance, left_out, 2 * most)
+    most_columns = max(2 * most, _LEAST_COLUMNS)
+    columns = _pivoted_cholesky(covariance, points, given, variance, left_out, most_columns)
     sizes, turn = np.linalg.eigh(columns.T @ columns)
     order = np.argsort(sizes)[::-1]
     held = np.cumsum(np.maximum(sizes[order], 0.0)) / whole

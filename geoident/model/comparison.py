@@ -67,6 +67,7 @@ class Comparison:
         statuses: how each ended, such as ``converged``.
         compared: how many numbers at least one of the results has.
         differences: those that are not the same.
+        kinds: of the results, such as ``fit``.
     """
 
     first: str
@@ -74,6 +75,7 @@ class Comparison:
     statuses: tuple[str, str]
     compared: int
     differences: tuple[Difference, ...]
+    kinds: tuple[str, str] = ("", "")
 
     @property
     def same(self) -> bool:

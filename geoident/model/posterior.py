@@ -14,7 +14,7 @@ LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 
 
 @dataclass(frozen=True)
-class Posterior:
+class PosteriorDraws:
     """Draws of the parameters from exp(-phi/2) within their bounds (theory 11).
 
     Args:
@@ -61,7 +61,7 @@ class Posterior:
         """(c d, n) draws of all chains, SI."""
         return np.asarray(self.values.reshape(-1, len(self.names)))
 
-    def picked(self, order: Ints) -> Posterior:
+    def picked(self, order: Ints) -> PosteriorDraws:
         """The same of some parameters (k,)."""
         return replace(
             self,

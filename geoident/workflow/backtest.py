@@ -166,7 +166,9 @@ def run_trials(
         start = trials[-1].found.outcome.values if trials else None
         chain = methods if start is None else (nearby(methods[-1]),)
         try:
-            trial = tried(setup, last, chain, FitLog(log, f"to {last}:"), control, start=start)
+            until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
+            part = FitLog(log, f"to {last}:")
+            trial = tried(setup, last, chain, part, control, start=start, until=until)
         except (InputError, ModelError) as error:
             skipped.append(Skipped(name, clause(error)))
             control.monitor.inform(f"up to {name}: skipped, {skipped[-1].why}")
@@ -201,7 +203,9 @@ def _result(
     last = trials[-1]
     found = backtest_of(setup, trials, skipped)
     said = verdict(found, last.gauges)
-    restless, others = settling_sentences(case, found.steps)
+    restless, others = settling_sentences(
+        case, found.steps, estimated=last.setup.accuracies is not None
+    )
     status, reason = _ending(case, found, said, out_of_time=out_of_time)
     estimate = last.found
     return Result(
@@ -214,7 +218,7 @@ def _result(
         findings=(
             *((said.sentence,) if said.remarkable and said.sentence not in reason else ()),
             *restless,
-            *dict.fromkeys(text for trial in trials for text in trial.extrapolates),
+            *last.extrapolates,  # to stages that nobody has read yet
             *dict.fromkeys(
                 text for trial in trials for text in collapse_findings(trial.found.survey)
             ),
@@ -232,6 +236,11 @@ def _result(
         backtest=found,
         notes=(
             *others,
+            *(
+                f"The fit up to {case.stages[trial.step.last].name} extrapolates. {text}"
+                for trial in trials[:-1]
+                for text in trial.extrapolates
+            ),
             *(f"No fit of the readings up to {one.stage}: {one.why}." for one in skipped),
             *(accuracy_findings(last.setup.accuracies) if last.setup.accuracies else ()),
             *case.notes,
@@ -249,6 +258,8 @@ def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) ->
     if failed:
         names = ", ".join(case.stages[step.last].name for step in failed)
         return failed[0].status, f"The fit up to {names} is not finished: {failed[0].reason}"
+    if not found.next.readings:
+        return "not-determined", said.sentence
     if not said.holds:
         return BANDS_FAIL, said.sentence
     return "done", said.sentence

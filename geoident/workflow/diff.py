@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
+from geoident.model.backtest import Backtest
 from geoident.model.comparison import Amount, Comparison, Difference, Place, Tolerance
 from geoident.model.result import GaugeTable, ParameterTable, Prediction, Result
 from geoident.units import DIMENSIONLESS
@@ -41,6 +43,7 @@ def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
         (one.status, other.status),
         len(places),
         tuple(d for d in found if not same(d.first, d.second, tolerance)),
+        (one.kind, other.kind),
     )
 
 
@@ -76,6 +79,8 @@ def numbers(result: Result) -> NamedAmounts:
         yield from _predictions(result.gauges, result.prediction)
     if result.grid is not None:
         yield from _grid(result)
+    if result.kind == "backtest" and result.backtest is not None:
+        yield from _backtest(result, result.backtest)
 
 
 def _parameters(table: ParameterTable) -> NamedAmounts:
@@ -119,6 +124,32 @@ def _grid(result: Result) -> NamedAmounts:
             for name, axis, k in zip(grid.names, grid.axes, point, strict=True)
         )
         yield Place("grid", ", ".join(at), "objective"), _pure(float(grid.objective[point]))
+
+
+def _backtest(result: Result, found: Backtest) -> NamedAmounts:
+    """Parameters and predictions of every fit, and the scores."""
+    gauges, table = result.gauges, result.parameters
+    for step in found.steps:
+        stage = gauges.stages[step.last]
+        at_step = replace(
+            table,
+            values=step.values,
+            sd=step.sd,
+            lower95=step.lower95,
+            upper95=step.upper95,
+            determined=step.determined,
+        )
+        for place, amount in _parameters(at_step):
+            yield Place(f"fit up to {stage}", place.item, place.quantity), amount
+        for place, amount in _predictions(gauges, step.prediction):
+            yield (
+                Place(f"predicted from readings up to {stage}", place.item, place.quantity),
+                amount,
+            )
+    for horizon, scores in (("next stage", found.next), ("further ahead", found.further)):
+        for quantity, value in asdict(scores).items():
+            if math.isfinite(value):
+                yield Place("scores", horizon, quantity), _pure(float(value))
 
 
 def _pure(value: float) -> Amount:

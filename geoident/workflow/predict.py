@@ -10,17 +10,20 @@ import numpy as np
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
-from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import at_used
 from geoident.workflow.running.estimate import (
     Finished,
     keep,
-    structure_of_used,
+    later_errors,
+    model_error_of_result,
+    problem_of_result,
     used_rows,
     write,
 )
@@ -33,6 +36,8 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     provenance,
 )
+from geoident.workflow.running.model_error import FittedModelError
+from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
     KnownErrors,
@@ -85,13 +90,19 @@ class Known:
         parameters: their table, in the order of that case.
         assessment: likewise.
         readings: of the fit.
+        problem: of the fit: its used readings with the accuracies that its loss leaves them.
         errors: what its readings tell of errors that later ones share; None where none do.
+        model_error: of the fit; None for none.
+        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
     """
 
     parameters: ParameterTable
     assessment: Assessment
     readings: ReadingTable
+    problem: Problem
     errors: KnownErrors | None = None
+    model_error: FittedModelError | None = None
+    bends: Bends | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +174,7 @@ def predict(task: Task, control: Control) -> Finished:
     known = what_is_known(task.fit, task.origin, model, task.inputs.case)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
-    result = _result(task, known, survey, model)
+    result = _result(task, _followed(task, known, survey, model), survey, model)
     return write(result, place, found, inputs=task.files_read)
 
 
@@ -240,31 +251,42 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     """
     readings = fit.gauges.readings
     used = readings.used
-    weight = np.ones(()) if fit.diagnostics is None else fit.diagnostics.weight[used]
-    problem = Problem(
-        response=model.response(()),
-        measured=readings.value[used],
-        sd=(readings.sd if readings.own_sd is None else readings.own_sd)[used] / np.sqrt(weight),
-        parameters=origin.parameters,
-        shared=_shared(origin, used),
-    )
-    assert readings.sensitivity is not None  # see `_read_fit`
-    jacobian = readings.sensitivity[used]
-    computed = readings.computed[used]
+    computed, jacobian = at_used(readings)
+    problem = problem_of_result(fit, origin, model.response(()))
+    problem = replace(problem, sd=effective_sd(problem, computed))
     assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = fit.parameters.picked(order)
     known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
+    model_error = model_error_of_result(fit, origin)
     return Known(
-        parameters, pick_assessment(assessment, order), readings, known if shares else None
+        parameters,
+        pick_assessment(assessment, order),
+        readings,
+        problem,
+        known if shares or model_error is not None else None,
+        model_error,
     )
 
 
-def _shared(case: Case, used: Bools) -> SharedErrors | None:
-    """What the used readings of a case share."""
-    structure = structure_of_used(case, used)
-    return None if structure is None else structure.at(np.zeros(len(structure.names)))[1]
+def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Known:
+    """With what a bound leaves open, as the fit has it; not for another case than that of the fit.
+
+    Args:
+        task: the prediction.
+        known: what the fit knows.
+        survey: the model at the estimate.
+        model: of the case to predict.
+    """
+    if task.request.case is not None:
+        return known
+    case, p = task.inputs.case, known.parameters.values
+    readings = with_computed(known.readings, case, model, survey, p)
+    assessment, bends = follow_open_bound(
+        model, case, known.problem, p, survey, readings, known.assessment
+    )
+    return replace(known, assessment=assessment, bends=bends)
 
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
@@ -277,6 +299,8 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         covariance=assessment.covariance[square],
         correlation=assessment.correlation[square],
         posterior=assessment.posterior.pick(order),
+        uncut_mean=assessment.uncut_mean[order],
+        uncut_factor=assessment.uncut_factor[order],
         determined_x=assessment.determined_x[order],
         gaps_x=assessment.gaps_x[order],
         held_covariance_x=assessment.held_covariance_x[square],
@@ -306,7 +330,13 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     gauges = gauge_table(case, readings, survey.computed)
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
-    prediction = predict_stages(survey, known.assessment, accuracies(case), stages, known.errors)
+    errors = known.errors
+    if errors is not None:
+        later = later_errors(model, case, survey, known.model_error)
+        errors = replace(errors, model_error=later)
+    prediction = predict_stages(
+        survey, known.assessment, accuracies(case), stages, errors, known.bends
+    )
     return Result(
         kind="predict",
         status="done",

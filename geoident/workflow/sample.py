@@ -23,7 +23,7 @@ from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
-from geoident.model.posterior import LEVELS, Posterior
+from geoident.model.posterior import LEVELS, PosteriorDraws
 from geoident.model.result import Counts, ParameterTable, Prediction, Result
 from geoident.workflow.running.answers import Answers, Asked, here, in_processes
 from geoident.workflow.running.control import Control
@@ -308,7 +308,7 @@ class _Found:
             grid=None,
         )
 
-    def _posterior(self) -> Posterior:
+    def _posterior(self) -> PosteriorDraws:
         draws, problem = self.draws, self.problem
         chains, length, m = draws.x.shape
         values = self.density.natural(draws.x.reshape(-1, m)).reshape(chains, length, -1)
@@ -318,7 +318,7 @@ class _Found:
         effective, r_hat = (np.full(len(self.density.free), np.nan) for _ in range(2))
         effective[self.density.free], r_hat[self.density.free] = draws.effective, draws.r_hat
         channels, stages = self.setup.case.channels, self.setup.case.stages
-        return Posterior(
+        return PosteriorDraws(
             names=tuple(q.name for q in problem.parameters),
             fields=tuple(q.field for q in problem.parameters),
             values=values,
@@ -362,7 +362,7 @@ class _Found:
         known = KnownErrors(case, left, computed, np.empty((len(rows), 0)), rows)
         return known.with_later(self.places)
 
-    def _prediction(self, posterior: Posterior) -> Prediction:
+    def _prediction(self, posterior: PosteriorDraws) -> Prediction:
         shape = self.task.fit.gauges.computed.shape
         place = tuple(self.places.T)
         values = posterior.predicted.reshape(-1, len(self.places))
@@ -383,7 +383,7 @@ class _Found:
 
 
 def _parameters(
-    table: ParameterTable, posterior: Posterior, density: PosteriorDensity
+    table: ParameterTable, posterior: PosteriorDraws, density: PosteriorDensity
 ) -> ParameterTable:
     """The parameters as their draws have them: median, standard deviation, quantiles."""
     covariance = np.atleast_2d(np.cov(posterior.flat.T))
@@ -403,7 +403,7 @@ def _parameters(
     )
 
 
-def _shrunk(posterior: Posterior, parameters: tuple[Parameter, ...]) -> Bools:
+def _shrunk(posterior: PosteriorDraws, parameters: tuple[Parameter, ...]) -> Bools:
     """(n,) the draws are clearly closer together than what was known before."""
     return np.array(
         [
@@ -426,7 +426,7 @@ def _spread(parameter: Parameter, values: Floats) -> float:
     return float(np.std(values) / (np.ptp(ends) / np.sqrt(12.0))) if np.ptp(ends) > 0.0 else 0.0
 
 
-def _ending(draws: Draws, posterior: Posterior) -> tuple[str, str]:
+def _ending(draws: Draws, posterior: PosteriorDraws) -> tuple[str, str]:
     """Status and reason."""
     size = posterior.least_effective
     worth = f"{posterior.n_draws} draws are worth {size:.0f} independent ones"

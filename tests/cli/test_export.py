@@ -19,7 +19,7 @@ def fitted(trench, run):
     return trench
 
 
-MISSING = ("accuracies", "grid", "structures")
+MISSING = ("accuracies", "grid", "structures", "backtest", "backtest-parameters")
 """Tables of which a plain fit has nothing to say."""
 
 

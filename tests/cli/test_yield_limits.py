@@ -133,3 +133,16 @@ def test_points_are_counted_in_predicted_stages_too(yielding, run_json):
         shear = found["certificate"]["planes"][0]["points"]
         assert min(shear.values()) > 0
         assert len(shear) == 2
+
+
+def test_a_backtest_of_ground_that_yields(yielding, run_json):
+    (found,) = run_json("backtest", "case.yaml")
+    first, last = found["backtest"]["fits"]
+    assert first["parameters"]["k1"]["determined"]
+    assert last["parameters"]["k1"]["value"] == pytest.approx(0.5e6, rel=1e-4)
+    told = found["backtest"]["next"]
+    assert told["readings"] + told["open"] == 3  # k2 is not determined, and moves two of them
+    assert told["inside"] == told["readings"] > 0
+    assert found["status"] == "done"
+    assert last["counts"]["evaluations"] < first["counts"]["evaluations"]
+    assert not any("elastic model" in text for text in (*found["findings"], *found["notes"]))

@@ -296,3 +296,18 @@ def test_a_closed_form_without_a_solution_leaves_the_start_and_says_why():
     assert found.remarks[0].startswith("the closed form was skipped: ")
     assert reason.rstrip(".") in found.remarks[0]
     assert reason.rstrip(".") in found.reason
+
+
+def test_a_backtest_needs_no_mesh(project):
+    """Face, near and far, of which the first two do not determine cohesion and friction."""
+    prior = "--set=parameters.phi.prior={mean: 25 deg, sd: 2 deg}"
+    done = run_command("backtest", "case.yaml", "--json", prior)
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)["backtest"]
+    assert [fit["up_to"] for fit in told["fits"]] == ["face", "near", "far"]
+    assert told["next"]["inside"] == told["next"]["readings"] > 0
+    for name, truth in SI.items():
+        assert told["fits"][-1]["parameters"][name]["value"] == pytest.approx(truth, rel=1e-3)
+    loose = run_command("backtest", "case.yaml", "--json", "--force")
+    assert loose.exit_code == 4
+    assert json.loads(loose.stdout)["status"] == "not-determined"

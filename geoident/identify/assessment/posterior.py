@@ -54,7 +54,10 @@ _HALVINGS = 12
 _GRAIN = 0.02
 """Distance between points, in standard deviations, over which they are smeared."""
 _NO_TAIL = 2.5e-3
-"""Probability beyond the end of an interval that is none: the end is that of what is possible."""
+"""Probability beyond the end of an interval that is none: it ends with what is possible, ..."""
+
+_CLOSE = 0.05
+"""... if it is as close to that, in widths of the interval."""
 _TOGETHER = 2_000_000
 """Entries of a table that is made at once (16 MB)."""
 
@@ -116,11 +119,13 @@ class NormalMixture:
             part = NormalMixture(self.mean[rows], self.sd[rows], self.weight)
             low[rows], high[rows] = part._interval()
         if lower is not None:
-            slack = self.below(low[:, None])[:, 0] <= _NO_TAIL
-            low = np.where(slack & np.isfinite(lower), lower, np.maximum(low, lower))
+            close = low - lower < _CLOSE * (high - low)
+            slack = close & (self.below(low[:, None])[:, 0] <= _NO_TAIL)
+            low = np.where(slack, lower, np.maximum(low, lower))
         if upper is not None:
-            slack = self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL
-            high = np.where(slack & np.isfinite(upper), upper, np.minimum(high, upper))
+            close = upper - high < _CLOSE * (high - low)
+            slack = close & (self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL)
+            high = np.where(slack, upper, np.minimum(high, upper))
         return low, high
 
     def _interval(self) -> tuple[Floats, Floats]:
@@ -217,7 +222,9 @@ class Posterior:
         return replace(self, shift=self.shift[order], factor=self.factor[order])
 
 
-def cut_normal(mean: Floats, factor: Floats, lower: Floats, upper: Floats) -> Posterior:
+def cut_normal(
+    mean: Floats, factor: Floats, lower: Floats, upper: Floats, *, always: int | None = None
+) -> Posterior:
     """A normal density that is cut at bounds.
 
     Args:
@@ -225,13 +232,18 @@ def cut_normal(mean: Floats, factor: Floats, lower: Floats, upper: Floats) -> Po
         factor: (n, q) F, covariance F F^T; a row of zeros for what is fixed.
         lower: (n,) lower bounds from the estimate, -inf for none.
         upper: (n,) upper bounds.
+        always: number of a variable whose bounds count first, near or not.
     """
     sd = np.sqrt(np.sum(factor**2, axis=1))
     reached = (sd > 0.0) & ((mean - lower < REACHED * sd) | (upper - mean < REACHED * sd))
+    if always is not None:
+        reached[always] = True
     R = np.flatnonzero(reached)
     if not len(R):
         return Posterior(mean[:, None], np.ones(1), factor)
     room = ndtr((upper[R] - mean[R]) / sd[R]) - ndtr((lower[R] - mean[R]) / sd[R])
+    if always is not None:
+        room[always == R] = -1.0
     R = R[np.argsort(room, kind="stable")][: factor.shape[1]]  # what is cut most comes first
     Q, U = np.linalg.qr(factor[R].T)
     points = POINTS if len(R) == 1 else 4 * POINTS

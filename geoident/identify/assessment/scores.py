@@ -182,27 +182,45 @@ class Chance:
         return min(self.few, self.far)
 
 
-def chance(groups: Sequence[tuple[Floats, Floats]]) -> Chance:
+@dataclass(frozen=True)
+class Innovations:
+    """Errors of what one fit has predicted of the next stage.
+
+    Args:
+        z: (l,) standardized errors.
+        correlation: (l, l) of them.
+        freedom: degrees of freedom from which accuracies were estimated; infinite for given ones.
+    """
+
+    z: Floats
+    correlation: Floats
+    freedom: float = float("inf")
+
+
+def chance(groups: Sequence[Innovations]) -> Chance:
     """How often bands that hold would look as bad as these.
 
     Errors of predictions made from one fit are correlated, since they share the errors of its
     parameters: so the number inside is not binomial. It is drawn. Predictions of the next stage
-    made from fits that grow are independent from fit to fit: they are innovations.
+    made from fits that grow are independent from fit to fit: they are innovations. Where accuracies
+    were estimated all errors of a fit are larger or smaller by what that estimate is wrong.
 
     Args:
-        groups: for each fit the standardized errors (l,) of what it predicted, and their
-            correlations (l, l).
+        groups: what each fit has predicted.
     """
-    groups = [(z, R) for z, R in groups if z.size]
+    groups = [one for one in groups if one.z.size]
     if not groups:
         return Chance(1.0, 1.0)
     random = np.random.default_rng(_SEED)
     inside, squares = np.zeros(DRAWS), np.zeros(DRAWS)
-    for z, R in groups:
-        drawn = random.standard_normal((DRAWS, len(z))) @ _root(R).T
+    for one in groups:
+        drawn = random.standard_normal((DRAWS, len(one.z))) @ _root(one.correlation).T
+        if np.isfinite(one.freedom):
+            wrong = random.chisquare(one.freedom, DRAWS) / one.freedom
+            drawn /= np.sqrt(wrong)[:, None]
         inside += np.count_nonzero(np.abs(drawn) <= NORMAL_95, axis=1)
         squares += np.sum(drawn**2, axis=1)
-    errors = np.concatenate([z for z, _ in groups])
+    errors = np.concatenate([one.z for one in groups])
     seen = np.count_nonzero(np.abs(errors) <= NORMAL_95)
     few = (1.0 + np.count_nonzero(inside <= seen)) / (1.0 + DRAWS)
     far = (1.0 + np.count_nonzero(squares >= np.sum(errors**2))) / (1.0 + DRAWS)

@@ -35,7 +35,8 @@ Computed once, from the Jacobian at the estimate; no evaluation of the model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -81,6 +82,8 @@ class Assessment:
         findings: sentences on what is not determined and what only a prior fixes.
         slope: (n,) dp/dx, SI.
         posterior: of x, from the estimate, cut at the bounds.
+        uncut_mean: (n,) mean of the normal that is cut, from the estimate.
+        uncut_factor: (n, q) F: its covariance is F F^T.
         determined_x: (n, d) the determined directions in x, one standard deviation long each.
         gaps_x: (n, u) the undetermined directions, likewise.
         held_covariance_x: (n, n) of the determined directions in x while parameters on bounds are
@@ -100,6 +103,8 @@ class Assessment:
     findings: tuple[str, ...]
     slope: Floats
     posterior: Posterior
+    uncut_mean: Floats
+    uncut_factor: Floats
     determined_x: Floats
     gaps_x: Floats
     held_covariance_x: Floats
@@ -153,19 +158,14 @@ def assess(
             [problem.whiten(readings - problem.measured), scaling.prior_residuals(values)]
         )
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
-    posterior, uncut = _posterior(scaling, whole, width, values, pressed)
+    mean, factor = _uncut(scaling, whole, width, pressed)
+    posterior = cut_normal(mean, factor, *_room(scaling, width, values))
     every_x, every_gap_x = _scaled(whole, width)
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
-    sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
-    lower95, upper95, cut = _interval(scaling, values, posterior, uncut, numbered)
     return Assessment(
-        sd=slope * sd_x,
-        lower95=lower95,
-        upper95=upper95,
-        beyond_bounds=cut,
-        covariance=_only(np.isfinite(sd_x), np.outer(slope, slope) * posterior.covariance),
-        correlation=_only(np.isfinite(sd_x), posterior.covariance / np.outer(sd_x, sd_x)),
+        **_numbers(scaling, values, posterior, numbered),
+        beyond_bounds=numbered & _reaches_beyond(scaling, values, mean, factor),
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
@@ -178,6 +178,8 @@ def assess(
         ),
         slope=slope,
         posterior=posterior,
+        uncut_mean=mean,
+        uncut_factor=factor,
         determined_x=whole.determined_columns * width[:, None],
         gaps_x=every_gap_x,
         held_covariance_x=_scaled(SingularDirections.of(A, ~at_bound), width)[0],
@@ -227,26 +229,46 @@ def _knowledge(
     )
 
 
-def predict_band(assessment: Assessment, jacobian: Floats, sd: Floats) -> Band:
+def predict_band(
+    assessment: Assessment, jacobian: Floats, sd: Floats, bend: Bend | None = None
+) -> Band:
     """Where later readings are expected, theory 6.
 
     Args:
         assessment: how well the parameters are known.
         jacobian: (l, n) derivative of the later readings at the estimate, SI.
         sd: (l,) accuracy of the later readings, SI.
+        bend: how they deviate from linear; None for not at all.
 
     Returns:
         Infinite where the reading depends mainly on what is not determined.
     """
     rows = jacobian * assessment.slope
     found = assessment.posterior.of(rows, sd)
-    lower95, upper95 = found.interval()
     loose = depends_on_gaps(assessment, rows, sd)
+    if bend is not None:
+        found = NormalMixture(found.mean + bend.deviation, found.sd, found.weight)
+        moved = (found.mean - found.centre[:, None]) ** 2 @ found.weight
+        loose |= bend.undetermined & (moved > found.sd[:, 0] ** 2)
+    lower95, upper95 = found.interval()
     return Band(
         np.where(loose, -np.inf, np.minimum(lower95, 0.0)),
         np.where(loose, np.inf, np.maximum(upper95, 0.0)),
         np.where(loose, np.inf, found.rms),
     )
+
+
+@dataclass(frozen=True)
+class Bend:
+    """How l later readings deviate from linear where a bound leaves a parameter open.
+
+    Args:
+        deviation: (l, K) at the points of the posterior, SI.
+        undetermined: the parameter is not determined.
+    """
+
+    deviation: Floats
+    undetermined: bool
 
 
 def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
@@ -273,16 +295,15 @@ def _pressed(
     return np.where(on_bound & (gradient * inwards > 0.0), gradient, 0.0)
 
 
-def _posterior(
-    scaling: Scaling, whole: SingularDirections, width: Floats, values: Floats, pressed: Floats
-) -> tuple[Posterior, NormalMixture]:
-    """The posterior in x from the estimate, cut at the bounds, and its margins before the cut.
+def _uncut(
+    scaling: Scaling, whole: SingularDirections, width: Floats, pressed: Floats
+) -> tuple[Floats, Floats]:
+    """Mean (n,) and factor (n, q) of the normal posterior in x, from the estimate, before the cut.
 
     Args:
         scaling: with the bounds.
         whole: directions of readings and priors in z.
         width: (n,) of the parameters in x.
-        values: (n,) the estimate, SI.
         pressed: (n,) the gradient in z that bounds hold.
     """
     unbounded = ~np.isfinite(scaling.upper - scaling.lower)
@@ -290,13 +311,32 @@ def _posterior(
     widest = np.where(open_ended, 1.0, FLAT) * whole.extent
     size = 1.0 / np.maximum(whole.S, 1.0 / widest)
     factor = width[:, None] * whole.V * size
-    mean = -factor @ (size * (whole.V.T @ pressed))
-    x = scaling.to_scaled(values)
-    fixed = width <= 0.0
-    lower = np.where(fixed, -np.inf, np.minimum(scaling.lower - x, 0.0))
-    upper = np.where(fixed, np.inf, np.maximum(scaling.upper - x, 0.0))
-    uncut = NormalMixture(mean[:, None], np.linalg.norm(factor, axis=1)[:, None], np.ones(1))
-    return cut_normal(mean, factor, lower, upper), uncut
+    return -factor @ (size * (whole.V.T @ pressed)), factor
+
+
+def _room(scaling: Scaling, width: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The bounds (n,), (n,) in x from the estimate; infinite for parameters that are given."""
+    x, fixed = scaling.to_scaled(values), width <= 0.0
+    return (
+        np.where(fixed, -np.inf, np.minimum(scaling.lower - x, 0.0)),
+        np.where(fixed, np.inf, np.maximum(scaling.upper - x, 0.0)),
+    )
+
+
+def with_posterior(
+    assessment: Assessment, problem: Problem, values: Floats, posterior: Posterior
+) -> Assessment:
+    """An assessment with the numbers of another posterior; what is determined stays.
+
+    Args:
+        assessment: as it was.
+        problem: the parameters.
+        values: (n,) the estimate, SI.
+        posterior: of x, from the estimate.
+    """
+    scaling, numbered = Scaling(problem.parameters), np.isfinite(assessment.sd)
+    numbers = _numbers(scaling, values, posterior, numbered)
+    return replace(assessment, posterior=posterior, **numbers)
 
 
 def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
@@ -327,18 +367,29 @@ def _only_from_prior(P: Floats, total: Floats) -> Bools:
     return np.asarray(precision * total >= PRIOR_SHARE, dtype=np.bool_)
 
 
-def _interval(
-    scaling: Scaling, values: Floats, posterior: Posterior, uncut: NormalMixture, shown: Bools
-) -> tuple[Floats, Floats, Bools]:
-    """Ends of the 95 % interval (n,), (n,), SI, and whether a bound cuts it (n,)."""
-    n = len(values)
-    x = scaling.to_scaled(values)
+def _numbers(
+    scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools
+) -> dict[str, Any]:
+    """Deviations, intervals and covariance, SI, of the parameters (n,) that have numbers."""
+    n, x, slope = len(values), scaling.to_scaled(values), scaling.slope(values)
+    sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
     first, last = scaling.lower - x, scaling.upper - x
     low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
     low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
-    ends = [np.where(shown, scaling.away(values, end), np.nan) for end in (low, high)]
-    wide_low, wide_high = uncut.interval()
-    return ends[0], ends[1], shown & ((wide_low < first) | (wide_high > last))
+    return {
+        "sd": slope * sd_x,
+        "lower95": np.where(numbered, scaling.away(values, low), np.nan),
+        "upper95": np.where(numbered, scaling.away(values, high), np.nan),
+        "covariance": _only(numbered, np.outer(slope, slope) * posterior.covariance),
+        "correlation": _only(numbered, posterior.covariance / np.outer(sd_x, sd_x)),
+    }
+
+
+def _reaches_beyond(scaling: Scaling, values: Floats, mean: Floats, factor: Floats) -> Bools:
+    """Whether the normal interval of a parameter (n,) goes beyond a bound, where it is cut."""
+    half, x = NORMAL_95 * np.linalg.norm(factor, axis=1), scaling.to_scaled(values)
+    below, above = x + mean - half < scaling.lower, x + mean + half > scaling.upper
+    return np.asarray(below | above, dtype=np.bool_)
 
 
 def _only(kept: Bools, matrix: Floats) -> Floats:

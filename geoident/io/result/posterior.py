@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
 from geoident.model.arrays import Floats, Ints
-from geoident.model.posterior import LEVELS, Posterior
+from geoident.model.posterior import LEVELS, PosteriorDraws
 from geoident.model.result import ParameterTable
 from geoident.units import DIMENSIONS
 
@@ -28,7 +28,7 @@ NamedAxes = dict[str, Sequence[str] | Floats | Ints]
 _NUMBERS = ("pareto_k", "acceptance")
 
 
-def write_posterior(file: h5py.File, found: Posterior, table: ParameterTable) -> None:
+def write_posterior(file: h5py.File, found: PosteriorDraws, table: ParameterTable) -> None:
     """Writes ``/posterior``, ``/sample_stats``, ``/posterior_predictive``, ``/posterior_summary``.
 
     Args:
@@ -61,7 +61,7 @@ def write_posterior(file: h5py.File, found: Posterior, table: ParameterTable) ->
     _write_summary(file, found)
 
 
-def _write_predictive(file: h5py.File, found: Posterior, chains: int) -> None:
+def _write_predictive(file: h5py.File, found: PosteriorDraws, chains: int) -> None:
     readings = [f"{c} at {s}" for c, s in zip(found.channels, found.stages, strict=True)]
     axes: NamedAxes = {"chain": np.arange(chains), "draw": found.taken, "reading": readings}
     out = TableWriter(file, "posterior_predictive", axes)
@@ -70,7 +70,7 @@ def _write_predictive(file: h5py.File, found: Posterior, chains: int) -> None:
     out.add("stage_name", found.stages, "reading")
 
 
-def _write_summary(file: h5py.File, found: Posterior) -> None:
+def _write_summary(file: h5py.File, found: PosteriorDraws) -> None:
     axes: NamedAxes = {"parameter": found.names, "quantile": np.array(LEVELS)}
     out = TableWriter(file, _SUMMARY, axes)
     out.add("mean", found.mean, "parameter")
@@ -81,7 +81,7 @@ def _write_summary(file: h5py.File, found: Posterior) -> None:
     out.add("field", found.fields, "parameter")
 
 
-def read_posterior(file: h5py.File) -> Posterior:
+def read_posterior(file: h5py.File) -> PosteriorDraws:
     """The draws."""
     summary, group = TableReader(file, _SUMMARY), TableReader(file, GROUP)
     names = summary.texts("parameter")
@@ -96,7 +96,7 @@ def read_posterior(file: h5py.File) -> Posterior:
             values[:, :, columns[0]] = group.floats(name, chains, length)
     predictive = TableReader(file, "posterior_predictive")
     taken, channels = predictive.array("draw", "iu"), predictive.texts("channel")
-    return Posterior(
+    return PosteriorDraws(
         names=names,
         fields=fields,
         values=values,

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
-from geoident.model.posterior import Posterior
+from geoident.model.posterior import PosteriorDraws
 from geoident.model.result import ParameterTable, Result
 from geoident.report.drawing.style import FAINT, Picture, colour, key, short
 from geoident.report.text.parameters import Unit, unit_of
@@ -39,7 +39,7 @@ def posterior_pictures(result: Result) -> tuple[Picture, ...]:
     )
 
 
-def corner_figure(parameters: ParameterTable, found: Posterior) -> Figure:
+def corner_figure(parameters: ParameterTable, found: PosteriorDraws) -> Figure:
     """Histograms on the diagonal, draws of pairs below it."""
     numbers = range(min(_MOST, len(found.names)))
     names = [found.names[i] for i in numbers]

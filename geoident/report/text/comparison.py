@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from geoident.model.comparison import Amount, Comparison, Difference
-from geoident.report.text.layout import TextTable, number, section, sections
+from geoident.report.text.layout import TextTable, number, section, sections, sentence
 from geoident.units import in_unit, shown_unit, si_unit
 
 _DIGITS = 7  # so that what differs by the usual tolerance is seen to differ
@@ -16,9 +16,21 @@ def comparison_text(comparison: Comparison) -> str:
     """What differs, table by table, in the units of the case and readings in mm."""
     return sections(
         f"A: {comparison.first}\nB: {comparison.second}",
+        _kinds(comparison),
         _statuses(comparison),
         *(section(name.capitalize(), _table(comparison, name)) for name in _tables(comparison)),
         _total(comparison),
+    )
+
+
+def _kinds(comparison: Comparison) -> str:
+    """What is compared where the results are of different commands."""
+    first, second = comparison.kinds
+    if first == second:
+        return ""
+    return sentence(
+        f"A is a {first}, B a {second}: parameters and readings are compared, which both have; "
+        "what only one kind of result has counts as a difference."
     )
 
 
@@ -90,6 +102,7 @@ def comparison_object(comparison: Comparison) -> dict[str, Any]:
         "first": comparison.first,
         "second": comparison.second,
         "same": comparison.same,
+        "kinds": comparison.kinds,
         "statuses": comparison.statuses,
         "compared": comparison.compared,
         "differences": [_difference(d) for d in comparison.differences],

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.posterior import LEVELS, Posterior
+from geoident.model.posterior import LEVELS, PosteriorDraws
 from geoident.model.result import Result
 from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.parameters import AS_PRIOR, unit_of
@@ -51,7 +51,7 @@ def _row(result: Result, i: int, chains: bool) -> list[str]:
     ]
 
 
-def cost_sentence(found: Posterior) -> str:
+def cost_sentence(found: PosteriorDraws) -> str:
     """How the draws were made, and what they have cost."""
     chains, length = found.log_density.shape
     drawn = f"{found.n_draws} draws"

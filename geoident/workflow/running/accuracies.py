@@ -87,12 +87,17 @@ def _components(
 
 
 def after(first: Outcome, second: Outcome) -> Outcome:
-    """The second of two searches, with the history of both."""
+    """The second of two searches, with the history of both.
+
+    Args:
+        first: the search before.
+        second: from where that ended.
+    """
     return replace(
         second,
+        remarks=tuple(dict.fromkeys((*first.remarks, *second.remarks))),
         iterations=(*first.iterations, *second.iterations),
         grid=second.grid or first.grid,
-        remarks=tuple(dict.fromkeys((*first.remarks, *second.remarks))),
     )
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedModel, StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify import identify, refusals
+from geoident.identify import descend, identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
 from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
@@ -26,6 +27,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.model.rivals import Evidence, Rivals
@@ -37,10 +39,21 @@ from geoident.workflow.running.accuracies import (
 )
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.mesh_error import FittedMesh, fitted_mesh, with_mesh_error
+from geoident.workflow.running.model_error import (
+    FittedModelError,
+    LaterModelError,
+    ModelErrorSearch,
+    ReadingSteps,
+    correlation_length,
+    no_model_error,
+    of_result,
+    reading_steps,
+)
+from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import (
@@ -64,6 +77,7 @@ class Setup:
         case: the case.
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
+        model_error: that of the fit; None where there is none.
         mesh: what the mesh does to the readings; None where it was not asked.
     """
 
@@ -71,7 +85,13 @@ class Setup:
     case: Case
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
+    model_error: FittedModelError | None = None
     mesh: FittedMesh | None = None
+
+    @property
+    def model_error_table(self) -> ModelErrorTable | None:
+        """The model error for a result."""
+        return None if self.model_error is None else self.model_error.table(self.readings.used)
 
 
 def prepare(job: Job) -> Setup:
@@ -173,6 +193,41 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
+def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
+    """The problem that a fit ended with, from its result: the readings used and all their errors.
+
+    What is computed from it is what the fit computed: accuracies and model error are those that
+    were estimated with the parameters.
+
+    Args:
+        fit: the result.
+        case: of the fit, as `geoident.workflow.running.jobs.inputs_of_result` gives it.
+        response: in the readings used, or of a model whose readings are not asked for.
+    """
+    readings = fit.gauges.readings
+    used = readings.used
+    structure = gauge_errors(used_rows(case, used))
+    found = model_error_of_result(fit, case)
+    if found is not None:
+        structure = found.with_later(structure)
+    _, shared = structure.at(np.zeros(len(structure.names)))
+    own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
+    return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
+
+
+def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
+    """The model error of a fit, from its result; None for none.
+
+    Args:
+        fit: the result.
+        case: of the fit.
+    """
+    if fit.model_error is None:
+        return None
+    used = fit.gauges.readings.used
+    return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
+
+
 def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
     """The errors of the used readings of a case; None where all are independent.
 
@@ -191,7 +246,7 @@ def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
 
 
 def surveyed(
-    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
 ) -> tuple[Survey, ReadingTable, Counts]:
     """The model at the end of a search, what it says of each reading, and what both have cost.
 
@@ -200,10 +255,11 @@ def surveyed(
         problem: of the search.
         outcome: of the search.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    survey = model.survey(p, fields=fields, partial=True)
+    survey = model.survey(p, fields=fields, partial=True, last=last)
     search, after = problem.response.counts, model.counts
     counts = Counts(
         evaluations=search.evaluations + after.evaluations - before.evaluations,
@@ -226,6 +282,7 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
+        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
         rivals: other minima, with the lowest; None where there are none.
         others: what is known at the rivals, in their order without the first.
         evidence: of the model, None where the search did not converge.
@@ -238,12 +295,15 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
+    bends: Bends | None = None
     rivals: Rivals | None = None
     others: tuple[Estimate, ...] = ()
     evidence: Evidence | None = None
 
 
-def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> Estimate:
+def look(
+    setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
+) -> Estimate:
     """One survey of the model at the end of a search says everything else.
 
     Args:
@@ -251,17 +311,20 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
         problem: likewise.
         outcome: likewise.
         fields: whether displacements and stresses are wanted.
+        last: index of the last state wanted; None for all.
     """
-    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields)
+    survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
-    known = None
-    if any(channel.errors for channel in setup.case.channels):
-        left = replace(problem, sd=effective_sd(problem, computed))
-        rows = used_rows(setup.case, readings.used)
-        known = KnownErrors(setup.case, left, computed, jacobian, rows)
-    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known)
+    before = setup.model.counts
+    assessment, bends = follow_open_bound(
+        setup.model, setup.case, problem, outcome.values, survey, readings, assessment
+    )
+    counts = further(counts, before, setup.model.counts)
+    left = replace(problem, sd=effective_sd(problem, computed))
+    known = known_errors(setup, left, survey, computed, jacobian)
+    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
     if rivals is None:
         return replace(found, evidence=evidence)
@@ -273,6 +336,16 @@ def look(setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool) -> E
     others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
     spent = with_further(counts, [other.counts for other in others], problem.response.counts)
     return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+
+
+def further(counts: Counts, before: Counts, after: Counts) -> Counts:
+    """Costs with those of a model between two moments."""
+    return Counts(
+        evaluations=counts.evaluations + after.evaluations - before.evaluations,
+        analyses=max(counts.analyses, after.analyses),
+        factorizations=counts.factorizations + after.factorizations - before.factorizations,
+        solves=counts.solves + after.solves - before.solves,
+    )
 
 
 def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
@@ -291,6 +364,47 @@ def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Cou
     )
 
 
+def known_errors(
+    setup: Setup, problem: Problem, survey: Survey, computed: Floats, jacobian: Floats
+) -> KnownErrors | None:
+    """What the used readings tell of the errors of later ones; None where none have to do with it.
+
+    Args:
+        setup: model and readings.
+        problem: the used readings, with their own standard deviations as the loss leaves them.
+        survey: the model at the estimate.
+        computed: (g,) what it says of the used readings, SI.
+        jacobian: (g, n) its derivative, SI.
+    """
+    case, found = setup.case, setup.model_error
+    if found is None and not any(channel.errors for channel in case.channels):
+        return None
+    rows = used_rows(case, setup.readings.used)
+    return KnownErrors(
+        case, problem, computed, jacobian, rows, later_errors(setup.model, case, survey, found)
+    )
+
+
+def later_errors(
+    model: CaseModel, case: Case, survey: Survey, found: FittedModelError | None
+) -> LaterModelError | None:
+    """The model error of a fit in later readings.
+
+    Args:
+        model: of the case to predict.
+        case: to predict.
+        survey: of that model at the estimate.
+        found: the model error of the fit, or None for none.
+    """
+    if found is None:
+        return None
+
+    def later(pairs: Sequence[tuple[str, str]]) -> ReadingSteps:
+        return reading_steps(case, model, survey.increments, pairs, found.length)
+
+    return LaterModelError(found, later)
+
+
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
     """Bands of the readings at some stages, from an estimate and its rivals.
 
@@ -300,7 +414,7 @@ def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
         stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors)
+    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors, found.bends)
     if found.rivals is None:
         return first
     others = [predicted(setup, other, stages) for other in found.others]
@@ -395,18 +509,19 @@ def estimated(
     Raises:
         Interrupted: a stop was asked for.
     """
+    setup = replace(setup, model_error=None)  # it may be that of other readings
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
     setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
-    found, final, outcome = _with_accuracies(setup, weighted, begun, methods, control)
+    found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
 
     def again(elsewhere: Problem) -> Outcome:
-        return _search(elsewhere, continued(methods), control)
+        return _descent(elsewhere, methods, control)
 
     outcome = kept_up(final, outcome, first.minima, again)
     lowest = outcome.minima[0] if outcome.minima else None
@@ -415,7 +530,7 @@ def estimated(
     # what was estimated with the parameters belongs to another minimum
     former = LocalMinimum(outcome.values, outcome.objective)
     moved = weighted.begun_at(lowest.values)
-    found, final, outcome = _with_accuracies(setup, moved, again(moved), methods, control)
+    found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
     return found, final, kept_up(final, outcome, [former, *first.minima], again)
 
 
@@ -444,7 +559,7 @@ def _with_mesh(
     assert structure is not None  # the mesh is in it
     sd, shared = structure.at(np.zeros(len(structure.names)))
     problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-    again = after(outcome, _search(problem, continued(methods), control))
+    again = after(outcome, _descent(problem, methods, control))
     table = reading_table(case, setup.readings.reason)
     return replace(setup, case=case, readings=table), problem, again
 
@@ -452,6 +567,81 @@ def _with_mesh(
 def _proves(options: MethodOptions) -> bool:
     """Whether a method proves a bound, of the problem as it is given."""
     return isinstance(options, ComplementarityOptions) and options.formulation == "global"
+
+
+def _with_errors(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with all errors that are estimated: those of the model and those of the gauges."""
+    if no_model_error(setup.case, setup.readings, methods) is None:
+        found = _with_model_error(setup, problem, outcome, methods, control)
+        if found is not None:
+            return found
+    return _with_accuracies(setup, problem, outcome, methods, control)
+
+
+def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
+    """One descent from where a problem begins, by the last method's steps.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    outcome = descend(problem, methods[-1], control.observe)
+    control.stop.check()
+    return outcome
+
+
+def _with_model_error(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome] | None:
+    """The same with the model error, and with accuracies that the case wants estimated.
+
+    None where no reading can have a model error.
+    """
+    case, readings = setup.case, setup.readings
+    length = correlation_length(case, case.fit.model_error)
+    rows = used_rows(case, readings.used)
+    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
+
+    structure = gauge_errors(rows)
+    search = ModelErrorSearch(
+        case.fit.model_error,
+        length,
+        structure,
+        tuple(channel for channel, _ in rows),
+        lambda increments: reading_steps(case, setup.model, increments, pairs, length),
+        lambda again: _descent(again, methods, control),
+    )
+    found = search.run(problem, outcome)
+    if found is None:
+        return None
+    again = replace(setup, model_error=found.found)
+    if structure.names:
+        again = _sized(again, structure, found.components)
+        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
+        again = replace(again, model_error=found.found.of_channels(channels))
+    return again, found.problem, found.outcome
+
+
+def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
+    """The setup with the accuracies that were estimated."""
+    root = np.exp(0.5 * found.log_factor)
+    factors = dict(zip(structure.names, map(float, root), strict=True))
+    sized = with_accuracies(setup.case, factors)
+    return replace(
+        setup,
+        case=sized,
+        readings=reading_table(sized, setup.readings.reason),
+        accuracies=accuracy_table(setup.case, structure.names, found),
+    )
 
 
 def _with_accuracies(
@@ -469,16 +659,7 @@ def _with_accuracies(
     found = weighed(
         problem, structure, outcome, lambda again: _search(again, continued(methods), control)
     )
-    root = np.exp(0.5 * found.components.log_factor)
-    sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))
-    again = Setup(
-        setup.model,
-        sized,
-        reading_table(sized, setup.readings.reason),
-        accuracy_table(case, structure.names, found.components),
-        setup.mesh,
-    )
-    return again, found.problem, found.outcome
+    return _sized(setup, structure, found.components), found.problem, found.outcome
 
 
 def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:

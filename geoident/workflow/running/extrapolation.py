@@ -73,7 +73,7 @@ def stress_levels(model: CaseModel, case: Case, fields: FieldSeries | None) -> S
     volume = np.bincount(points.element, weights=points.volume, minlength=fields.mesh.n_elements)
     near = near_gauges(_centres(fields), case.channels)
     ground = _elastic_ground(case, model.sequence, fields.mesh.n_elements)
-    levels = np.full((len(fields.stress), 2), np.nan)
+    levels = np.full((len(model.sequence.states), 2), np.nan)
     for state, stress in enumerate(fields.stress):
         counted = near & ground[state] & fields.present[state] & np.isfinite(stress).all(axis=1)
         if counted.any():

@@ -180,7 +180,8 @@ def with_rivals(
         centre = np.where(log, np.log(np.abs(rivals.values)), rivals.values)
         spread = np.where(log, sd / np.abs(rivals.values), sd)
     low, high = mixture_interval(rivals.odds, centre, spread)
-    low, high = np.where(log, np.exp(low), low), np.where(log, np.exp(high), high)
+    with np.errstate(over="ignore"):  # of what is no logarithm, and not taken
+        low, high = np.where(log, np.exp(low), low), np.where(log, np.exp(high), high)
     known = np.isfinite(table.lower95) & np.isfinite(table.upper95)
     differs = not_settled(rivals)
     lost = np.zeros(len(known), dtype=np.bool_) if differs is None else differs

@@ -11,14 +11,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.identify.assessment.scores import Bands, chance, next_read, scores
+from geoident.identify.assessment.scores import Bands, Innovations, chance, next_read, scores
 from geoident.model.arrays import Bools, Floats
 from geoident.model.backtest import Backtest, BacktestStep, Skipped
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.result import Counts, GaugeTable
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import opened, parameter_table
-from geoident.workflow.running.estimate import Estimate, Setup, estimated, look, predicted
+from geoident.workflow.running.estimate import (
+    Estimate,
+    Setup,
+    estimated,
+    look,
+    predicted,
+    structure_of_used,
+)
 from geoident.workflow.running.evaluation_log import EvaluationArrays, Log
 from geoident.workflow.running.extrapolation import (
     StressLevels,
@@ -32,6 +41,10 @@ from geoident.workflow.running.readings import (
     require_enough,
 )
 from geoident.workflow.running.verdict import verdict
+
+SPARE = 4
+"""Readings more than parameters, for each accuracy that is estimated, with which a fit of the first
+stages is made: with fewer the accuracy is known within a factor of two at best."""
 
 LATER = "later than the fitted stages"
 """Why a fit of the first stages does not use a reading."""
@@ -113,7 +126,26 @@ def up_to(setup: Setup, last: int) -> Setup:
     reasons = [why or (LATER if number[stage] > last else "") for why, stage in pairs]
     table = reading_table(setup.case, reasons)
     require_enough(setup.case, table)
+    _require_known_accuracies(setup.case, table)
     return replace(setup, readings=table)
+
+
+def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
+    """Refuse readings that are too few to tell how accurate the gauges are.
+
+    Raises:
+        InputError: they are; a fit can be made, but its bands would be those of an accident.
+    """
+    structure = structure_of_used(case, readings.used)
+    sizes = 0 if structure is None else len(structure.names)
+    used, n = int(np.count_nonzero(readings.used)), len(case.parameters)
+    if used - n >= SPARE * sizes:
+        return
+    message = (
+        f"{used} usable readings say too little of {sizes} accuracies that are to be estimated "
+        f"beside {n} parameters"
+    )
+    raise InputError([case.source.fault(("readings",), code="too-few-readings", message=message)])
 
 
 def tried(
@@ -124,6 +156,7 @@ def tried(
     control: Control,
     *,
     start: Floats | None,
+    until: int | None = None,
 ) -> PartialFit:
     """One fit and its predictions.
 
@@ -134,6 +167,7 @@ def tried(
         log: of its evaluations.
         control: progress, budget and stops.
         start: (n,) where to begin, SI; None for the start values of the case.
+        until: number of the last stage to predict; None for all.
 
     Raises:
         InputError: there are fewer readings than parameters.
@@ -142,7 +176,8 @@ def tried(
     """
     part, before = up_to(setup, last), setup.model.counts
     fitted, problem, outcome = estimated(part, methods, log, control, start=start)
-    found = look(fitted, problem, outcome, fields=True)
+    end = None if until is None else until + 1
+    found = look(fitted, problem, outcome, fields=True, last=end)
     levels = stress_levels(setup.model, setup.case, found.survey.fields)
     found = replace(found, survey=replace(found.survey, fields=None))  # large, and not needed on
     gauges = gauge_table(fitted.case, found.readings, found.survey.computed)
@@ -240,9 +275,14 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
     )
 
 
-def _innovations(trial: PartialFit) -> tuple[Floats, Floats]:
-    """Standardized errors (l,) at the next stage, and their correlations (l, l)."""
-    return trial.bands.z[trial.next & trial.bands.scored], trial.correlation
+def _innovations(trial: PartialFit) -> Innovations:
+    """The errors of the predictions of the next stage."""
+    z = trial.bands.z[trial.next & trial.bands.scored]
+    estimated = trial.setup.accuracies
+    if estimated is None:
+        return Innovations(z, trial.correlation)
+    spare = trial.step.readings - len(trial.step.values)
+    return Innovations(z, trial.correlation, max(spare / len(estimated.names), 1.0))
 
 
 NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10, starts=1)
@@ -289,7 +329,7 @@ def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> Last
     what = f"Backtest of {last} from the readings up to {before}"
     part = FitLog(log, "all but the last stage:")
     try:
-        trial = tried(setup, stages[-2], (NEARBY,), part, control, start=answer)
+        trial = tried(setup, stages[-2], (NEARBY,), part, control, start=answer, until=stages[-1])
     except (InputError, ModelError) as error:
         return LastStage(notes=(f"{what}: none, {clause(error)}.",))
     counts = trial.step.counts

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import f
 
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.scores import bands_of, changes
@@ -24,6 +24,9 @@ ALARM = 0.01
 WORTH_SAYING = 0.85
 """Coverage below which it is said also where it may be chance."""
 
+
+_GIVEN = 1e9
+"""Degrees of freedom of accuracies that are given."""
 
 NOTHING = (
     "No prediction could be compared with a reading: none of the fits determines what the readings "
@@ -57,8 +60,8 @@ def verdict(found: Backtest, gauges: GaugeTable) -> Verdict:
     if not ahead.readings:
         return Verdict(False, NOTHING, remarkable=True)
     counted = (
-        f"{ahead.inside} of {ahead.readings} readings of the next stage are inside "
-        f"({100 * ahead.coverage:.0f} %)"
+        f"{ahead.inside} of {ahead.readings} readings of the next stage are inside their "
+        f"bands ({100 * ahead.coverage:.0f} %)"
     )
     if found.few < ALARM:
         said = f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(found.few)}."
@@ -71,8 +74,8 @@ def verdict(found: Backtest, gauges: GaugeTable) -> Verdict:
         return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
     if ahead.coverage < WORTH_SAYING:
         said = (
-            f"{counted} of their 95 % bands: fewer than there should be, but with so few readings "
-            f"that happens {odds(found.few)} by chance."
+            f"{counted}, fewer than 95 %, but with so few readings that happens "
+            f"{odds(found.few)} by chance."
         )
         return Verdict(True, f"{said} {_worst(found, gauges)}", remarkable=True)
     return Verdict(True, f"The 95 % bands hold: {counted}.", remarkable=False)
@@ -110,13 +113,14 @@ def _worst(found: Backtest, gauges: GaugeTable) -> str:
 
 
 def settling_sentences(
-    case: Case, steps: Sequence[BacktestStep]
+    case: Case, steps: Sequence[BacktestStep], *, estimated: bool
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """A sentence for each parameter: whether it settles as readings are added.
 
     Args:
         case: its parameters and stages.
         steps: the fits, in the order of their last stages.
+        estimated: accuracies were estimated, by each of them anew.
 
     Returns:
         Those on parameters that do not, and on the others.
@@ -136,7 +140,8 @@ def settling_sentences(
         x = np.array([scaling.to_scaled(step.values)[i] for step in known])
         sd = np.array([step.sd[i] / scaling.slope(step.values)[i] for step in known])
         z = changes(x, sd**2)
-        if chi2.sf(float(z @ z), len(z)) < ALARM:
+        spare = known[0].readings - len(case.parameters) if estimated else _GIVEN
+        if f.sf(float(z @ z) / len(z), len(z), max(spare, 1)) < ALARM:
             restless.append(
                 f"{parameter.name} does not settle: {join(values)}; it changes by up to "
                 f"{np.abs(z).max():.1f} times what its intervals allow{_direction(z)}: the model "

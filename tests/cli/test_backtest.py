@@ -1,0 +1,154 @@
+"""The command, and how its result is shown, drawn, exported and compared."""
+
+import csv
+import io
+import json
+
+import h5py
+import pytest
+
+from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
+
+
+@pytest.fixture
+def pit(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = write_case(tmp_path)
+    write_readings(tmp_path, readings_of(path, SAME, seed=1))
+    return tmp_path
+
+
+def test_its_path_on_stdout_the_rest_on_stderr(pit, run):
+    done = run("backtest", "case.yaml")
+    assert (done.exit_code, done.stdout) == (0, "case.backtest.h5\n")
+    assert "up to lift 2: converged, 8 readings" in done.stderr
+    assert "The 95 % bands hold" in done.stderr
+    assert "geoident report case.backtest.h5" in done.stderr
+    assert not list(pit.glob("*.checkpoint"))
+    assert not list(pit.glob("*.vtkhdf"))
+
+
+def test_exit_code_4_says_why(pit, run):
+    write_readings(pit, readings_of(pit / "case.yaml", TWO_ROCKS, seed=1))
+    done = run("backtest", "-q", "case.yaml")
+    assert done.exit_code == 4
+    assert "bands-fail: The 95 % bands do not hold" in done.stderr
+
+
+def test_a_result_of_the_same_input_is_kept_and_of_another_is_not_lost(pit, run):
+    run("backtest", "case.yaml")
+    before = (pit / "case.backtest.h5").read_bytes()
+    assert "up to date" in run("backtest", "case.yaml").stderr
+    assert (pit / "case.backtest.h5").read_bytes() == before
+    other = ("backtest", "case.yaml", "--set", "parameters.E.start=3 GPa")
+    assert run(*other).exit_code == 6
+    assert run(*other, "--force").exit_code == 0
+
+
+def test_json_has_all_of_it(pit, run_json):
+    (found,) = run_json("backtest", "case.yaml")
+    told = found["backtest"]
+    assert [fit["up_to"] for fit in told["fits"]] == list(LIFTS)
+    assert told["next"]["readings"] == 15
+    assert told["next"]["coverage"] == told["next"]["inside"] / 15
+    ahead = [one for one in told["predictions"] if one["next"]]
+    assert len(ahead) == 15
+    assert {one["unit"] for one in ahead} == {"m"}
+    assert all(one["lower95"] < one["mean"] < one["upper95"] for one in ahead)
+    assert told["fits"][0]["parameters"]["E"]["unit"] == "Pa"
+
+
+def test_show_has_tables_of_fits_scores_and_errors(pit, run):
+    run("backtest", "case.yaml")
+    shown = run("show", "case.backtest.h5").stdout
+    assert "Fits of the first stages" in shown
+    assert "next           15" in shown
+    lines = shown.splitlines()
+    header = next(line.split() for line in lines if line.startswith("gauge  lift 2"))
+    assert header == ["gauge", "lift", "2", "lift", "3", "lift", "4"]
+    assert "E settles: " in shown
+
+
+def test_the_page_has_both_figures(pit, run):
+    run("backtest", "case.yaml")
+    assert run("report", "case.backtest.h5").exit_code == 0
+    page = (pit / "case.backtest.html").read_text()
+    for title in ("Parameters as readings are added", "Predictions against later readings",
+                  "further ahead, last fitted &gt; predicted stage"):  # fmt: skip
+        assert title in page
+
+
+def test_export_writes_predictions_and_parameters(pit, run):
+    run("backtest", "case.yaml")
+    run("export", "case.backtest.h5", "-o", "out")
+    text = (pit / "out" / "case.backtest.backtest.csv").read_text()
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert len(rows) == 30  # 15 of the next stage, 15 further ahead
+    assert {row["unit"] for row in rows} == {"mm"}
+    first = rows[0]
+    assert (first["up_to"], first["stage"], first["next"]) == ("lift 1", "lift 2", "yes")
+    low, high, read = (float(first[name]) for name in ("lower95", "upper95", "measured"))
+    assert low < read < high
+    table = run("export", "case.backtest.h5", "--table", "backtest-parameters").stdout
+    assert len(table.splitlines()) == 1 + 4 * 2
+
+
+def test_the_file_is_plain_hdf5(pit, run):
+    run("backtest", "case.yaml")
+    with h5py.File("case.backtest.h5") as file:
+        group = file["backtest"]
+        assert group["fit"].asstr()[:].tolist() == list(LIFTS)
+        assert group["mean"].shape == (4, 5, 4)
+        assert [d.keys()[0] for d in group["mean"].dims] == ["fit", "gauge", "stage"]
+        assert group["mean"].attrs["unit"] == "m"
+
+
+def test_diff_compares_fits_predictions_and_scores(pit, run):
+    run("backtest", "case.yaml")
+    run("backtest", "case.yaml", "--set", "fit.stages=[lift 1, lift 3]", "-o", "other.h5")
+    assert run("diff", "case.backtest.h5", "case.backtest.h5").exit_code == 0
+    said = run("diff", "case.backtest.h5", "other.h5")
+    assert said.exit_code == 1
+    assert "Fit up to lift 2" in said.stdout
+    assert "Scores" in said.stdout
+
+
+def test_diff_says_what_it_compares_of_a_fit_and_a_backtest(pit, run):
+    run("backtest", "case.yaml")
+    run("fit", "case.yaml")
+    said = run("diff", "case.fit.h5", "case.backtest.h5").stdout
+    assert "A is a fit, B a backtest" in said
+    told = json.loads(run("diff", "--json", "case.fit.h5", "case.backtest.h5").stdout)
+    assert told["kinds"] == ["fit", "backtest"]
+
+
+def test_predict_refuses_a_backtest(pit, run):
+    run("backtest", "case.yaml")
+    done = run("predict", "case.backtest.h5")
+    assert done.exit_code == 3
+    assert "the result of a fit is expected" in done.stderr
+
+
+def test_a_fit_shows_its_last_stage(pit, run):
+    run("fit", "case.yaml")
+    shown = run("show", "case.fit.h5").stdout
+    assert "Backtest: the last fitted stage, predicted from those before it" in shown
+    assert "Backtest of lift 4 from the readings up to lift 3: the 95 % bands hold" in shown
+    run("report", "case.fit.h5")
+    assert "Predictions against later readings" in (pit / "case.fit.html").read_text()
+
+
+def test_several_cases(pit, run):
+    (pit / "b").mkdir()
+    write_case(pit / "b")
+    write_readings(pit / "b", readings_of(pit / "case.yaml", SAME, seed=2))
+    done = run("backtest", "-q", "case.yaml", "b/case.yaml")
+    assert done.exit_code == 0
+    assert done.stdout.split() == ["case.backtest.h5", "b/case.backtest.h5"]
+
+
+def test_a_dry_run_computes_nothing(pit, run):
+    done = run("backtest", "--dry-run", "case.yaml")
+    assert done.exit_code == 0
+    assert "Would write case.backtest.h5" in done.stdout
+    assert not (pit / "case.backtest.h5").exists()

@@ -1,0 +1,163 @@
+"""A parameter that its bound leaves open, in a model that is not linear there.
+
+Readings of a tunnel see the ratio of stress and modulus, plate tests the modulus to 15 %, and the
+stress is at least the weight of the ground: a curved ridge that ends on a bound. The judge is the
+posterior by quadrature on a grid.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoident.identify.assessment.open_path import Answers, followed
+from geoident.identify.assessment.uncertainty import Bend, assess, predict_band
+from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.model.methods import GaussNewtonOptions
+from geoident.model.parameter import Parameter
+
+SHAPE = np.linspace(1.0, 2.0, 10)
+E = 10.0
+LATER_SD = np.array([0.005, 0.005, 0.05])
+Q = (Parameter("E", E, 1.0, 100.0, "log"), Parameter("s", 1.2, 1.0, 5.0))
+
+
+def tunnel(p):
+    return np.concatenate([SHAPE * p[1] / p[0], np.full(3, 10.0 / p[0])])
+
+
+def later(p):
+    return np.array([3.0 * p[1] / p[0], 8.0 / p[0], p[1]])
+
+
+def slopes(f, p):
+    return np.stack([(f(p + h) - f(p - h)) / (2.0 * h.sum()) for h in np.diag(1e-6 * p)], axis=1)
+
+
+class Site:
+    """Readings of one truth, fitted; the model's evaluations after the fit are counted."""
+
+    def __init__(self, make_problem, stress, seed):
+        rng = np.random.default_rng(seed)
+        self.truth = np.array([E, stress])
+        exact = tunnel(self.truth)
+        sd = np.concatenate([0.02 * exact[:10], 0.15 * np.sqrt(3.0) * exact[10:]])
+        self.problem = make_problem(tunnel, Q, exact + sd * rng.normal(size=13), sd)
+        self.read_later = later(self.truth) + LATER_SD * rng.normal(size=3)
+        self.p = gauss_newton(self.problem, GaussNewtonOptions(), lambda it: None).values
+        self.evaluations = 0
+        here = self.answers(self.p)
+        self.linear = assess(self.problem, self.p, here.used_jacobian, here.used)
+        self.known, self.path = followed(self.linear, self.problem, self.p, here, self.counted)
+
+    def answers(self, p):
+        return Answers(tunnel(p), slopes(tunnel, p), later(p), slopes(later, p))
+
+    def counted(self, p):
+        self.evaluations += 1
+        return self.answers(p)
+
+    def bands(self):
+        bend = None
+        if self.path is not None:
+            t = self.known.posterior.shift[self.path.parameter]
+            bend = Bend(self.path.bent(t), undetermined=False)
+        return predict_band(self.known, slopes(later, self.p), LATER_SD, bend)
+
+    def on_a_grid(self):
+        """Shortest 95 % intervals of E and of the later readings without their own errors."""
+        log_E, s = np.meshgrid(np.linspace(np.log(3.0), np.log(99.0), 700), np.linspace(1, 5, 600))
+        y, sd = self.problem.measured, self.problem.sd
+        ratio, plates = s / np.exp(log_E), 10.0 / np.exp(log_E)
+        phi = sum(((y[i] - SHAPE[i] * ratio) / sd[i]) ** 2 for i in range(10))
+        phi += sum(((y[i] - plates) / sd[i]) ** 2 for i in range(10, 13))
+        weight = np.exp(-0.5 * (phi - phi.min())).ravel()
+        return [shortest(z.ravel(), weight) for z in (log_E, 0.8 * plates, s)]
+
+
+def shortest(z, weight):
+    order = np.argsort(z)
+    F = np.cumsum(weight[order]) / weight.sum()
+    tails = np.linspace(0.0, 0.05, 101)
+    low, high = (np.interp(tails + more, F, z[order]) for more in (0.0, 0.95))
+    k = np.argmin(high - low)
+    return low[k], high[k]
+
+
+@pytest.mark.parametrize(("stress", "seed"), [(1.0, 1), (1.05, 4), (1.15, 2), (1.15, 0)])
+def test_intervals_and_bands_are_those_of_the_posterior_on_a_grid(make_problem, stress, seed):
+    site = Site(make_problem, stress, seed)
+    (low, high), plate, s = site.on_a_grid()
+    width = high - low
+    assert np.log(site.known.lower95[0]) == pytest.approx(low, abs=0.06 * width)
+    assert np.log(site.known.upper95[0]) == pytest.approx(high, abs=0.06 * width)
+    bands, mean = site.bands(), later(site.p)
+    for k, (least, most) in ((1, plate), (2, s)):
+        sd = 2.0 * LATER_SD[k]
+        assert mean[k] + bands.lower95[k] == pytest.approx(least, abs=sd + 0.06 * (most - least))
+        assert mean[k] + bands.upper95[k] == pytest.approx(most, abs=sd + 0.06 * (most - least))
+    assert site.evaluations <= 12
+
+
+def test_the_linearised_model_alone_is_too_sure(make_problem):
+    site = Site(make_problem, 1.15, 0)
+    (_, high), *_ = site.on_a_grid()
+    assert np.log(site.linear.upper95[0]) < high - 0.1
+
+
+def test_far_from_bounds_nothing_is_evaluated(make_problem):
+    site = Site(make_problem, 2.6, 1)
+    assert site.evaluations == 0
+    assert site.path is None
+    assert site.known is site.linear
+
+
+def test_where_the_model_is_linear_one_evaluation_says_so(make_problem):
+    A = np.random.default_rng(0).normal(size=(6, 2))
+    q = (Parameter("a", 1.0, 1.0, 9.0), Parameter("b", 1.0, -9.0, 9.0))
+    p = np.ones(2)
+    problem = make_problem(lambda p: A @ p, q, A @ p, 0.3)
+    linear = assess(problem, p, A, A @ p)
+    asked = []
+
+    def evaluate(p):
+        asked.append(p)
+        return Answers(A @ p, A, A @ p, A)
+
+    known, path = followed(linear, problem, p, Answers(A @ p, A, A @ p, A), evaluate)
+    assert len(asked) == 1
+    assert path is None
+    assert known is linear
+
+
+def test_a_model_that_has_no_solution_there_ends_the_path(make_problem):
+    site = Site(make_problem, 1.05, 4)
+    known, _ = followed(site.linear, site.problem, site.p, site.answers(site.p), lambda p: None)
+    assert known is site.linear
+
+
+def covered(make_problem, stress, repetitions):
+    """E and the later readings inside, of all runs and of those on the bound."""
+    inside, on_bound = [], []
+    for seed in range(repetitions):
+        site = Site(make_problem, stress, seed)
+        band, mean = site.bands(), later(site.p)
+        within = (mean + band.lower95 <= site.read_later) & (site.read_later <= mean + band.upper95)
+        inside.append([site.known.lower95[0] <= E <= site.known.upper95[0], *within])
+        on_bound.append(site.known.at_bound[1])
+    return np.array(inside), np.array(on_bound)
+
+
+def test_fits_that_end_on_a_bound_cover_too(make_problem):
+    """With the bound taken for the value, none of them would cover E."""
+    inside, on_bound = covered(make_problem, 1.05, 40)
+    assert on_bound.sum() > 8
+    assert inside[on_bound, 0].mean() > 0.85
+    assert inside.mean(axis=0).min() > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stress", [1.05, 1.15, 1.3])
+def test_coverage_in_hundreds_of_repetitions(make_problem, stress):
+    inside, _ = covered(make_problem, stress, 400)
+    assert inside.mean(axis=0).min() > 0.9

@@ -1,0 +1,56 @@
+"""Simulation-based calibration (Talts and others 2018): ranks of truths among draws are uniform.
+
+Truths come from the prior, readings from truths, draws from the posterior of the readings: whatever
+the problem, the rank of a truth among draws is then uniform, if prior, likelihood, change of
+variables and sampler are all right. Each is broken once, to see that the ranks tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.posteriors import chance_of, ranks_of_truth
+
+from geoident.identify.posterior.density import PosteriorDensity
+
+LEAST_CHANCE = 1e-3
+
+
+def without_the_change_of_variables(problem):
+    density = PosteriorDensity(problem)
+    density._jacobians = np.zeros_like(density._jacobians)
+    return density
+
+
+def without_the_prior_of_the_stress(problem):
+    free = tuple(replace(q, prior=None) if q.name == "sigma_v" else q for q in problem.parameters)
+    return PosteriorDensity(replace(problem, parameters=free))
+
+
+def with_accuracies_too_good(problem):
+    return PosteriorDensity(replace(problem, sd=0.6 * problem.sd))
+
+
+def test_ranks_are_uniform():
+    ranks = ranks_of_truth(100, density_of=PosteriorDensity)
+    assert chance_of(ranks, 10).min() > LEAST_CHANCE
+
+
+@pytest.mark.parametrize("wrong", [without_the_prior_of_the_stress, with_accuracies_too_good])
+def test_ranks_tell_what_is_wrong(wrong):
+    ranks = ranks_of_truth(100, density_of=wrong)
+    assert chance_of(ranks, 10).min() < LEAST_CHANCE
+
+
+@pytest.mark.slow
+def test_ranks_of_500_runs_are_uniform():
+    ranks = ranks_of_truth(500, density_of=PosteriorDensity, seed=1)
+    assert chance_of(ranks, 20).min() > LEAST_CHANCE
+
+
+@pytest.mark.slow
+def test_500_ranks_tell_a_missing_change_of_variables():
+    ranks = ranks_of_truth(500, density_of=without_the_change_of_variables, seed=1)
+    assert chance_of(ranks, 10).min() < LEAST_CHANCE

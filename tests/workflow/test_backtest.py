@@ -1,0 +1,311 @@
+"""Fits of the first stages and their predictions: right, counted, and as long as readings allow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoident.errors import ExitCode, InputError, Interrupted
+from geoident.io.result.file import read_result
+from geoident.workflow.backtest import backtest
+from geoident.workflow.fit import fit
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
+from tests.support.lifts import (
+    CASE,
+    LIFTS,
+    SAME,
+    TWO_ROCKS,
+    readings_of,
+    write_case,
+    write_readings,
+)
+
+
+@pytest.fixture
+def pit(tmp_path, monkeypatch):
+    """A case with readings of its own model, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    path = write_case(tmp_path)
+    write_readings(tmp_path, readings_of(path, SAME, seed=1))
+    return tmp_path
+
+
+def run(*overrides, control=None, **options):
+    request = Request("case.yaml", overrides=overrides, **options)
+    return backtest(plan_backtest(request), control or Control()).result
+
+
+def of(result, last):
+    """The step whose last fitted stage this is."""
+    return next(s for s in result.backtest.steps if result.gauges.stages[s.last] == last)
+
+
+class TestARightModel:
+    def test_has_bands_that_hold(self, pit):
+        found = run()
+        assert (found.kind, found.status, found.exit_code) == ("backtest", "done", ExitCode.DONE)
+        assert found.reason.startswith("The 95 % bands hold")
+        assert found.backtest.next.readings == 15
+        assert found.backtest.next.coverage >= 0.8
+        assert [step.readings for step in found.backtest.steps] == [3, 8, 13, 18]
+        assert not any("does not settle" in text for text in found.findings)
+        assert sum(" settles: " in note for note in found.notes) == 2
+
+    def test_intervals_shrink_as_readings_are_added(self, pit):
+        widths = np.array([s.upper95 - s.lower95 for s in run().backtest.steps])
+        assert (np.diff(widths, axis=0) < 0.0).all()
+
+    def test_each_step_is_the_fit_of_its_stages(self, pit):
+        """A backtest may start elsewhere, but it ends where a fit of these stages ends."""
+        found = run()
+        request = Request("case.yaml", overrides=("fit.stages=[lift 1, lift 2]",), output="two.h5")
+        alone = fit(plan_fit(request), Control()).result
+        step = of(found, "lift 2")
+        assert step.values == pytest.approx(alone.parameters.values, rel=1e-6)
+        assert step.sd == pytest.approx(alone.parameters.sd, rel=1e-4)
+        later = np.s_[:, 2:]
+        for name in ("mean", "lower95", "upper95"):
+            ours, theirs = (getattr(p, name)[later] for p in (step.prediction, alone.prediction))
+            assert ours == pytest.approx(theirs, rel=1e-4, abs=1e-8, nan_ok=True)
+
+    def test_stages_after_those_of_fit_stages_are_taken(self, pit):
+        found = run("fit.stages=[lift 1, lift 2]")
+        assert [found.gauges.stages[s.last] for s in found.backtest.steps] == list(LIFTS)
+
+    def test_a_stage_left_out_on_purpose_takes_no_part(self, pit):
+        found = run("fit.stages=[lift 1, lift 3]")
+        assert [found.gauges.stages[s.last] for s in found.backtest.steps] == [
+            "lift 1", "lift 3", "lift 4",
+        ]  # fmt: skip
+        assert np.isnan(found.backtest.measured[:, 1]).all()
+        assert any("left out of fit.stages" in note for note in found.notes)
+
+
+class TestOtherPhysics:
+    """One side of the pit is three times as stiff, which the model does not know."""
+
+    @pytest.fixture
+    def wrong(self, pit):
+        write_readings(pit, readings_of(pit / "case.yaml", TWO_ROCKS, seed=1))
+        return run()
+
+    def test_the_bands_do_not_hold_and_it_is_said(self, wrong):
+        assert (wrong.status, wrong.exit_code) == ("bands-fail", ExitCode.NOT_CONVERGED)
+        assert "bands do not hold" in wrong.reason
+        assert wrong.backtest.few < 0.01
+        assert wrong.backtest.next.coverage < 0.7
+
+    def test_the_reading_that_is_farthest_off_is_named(self, wrong):
+        assert "Farthest off: X" in wrong.reason
+
+    def test_a_fit_says_it_too(self, wrong):
+        found = fit(plan_fit(Request("case.yaml")), Control()).result
+        said = [text for text in found.findings if text.startswith("Backtest of lift 4")]
+        assert len(said) == 1
+        assert "do not hold" in said[0]
+        assert len(found.backtest.steps) == 1
+
+
+def test_a_parameter_that_every_stage_wants_otherwise_does_not_settle(pit):
+    """Rock that is weaker with every lift: its modulus drifts, and that is said."""
+    rows = []
+    for k, E in enumerate((8.0, 6.0, 4.5, 3.4)):
+        truth = (f"parameters.E.start={E} GPa", SAME[1])
+        rows += [r for r in readings_of(pit / "case.yaml", truth, seed=2) if r[1] == LIFTS[k]]
+    write_readings(pit, rows)
+    found = run()
+    said = [text for text in found.findings if text.startswith("E does not settle")]
+    assert len(said) == 1
+    assert "always downwards" in said[0]
+    assert " GPa up to lift 1, " in said[0]
+    assert found.exit_code == ExitCode.NOT_CONVERGED
+
+
+class TestCost:
+    def test_the_model_is_built_once_and_fits_march_no_farther_than_their_stages(self, pit):
+        """An elastic march to lift k factorizes once for each lift up to it."""
+        found = run()
+        steps = found.backtest.steps
+        for step in steps:
+            searched = step.counts.evaluations - 1  # and one march of all stages, to predict
+            assert step.counts.factorizations == searched * (step.last + 1) + len(LIFTS)
+        assert found.counts.evaluations == sum(s.counts.evaluations for s in steps)
+        assert found.counts.factorizations == sum(s.counts.factorizations for s in steps)
+        assert found.counts.analyses <= len(LIFTS) + 1  # as for one fit
+
+    def test_later_fits_begin_at_the_last_answer(self, pit):
+        first, *later = (s.counts.evaluations for s in run().backtest.steps)
+        assert max(later) < first
+
+    def test_a_fit_adds_a_few_evaluations_of_the_stages_before_its_last(self, pit):
+        plain = fit(plan_fit(Request("case.yaml", ("fit.backtest=false",))), Control()).result
+        both = fit(plan_fit(Request("case.yaml", output="both.h5")), Control()).result
+        step = both.backtest.steps[0]
+        assert plain.backtest is None
+        assert step.counts.evaluations <= 4
+        assert step.counts.factorizations == (step.counts.evaluations - 1) * 3 + 4
+        for name in ("evaluations", "factorizations", "solves"):
+            more = getattr(both.counts, name) - getattr(plain.counts, name)
+            assert more == getattr(step.counts, name)
+        assert both.parameters.values == pytest.approx(plain.parameters.values, rel=1e-12)
+
+
+class TestWhatReadingsAllow:
+    def test_too_few_readings_for_a_small_k_are_skipped_and_said(self, pit):
+        rows = [
+            row for row in readings_of(pit / "case.yaml", SAME, seed=1)
+            if row[1] != "lift 1" or row[0] == "CV"
+        ]  # fmt: skip
+        write_readings(pit, rows)
+        found = run()
+        assert [found.gauges.stages[s.last] for s in found.backtest.steps] == list(LIFTS[1:])
+        assert found.backtest.skipped[0].stage == "lift 1"
+        assert any("No fit of the readings up to lift 1: 1 usable" in note for note in found.notes)
+
+    def test_a_fit_says_why_it_has_no_backtest(self, pit):
+        rows = readings_of(pit / "case.yaml", SAME, seed=1)
+        kept = [row for row in rows if row[1] == "lift 2" or row[:2] == ("CV", "lift 1")]
+        write_readings(pit, kept)
+        found = fit(plan_fit(Request("case.yaml")), Control()).result
+        assert found.backtest is None
+        assert any("Backtest of lift 2" in n and "none, 1 usable reading" in n for n in found.notes)
+
+    def test_stages_without_readings_are_passed_over(self, pit):
+        rows = readings_of(pit / "case.yaml", SAME, seed=1)
+        write_readings(pit, [row for row in rows if row[1] != "lift 3"])
+        found = run()
+        assert [found.gauges.stages[s.last] for s in found.backtest.steps] == [
+            "lift 1", "lift 2", "lift 4",
+        ]  # fmt: skip
+        assert found.backtest.next.readings == 10  # of lift 2, and of lift 4 from lift 2
+
+    def test_one_stage_is_refused(self, pit):
+        rows = readings_of(pit / "case.yaml", SAME, seed=1)
+        write_readings(pit, [row for row in rows if row[1] == "lift 2"])
+        with pytest.raises(InputError, match="one stage"):
+            run()
+        found = fit(plan_fit(Request("case.yaml")), Control()).result
+        assert found.backtest is None
+        assert not any("Backtest" in note for note in found.notes)
+
+    def test_what_is_not_determined_is_said(self, pit):
+        """Displacements know E over stress only, so with both free neither is known."""
+        free = (
+            "parameters.sv={start: 1 MPa, bounds: [0.1 MPa, 10 MPa], scale: log}",
+            "in_situ.vertical=$sv",
+        )
+        found = run(*free)
+        assert not of(found, "lift 4").determined[found.parameters.names.index("sv")]
+        assert any("sv is determined by no fit" in note for note in found.notes)
+
+
+def test_load_cases_that_branch_off_are_fitted_and_predicted(pit):
+    """A load beside the first lift is a state of its own; the next lift builds on the first."""
+    plate = "  - {name: plate, independent: true, loads: {P: {at: [3 m, 8 m], line_force: [0 MN/m, "
+    plate += "-1 MN/m]}}}\n"
+    write_case(pit, CASE.replace("  - {name: lift 2,", f"{plate}  - {{name: lift 2,"))
+    write_readings(pit, readings_of(pit / "case.yaml", SAME, seed=1))
+    found = run()
+    names = [found.gauges.stages[s.last] for s in found.backtest.steps]
+    assert names == ["lift 1", "plate", *LIFTS[1:]]
+    assert found.status == "done"
+    assert found.backtest.next.readings == 20
+
+
+class TestAccuraciesEstimated:
+    @pytest.fixture
+    def inexact(self, pit):
+        """Gauges of one kind that are ten times worse than they state."""
+        head, _, rest = CASE.partition("gauges:")
+        gauges = "".join(
+            f"  S{x}: {{kind: settlement, point: [{x} m, 8 m], accuracy: 0.02 mm}}\n"
+            for x in (1, 2, 3, 8, 9)
+        )
+        readings = rest[rest.index("readings:") :]
+        write_case(pit, f"{head}gauges:\n{gauges}{readings}")
+        write_readings(pit, readings_of(pit / "case.yaml", SAME, seed=1, noise=0.2))
+
+    def test_in_every_fit(self, inexact):
+        stated, found = run(output="stated.h5"), run("fit.accuracies=estimate", output="est.h5")
+        wide, narrow = (of(r, "lift 3").prediction.sd[:, 3] for r in (found, stated))
+        assert (wide > 3.0 * narrow).all()
+        assert (stated.status, found.status) == ("bands-fail", "done")
+        assert found.accuracies is not None
+
+    def test_not_from_fewer_readings_than_tell_them(self, inexact):
+        found = run("fit.accuracies=estimate")
+        assert [one.stage for one in found.backtest.skipped] == ["lift 1"]
+        assert "say too little of 1 accuracies" in found.backtest.skipped[0].why
+
+
+class TestInterrupted:
+    def test_out_of_time_keeps_what_was_done(self, pit):
+        short = run(control=Control(Silent(), max_time=0.0))
+        assert (short.status, short.exit_code) == ("out-of-budget", ExitCode.NOT_CONVERGED)
+        assert short.backtest is None
+        assert (pit / "case.backtest.checkpoint").exists()
+        again, whole = run(), run(output="whole.h5")
+        assert not (pit / "case.backtest.checkpoint").exists()
+        assert again.status == "done"
+        assert again.counts == whole.counts
+
+    @pytest.mark.parametrize("after", [1, 8, 12])
+    def test_it_goes_on_to_the_result_of_an_uninterrupted_run(self, pit, after):
+        class Stopping(Silent):
+            steps = 0
+
+            def step(self, iteration):
+                self.steps += 1
+                if self.steps == after:
+                    control.stop.ask(ExitCode.INTERRUPTED)
+
+        control = Control(Stopping())
+        with pytest.raises(Interrupted):
+            run(control=control)
+        assert (pit / "case.backtest.checkpoint").exists()
+        again, whole = run(), run(output="whole.h5")
+        assert again.counts == whole.counts
+        for ours, theirs in zip(again.backtest.steps, whole.backtest.steps, strict=True):
+            assert (ours.values == theirs.values).all()
+            assert ours.counts == theirs.counts
+
+    def test_running_out_of_time_after_the_fit_does_not_undo_it(self, pit):
+        job = plan_fit(Request("case.yaml", output="some.h5"))
+        whole = fit(job, Control()).result
+        steps = len(whole.history)
+
+        class Counting(Silent):
+            seen = 0
+
+            def step(self, iteration):
+                self.seen += 1
+                if self.seen > steps:
+                    control.max_time = 0.0
+
+        control = Control(Counting())
+
+        found = fit(plan_fit(Request("case.yaml")), control).result
+        assert found.status == "converged"
+        assert not (pit / "case.fit.checkpoint").exists()
+
+
+def test_a_result_comes_back_from_its_file(pit):
+    found = run()
+    again = read_result(pit / "case.backtest.h5")
+    assert again.backtest.skipped == found.backtest.skipped
+    assert replace(again.backtest.next) == found.backtest.next
+    assert (again.backtest.few, again.backtest.far) == (found.backtest.few, found.backtest.far)
+    assert again.backtest.measured == pytest.approx(found.backtest.measured, nan_ok=True)
+    for ours, theirs in zip(again.backtest.steps, found.backtest.steps, strict=True):
+        assert (ours.last, ours.readings, ours.status) == (
+            theirs.last,
+            theirs.readings,
+            theirs.status,
+        )
+        assert ours.counts == theirs.counts
+        for name in ("values", "sd", "lower95", "upper95", "log_density", "excess"):
+            assert getattr(ours, name) == pytest.approx(getattr(theirs, name), nan_ok=True)
+        for name in ("mean", "sd", "lower95", "upper95"):
+            pair = (getattr(one.prediction, name) for one in (ours, theirs))
+            np.testing.assert_array_equal(*pair)

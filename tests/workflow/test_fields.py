@@ -1,0 +1,179 @@
+"""Fields through the commands: the posterior against its closed form, and what people are shown."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.trench import CASE, READINGS, write_case
+
+from geoident.io.result.file import read_result
+from geoident.workflow.running.estimate import prepare
+from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
+
+ROCK = "rock: {elastic: isotropic, E: $E, nu: 0.25}"
+FIELD = "E: {field: {mean: MEAN, sd: SD, length: 3 m, modes: 12}}"
+ALL = "stages: [first, second]"
+
+
+def write(folder, *, mean="$E", sd="30 %", readings=READINGS, more=""):
+    path = write_case(folder)
+    text = CASE.replace(ROCK, f"rock: {{elastic: isotropic, {FIELD}, nu: 0.25}}")
+    text = text.replace("MEAN", mean).replace("SD", sd).replace("stages: [first]", ALL + more)
+    if not mean.startswith("$"):
+        text = text.replace("  E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}\n", "")
+    path.write_text(text)
+    (folder / "readings.csv").write_text(readings)
+    return path
+
+
+def fitted(path, *flags):
+    done = run_command("fit", path, "--force", *flags)
+    assert done.exit_code in (0, 4), done.output
+    return read_result(str(path.with_name("case.fit.h5")))
+
+
+def test_the_posterior_of_a_linear_field_is_that_of_the_formulas(tmp_path):
+    """With 0.1 % the readings are linear in the field; K0 is given, its mean too.
+
+    With C the exact covariance of the modes and H the derivative of the readings by the logarithm
+    at the elements' modes, C H^T (H C H^T + R)^-1 is the gain of a linear-Gaussian estimate.
+    """
+    path = write(tmp_path, mean="5 GPa", sd="0.1 %")
+    text = path.read_text().replace("  K0: {start: 1.0, bounds: [0.2, 4]}\n", "")
+    text = text.replace("parameters:\n", "").replace("$K0", "1.5").replace("0.01 mm", "1e-5 mm")
+    path.write_text(text)
+    drawn = run_command("simulate", path, "--draw", "--seed", 4, "--noise")
+    assert drawn.exit_code == 0, drawn.output
+    (tmp_path / "readings.csv").write_text(drawn.stdout)
+    result = fitted(path)
+    (found,) = result.varied
+    setup = prepare(plan_fit(Request(str(path), force=True)))
+    rows = setup.readings.used
+    pairs = [pair for pair, taken in zip(setup.readings.pairs, rows, strict=True) if taken]
+    v, J = setup.model.response(pairs).evaluate(np.zeros(len(setup.model.names)))
+    (made,) = setup.model.on_mesh.fields
+    points = setup.model.discretization.points
+    element = points.element[made.points]
+    mean_of = np.zeros((len(found.elements), len(element)))
+    for n, number in enumerate(found.elements):
+        mine = element == number
+        weight = points.volume[made.points][mine]
+        mean_of[n, mine] = weight / weight.sum()
+    Phi = mean_of @ made.modes
+    H, R = J, np.diag(setup.readings.sd[rows] ** 2)
+    gain = Phi @ H.T @ np.linalg.inv(H @ H.T + R)
+    posterior = gain @ (setup.readings.value[rows] - v)
+    variance = np.sum(Phi**2, axis=1) - np.einsum("qi,iq->q", gain, H @ Phi.T)
+    size = np.sqrt(np.sum(Phi**2, axis=1).max())
+    assert np.abs(posterior).max() > 0.3 * size  # the readings say something
+    assert np.log(found.values / 5e9) == pytest.approx(posterior, abs=0.01 * size)
+    assert found.sd == pytest.approx(np.sqrt(variance), rel=0.01, abs=1e-3 * size)
+    assert found.reduction == pytest.approx(1 - variance / np.sum(Phi**2, axis=1), abs=0.01)
+
+
+def test_people_see_the_field_and_not_its_modes(tmp_path):
+    path = write(tmp_path)
+    result = fitted(path)
+    assert result.parameters.names[:2] == ("E", "K0")
+    assert len(result.parameters.names) == 2 + 12
+    assert result.parameters.fields == ("", "", *("rock.E",) * 12)
+    out = path.with_name("case.fit.h5")
+    for command in (
+        ("show", out),
+        ("show", out, "--csv"),
+        ("show", out, "--json"),
+        ("diff", out, out),
+    ):
+        said = run_command(*command).output
+        assert "mode-" not in said, said
+    shown = json.loads(run_command("show", out, "--json").stdout)
+    assert list(shown["parameters"]) == ["E", "K0"]
+    (told,) = shown["fields"]
+    assert told["name"] == "rock.E"
+    assert told["least"] < told["median"] < told["largest"]
+    assert "rock.E" in run_command("show", out).output
+    assert "rock.E has 12 modes" in " ".join(run_command("check", path).output.split())
+    assert result.for_people.parameters.names == ("E", "K0")
+
+
+def test_modes_that_only_the_prior_holds_are_no_fault(tmp_path):
+    """There are fewer readings than modes: the status speaks of the parameters of the case."""
+    result = fitted(write(tmp_path))
+    assert result.status != "not-determined"
+    assert not any("mode" in said for said in (*result.findings, result.reason))
+
+
+def test_a_result_brings_back_its_fields_and_vtk_has_them(tmp_path):
+    path = write(tmp_path)
+    result = fitted(path)
+    (found,) = result.varied
+    with h5py.File(path.with_name("case.fit.h5")) as file:
+        cells = file["VTKHDF/CellData"]
+        n = result.fields.mesh.n_elements
+        assert cells["rock.E"].shape == cells["rock.E.sd"].shape == (n,)
+        assert cells["rock.E"][()][found.elements] == pytest.approx(found.values)
+        assert cells["rock.E.reduction"][()][found.elements] == pytest.approx(found.reduction)
+        assert list(file["fields"].attrs["names"]) == ["rock.E"]
+    done = run_command(
+        "export", path.with_name("case.fit.h5"), "--format", "vtu", "-o", tmp_path / "vtu"
+    )
+    assert done.exit_code == 0, done.output
+    assert 'Name="rock.E.sd"' in (tmp_path / "vtu" / "case.fit.0.vtu").read_text(errors="ignore")
+
+
+def test_predictions_of_a_result_are_those_of_the_fit(tmp_path):
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace(ALL, "stages: [first]"))
+    result = fitted(path)
+    assert result.prediction is not None
+    done = run_command("predict", path.with_name("case.fit.h5"), "--force")
+    assert done.exit_code == 0, done.output
+    again = read_result(str(path.with_name("case.predict.h5")))
+    assert again.prediction.mean == pytest.approx(result.prediction.mean, rel=1e-9, nan_ok=True)
+    assert again.prediction.sd == pytest.approx(result.prediction.sd, rel=1e-9, nan_ok=True)
+    assert again.varied[0].name == "rock.E"
+
+
+def test_draws_have_the_spread_of_the_field_and_a_seed(tmp_path):
+    path = write(tmp_path)
+
+    def simulated(*flags):
+        done = run_command("simulate", path, *flags)
+        assert done.exit_code == 0, done.output
+        return done.stdout
+
+    assert simulated("--draw", "--seed", 3) == simulated("--draw", "--seed", 3)
+    assert simulated("--draw", "--seed", 3) != simulated("--draw", "--seed", 4)
+    assert simulated() == simulated("--seed", 3)
+    plain = write_case(tmp_path, "plain.yaml")
+    refused = run_command("simulate", plain, "--draw")
+    assert refused.exit_code == 3
+    assert "nothing to draw" in refused.output
+
+
+def test_measured_points_must_lie_in_their_material(tmp_path):
+    path = write(tmp_path)
+    measured = "modes: 12, measured: [{at: [90 m, 1 m], value: 3 GPa}]"
+    path.write_text(path.read_text().replace("modes: 12", measured))
+    said = run_command("check", path)
+    assert said.exit_code == 3
+    assert "the measured point (90, 1) m is not in the mesh" in " ".join(said.output.split())
+
+
+def test_a_measured_value_is_met_whatever_the_mean(tmp_path):
+    """Where a test stands the field keeps its value while the mean parameter moves."""
+    path = write(tmp_path)
+    measured = "modes: 12, measured: [{at: [0.5 m, 0.5 m], value: 3 GPa}]"
+    path.write_text(path.read_text().replace("modes: 12", measured))
+    model = build_model(load_inputs(str(path)))
+    (made,) = model.on_mesh.fields
+    positions = model.discretization.points.position[made.points]
+    near = int(np.argmin(np.linalg.norm(positions - 0.5, axis=1)))
+    far = int(np.argmax(np.linalg.norm(positions - 0.5, axis=1)))
+    values = dict.fromkeys(model.names, 0.0)
+    one, other = (mean * made.factor(values, mean) for mean in (2e9, 8e9))
+    assert one[near] == pytest.approx(3e9, rel=0.05)
+    assert other[near] == pytest.approx(3e9, rel=0.1)
+    assert other[far] / one[far] > 2.0
