@@ -291,7 +291,7 @@ class Covariance:
         found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
         for block in self._blocks:
             part = sp.csr_array(columns[:, block.shared])
-            less = block.left - np.eye(len(block.R))
+            less = block.left - np.eye(len(block.shared))
             found += part @ np.asarray((part @ less).T)
         return found
 
