@@ -128,20 +128,18 @@ class FitBase(Section):
         description="Whether a fit also predicts its last stage from those before it, which costs "
         "a few evaluations, and says whether that came true.",
     )
-<<<<<<< HEAD
     mesh_error: bool = Field(
         True,
         description="Whether a fit halves the elements of the mesh once, at the end, to see how "
         "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
         "the jumps of the stress tell), says it, and widens intervals and bands by it.",
-=======
+    )
     ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
         None,
         description="Models to be fitted one after the other, from the simplest on, and compared: "
         "symmetries of the elasticity of the material whose moduli are parameters, or names with "
         "changes to the case.",
         examples=[["isotropic", "transversely-isotropic", "orthotropic"]],
->>>>>>> eleven
     )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
