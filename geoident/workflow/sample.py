@@ -59,6 +59,12 @@ EVALUATIONS = 50_000
 SHRUNK = 0.95
 """Standard deviation of draws by that of the prior from which on the readings tell nothing."""
 
+POOR = "poor-fit"
+POOR_FIT = (
+    "The model does not fit the readings (see the findings): neither draws nor predictions are to "
+    "be relied on."
+)
+
 _MOST_NUMBERS = 4_000_000  # of predicted readings in the file
 
 
@@ -275,7 +281,9 @@ class _Found:
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
         posterior = self._posterior()
-        status, reason = _ending(self.draws, posterior)
+        status, reason = _ending(self.draws, posterior, self.task.request.wish.effective)
+        if status == "converged" and fit.status == POOR:
+            status, reason = POOR, f"{reason} {POOR_FIT}"
         table = _parameters(fit.parameters, posterior, self.density)
         return replace(
             fit,
@@ -426,7 +434,7 @@ def _spread(parameter: Parameter, values: Floats) -> float:
     return float(np.std(values) / (np.ptp(ends) / np.sqrt(12.0))) if np.ptp(ends) > 0.0 else 0.0
 
 
-def _ending(draws: Draws, posterior: PosteriorDraws) -> tuple[str, str]:
+def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str, str]:
     """Status and reason."""
     size = posterior.least_effective
     worth = f"{posterior.n_draws} draws are worth {size:.0f} independent ones"
@@ -434,7 +442,7 @@ def _ending(draws: Draws, posterior: PosteriorDraws) -> tuple[str, str]:
         said = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
     else:
         said = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
-    good = trustworthy(draws, posterior.evaluations)
+    good = trustworthy(draws, posterior.evaluations, wanted=wanted)
     said += "." if good else ": do not rely on the ends of intervals."
     if draws.stopped:
         return "out-of-budget", f"{draws.stopped} {said}"

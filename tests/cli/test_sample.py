@@ -7,6 +7,7 @@ import io
 import os
 import sys
 import warnings
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -211,3 +212,11 @@ def test_axes_are_named_and_units_told(sampled):
     with h5py.File("case.sample.h5") as file:
         assert file["posterior/E"].dims[0][0].name == "/posterior/chain"
         assert file["posterior/E"].attrs["unit"] == "Pa"
+
+
+def test_draws_of_a_model_that_does_not_fit_are_not_to_be_relied_on(fitted, run):
+    fit = read_result("case.fit.h5")
+    write_result(replace(fit, status="poor-fit", exit_code=4), "case.fit.h5", overwrite=True)
+    found = run("sample", "case.fit.h5", *FEW)
+    assert found.exit_code == ExitCode.NOT_CONVERGED
+    assert "does not fit the readings" in found.stderr.replace("\n", " ")
