@@ -244,7 +244,7 @@ class StrainPoints:
         The weights are ``volume`` with zeros at the points that are absent.
         """
         weighted = stress * volume.reshape((1, -1) + (1,) * (stress.ndim - 2))
-        flat = weighted.reshape((-1, *stress.shape[2:]))
+        flat = weighted.reshape((stress.shape[0] * stress.shape[1], *stress.shape[2:]))
         return np.asarray(self.transpose @ flat)
 
 

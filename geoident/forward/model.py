@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -18,14 +18,14 @@ from geoident.forward.checks import (
     notes_on_mesh,
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
+from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
-from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.stage import LinearRows, StageEnd, UnitForces
+from geoident.forward.march.stage import UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
@@ -34,7 +34,7 @@ from geoident.forward.protocols import Survey
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
@@ -98,6 +98,7 @@ class StagedModel:
         self.structures = self.systems.structures
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
+        self._all_readings: dict[int, ReadingAdjoints] = {}
 
     @property
     def counts(self) -> Counts:
@@ -218,20 +219,29 @@ class StagedModel:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         self.count_evaluation()
-        options = RunOptions(partial=partial, last=last)
-        run, values, observed = self.at(p, options), self.values(p), []
+        values, observed = self.values(p), []
+        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
+        back = ways if ways.cost_less(len(self.names)) else None
+        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
         equal: dict[str, int] = {}
         for end in run.states():
             state = MarchState(end, run.point, self.structures)
-            observed.append(self.observation.values(state))
+            seen = self.observation.values(state) if back is None else back.observed(end, run)
+            observed.append(seen)
             equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
-        table = self._with_later(self.relative(np.stack(observed)))
+        seen_at = np.stack(observed)
+        if back is None:
+            table = self.relative(seen_at)
+        else:
+            table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
+            table[back.states, back.rows] = back.table(run, end, seen_at)
+        table = self._with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -250,7 +260,27 @@ class StagedModel:
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
             ),
+            self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
         )
+
+    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
+
+        Args:
+            pairs: their channels and stages.
+        """
+        places = ReadingPlaces.of(self.case, pairs, ())
+        return self.observation.steps(self.sequence.built_on, places.rows, places.states)
+
+    def _readings_until(self, last: int) -> ReadingAdjoints:
+        """What can be read of all stages up to a state, and the way back from it."""
+        if last not in self._all_readings:
+            readable = self.observation.readable[: last + 1].copy()
+            readable[0] = False
+            states, rows = np.nonzero(readable)
+            found = ReadingAdjoints(self.march, self.observation, rows, states, last)
+            self._all_readings[last] = found
+        return self._all_readings[last]
 
     def _with_later(self, table: Floats) -> Floats:
         """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
@@ -305,7 +335,7 @@ class StagedResponse:
         self._start = np.array([parameter.start for parameter in model.case.parameters])
         self._start_point = ParameterPoint(model.case.start, model.names)
         self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        self._plan: AdjointPlan | None = None
+        self._increments: tuple[bytes, Floats] | None = None  # likewise
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
@@ -330,7 +360,7 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        if self._backwards:
+        if self.adjoints.cost_less(len(self.names)):
             return self.by_adjoints(p)
         return self.by_tangents(p)
 
@@ -339,82 +369,40 @@ class StagedResponse:
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see at p (n,).
+
+        (n_states, n_channels), SI, up to the last stage that a reading needs. Of the last run if
+        it was made there.
+        """
+        if self._increments is None or self._increments[0] != p.tobytes():
+            self.readings(p)
+        assert self._increments is not None
+        return self._increments[1]
+
     def by_adjoints(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a reading back through the stages.
 
         Raises:
             ValueError: ground yields, or a reading is not linear in the state.
         """
-        model, read, places = self._model, self._read, self._places
+        model = self._model
         model.count_evaluation()
         run = model.at(p, RunOptions(last=self._last, traced=True))
-        ordinary = model.march.without_modes(ParameterPoint(model.values(p), model.names))
-        observed = []
-        for end in run.states():
-            state = MarchState(end, run.point, model.structures)
-            if not model.observation.displacements_only:
-                state = MarchState(_at_kept_state(end, ordinary), ordinary, model.structures)
-            observed.append(model.observation.values(state))
-        rows = model.observation.linear(state, read.channels)
-        if rows is None:
-            raise ValueError("a reading is not linear in the state")
-        table = model.observation.readings(np.stack(observed), self._row, self._state)
-        seeds = read.seeds(rows)
-        if self._plan is None:
-            self._plan = AdjointPlan(model.march, seeds, self._last)
-        back = AdjointMarch(model.march, self._plan, run.traces, run.factors, run.given, seeds)
-        jacobian = back.jacobian()[read.of]
-        run.factors.forget()
-        if table.shape[1] > 1:
-            at = [model.names.index(name) for name in ordinary.names]
-            jacobian[:, at] += table[:, 1:]
-        added = model.instrument_errors.added(model.values(p), self.names, places)
+        observed = [(end, self.adjoints.observed(end, run)) for end in run.states()]
+        seen = np.stack([of_end for _, of_end in observed])
+        change = model.observation.increments(seen[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
+        table = self.adjoints.table(run, observed[-1][0], seen)
         self._activity = p.tobytes(), run.findings.activity
-        return table[:, 0] + added[:, 0], jacobian + added[:, 1:]
+        table += model.instrument_errors.added(model.values(p), self.names, self._places)
+        return table[:, 0], table[:, 1:]
 
     @cached_property
-    def _read(self) -> ReadPairs:
-        """The readings without repetition, and where their states lie."""
-        observation = self._model.observation
-        # by states, the last first: what an early state acts on then stands together
-        both = np.stack([-self._state, self._row])
-        (states, rows), of = np.unique(both, axis=1, return_inverse=True)
-        channels, channel = np.unique(rows, return_inverse=True)
-        zero = np.minimum(observation.zero[rows], self._last)
-        weights = observation.weights[:, rows]
-        return ReadPairs(channels, channel, -states, zero, weights, of.ravel())
-
-    @cached_property
-    def _backwards(self) -> bool:
-        """Whether adjoints cost less than tangents: columns that are solved for, all stages."""
-        model, read = self._model, self._read
-        states = model.sequence.states[: self._last + 1]
-        if not self._row.size or self.adjoint_obstacle() is not None:
-            return False
-        seeds = read.seeds(LinearRows())
-        weights = np.array([seeds.at(n) for n in range(len(states))])
-        backwards = int(reach([state.base for state in states], weights).sum())
-        return backwards < len(self.names) * len(states)
-
-    def adjoint_obstacle(self) -> str | None:
-        """Why there are no adjoints, a clause, or None if there are."""
+    def adjoints(self) -> ReadingAdjoints:
+        """The way back from these readings."""
         model = self._model
-        for built in model.sequence.states[: self._last + 1]:
-            for name in built.materials.values():
-                if model.case.materials[name].yields:
-                    return f"{name} yields"
-        size, points = model.discretization.n_dofs, model.discretization.points
-        nothing = StageEnd(
-            0,
-            np.zeros((size, 1)),
-            np.zeros((points.n_strain, points.n_points, 1)),
-            np.zeros((model.structures.n_rows, 1)),
-            np.zeros(points.n_points, dtype=bool),
-        )
-        state = MarchState(nothing, ParameterPoint(model.case.start, ()), model.structures)
-        if model.observation.linear(state, self._read.channels) is None:
-            return "a channel reads a principal stress"
-        return None
+        return ReadingAdjoints(model.march, model.observation, self._row, self._state, self._last)
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""
@@ -508,6 +496,8 @@ class StagedResponse:
         states = (MarchState(end, run.point, model.structures) for end in run.states())
         observed = np.stack([model.observation.values(state) for state in states])
         self._activity = p.tobytes(), run.findings.activity
+        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
         table = model.observation.readings(observed, self._row, self._state)
         names = self.names if derivatives else ()
         added = model.instrument_errors.added(model.values(p), names, self._places)
@@ -528,41 +518,6 @@ class StagedResponse:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
         return self._model.observation.steps(built_on, self._row, self._state)
-
-
-@dataclass(frozen=True)
-class ReadPairs:
-    """What is read, each pair of channel and state once (g).
-
-    Args:
-        channels: (c,) the channels.
-        channel: (g,) place of each among them.
-        stage: (g,) states.
-        zero: (g,) states of their zeros.
-        weights: (2, g) of the two states.
-        of: (readings,) which pair each reading is.
-    """
-
-    channels: Ints
-    channel: Ints
-    stage: Ints
-    zero: Ints
-    weights: Floats
-    of: Ints
-
-    def seeds(self, rows: LinearRows) -> ReadingSeeds:
-        """How they depend on the states, by what their channels (c) see of each."""
-        return ReadingSeeds(rows, self.channel, self.stage, self.zero, self.weights)
-
-
-def _at_kept_state(end: StageEnd, point: ParameterPoint) -> StageEnd:
-    """A state that does not change with n parameters: what is left is what observables add."""
-    more = point.n_columns - 1
-
-    def kept(values: Floats) -> Floats:
-        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
-
-    return replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
 
 
 def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:

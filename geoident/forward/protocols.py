@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.stages import ConstructionSequence
@@ -28,6 +30,8 @@ class Survey:
             builds on it is NaN.
         activity: what the yield planes do in all stages, or None if nothing can yield.
         notes: what the user should know of this march.
+        increments: (n_states, n_channels) what the step of each state changes in what the channels
+            see, SI; of the virgin state what is there. 0 where they cannot be read.
     """
 
     computed: Floats
@@ -37,6 +41,7 @@ class Survey:
     collapses: tuple[str, ...] = ()
     activity: Activity | None = None
     notes: tuple[str, ...] = ()
+    increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 class CaseModel(Protocol):
@@ -80,6 +85,13 @@ class CaseModel(Protocol):
 
     def unreadable(self, channel: str, stage: str) -> str | None:
         """Why a channel can't be read at a stage, or None if it can."""
+
+    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
+
+        Args:
+            pairs: their channels and stages.
+        """
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()

@@ -101,6 +101,11 @@ class ConstructionSequence:
         return tuple(dict.fromkeys(m for state in self.states for m in state.materials.values()))
 
     @cached_property
+    def bases(self) -> Ints:
+        """(n_states,) the state on which each builds; the virgin state on itself."""
+        return np.array([state.base for state in self.states], dtype=np.int64)
+
+    @cached_property
     def built_on(self) -> Bools:
         """(n_states, n_states) [i, j]: state i is part of the history of state j, or is j.
 

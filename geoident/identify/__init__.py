@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from geoident.identify.assessment.uncertainty import Assessment, assess, predict_band
-from geoident.identify.problem.methods import METHODS, Method, identify, refusal, refusals
+from geoident.identify.problem.methods import METHODS, Method, descend, identify, refusal, refusals
 from geoident.identify.problem.problem import Observer, Outcome, Problem
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Outcome",
     "Problem",
     "assess",
+    "descend",
     "identify",
     "predict_band",
     "refusal",

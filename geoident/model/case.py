@@ -12,6 +12,7 @@ from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
+from geoident.model.model_error import ModelErrorOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
 from geoident.model.yielding import YieldSurface
@@ -154,6 +155,7 @@ class FitSettings:
         stages: names of the stages whose readings are used; None for all stages.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
+        model_error: how far the ground may differ from the model.
         backtest: whether the last fitted stage is predicted from those before it, too.
     """
 
@@ -161,6 +163,7 @@ class FitSettings:
     stages: tuple[str, ...] | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
+    model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.posterior import PosteriorDraws
 from geoident.model.rivals import Evidence, Rivals
@@ -475,6 +476,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
+        model_error: how far the ground may differ from the model, or None for none.
         posterior: draws of the parameters, or None.
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
@@ -507,6 +509,7 @@ class Result:
     members: MemberForces | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
+    model_error: ModelErrorTable | None = None
     posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
-from geoident.model.arrays import Bools
+from geoident.model.arrays import Bools, Ints
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
@@ -18,6 +18,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import (
     bound_findings,
     gross_findings,
+    gross_readings,
     is_poor,
     opened,
     over_all_stages,
@@ -37,12 +38,13 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
     collapse_findings,
     predicted_stages,
     score,
 )
-from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.running.trials import LastStage, added, last_stage
 
@@ -79,24 +81,26 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     )
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
-    status = _status(found)
+    gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
+    status = _status(found, gross)
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters),
+        reason=_reason(found, case.parameters, gross),
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
-            *gross_findings(found.diagnostics, found.readings, case),
-            *remarks(found.diagnostics, gauges, parameters.names),
+            *gross_findings(gross, found.readings, case),
+            *remarks(found.diagnostics, gauges, parameters.names, gross=len(gross) > 0),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *model_error_findings(setup.model_error),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
@@ -112,6 +116,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
+        model_error=setup.model_error_table,
         rivals=found.rivals,
         evidence=found.evidence,
         varied=field_estimates(setup.model, found.outcome.values, found.assessment),
@@ -120,6 +125,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
+            *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,
@@ -138,10 +144,10 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate) -> str:
+def _status(found: Estimate, gross: Ints) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
-    if is_poor(found.diagnostics, found.readings):
+    if is_poor(found.diagnostics, gross):
         return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
 
@@ -153,7 +159,7 @@ def _undetermined(found: Estimate) -> Bools:
     return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
+def _reason(found: Estimate, parameters: Sequence[Parameter], gross: Ints) -> str:
     loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also + why_poor(found.diagnostics, found.readings)
+    return found.outcome.reason + also + why_poor(found.diagnostics, gross)

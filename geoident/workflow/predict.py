@@ -10,17 +10,20 @@ import numpy as np
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
-from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.diagnosis import at_used
 from geoident.workflow.running.estimate import (
     Finished,
     keep,
-    structure_of_used,
+    later_errors,
+    model_error_of_result,
+    problem_of_result,
     used_rows,
     write,
 )
@@ -33,6 +36,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     provenance,
 )
+from geoident.workflow.running.model_error import FittedModelError
 from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
@@ -88,6 +92,7 @@ class Known:
         readings: of the fit.
         problem: of the fit: its used readings with the accuracies that its loss leaves them.
         errors: what its readings tell of errors that later ones share; None where none do.
+        model_error: of the fit; None for none.
         bends: how readings deviate from linear where a bound leaves a parameter open, or None.
     """
 
@@ -96,6 +101,7 @@ class Known:
     readings: ReadingTable
     problem: Problem
     errors: KnownErrors | None = None
+    model_error: FittedModelError | None = None
     bends: Bends | None = None
 
 
@@ -245,28 +251,22 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     """
     readings = fit.gauges.readings
     used = readings.used
-    weight = np.ones(()) if fit.diagnostics is None else fit.diagnostics.weight[used]
-    problem = Problem(
-        response=model.response(()),
-        measured=readings.value[used],
-        sd=(readings.sd if readings.own_sd is None else readings.own_sd)[used] / np.sqrt(weight),
-        parameters=origin.parameters,
-        shared=_shared(origin, used),
-    )
-    assert readings.sensitivity is not None  # see `_read_fit`
-    jacobian = readings.sensitivity[used]
-    computed = readings.computed[used]
+    computed, jacobian = at_used(readings)
+    problem = problem_of_result(fit, origin, model.response(()))
+    problem = replace(problem, sd=effective_sd(problem, computed))
     assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = fit.parameters.picked(order)
     known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
+    model_error = model_error_of_result(fit, origin)
     return Known(
         parameters,
         pick_assessment(assessment, order),
         readings,
         problem,
-        known if shares else None,
+        known if shares or model_error is not None else None,
+        model_error,
     )
 
 
@@ -287,12 +287,6 @@ def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Kno
         model, case, known.problem, p, survey, readings, known.assessment
     )
     return replace(known, assessment=assessment, bends=bends)
-
-
-def _shared(case: Case, used: Bools) -> SharedErrors | None:
-    """What the used readings of a case share."""
-    structure = structure_of_used(case, used)
-    return None if structure is None else structure.at(np.zeros(len(structure.names)))[1]
 
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
@@ -336,8 +330,12 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     gauges = gauge_table(case, readings, survey.computed)
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
+    errors = known.errors
+    if errors is not None:
+        later = later_errors(model, case, survey, known.model_error)
+        errors = replace(errors, model_error=later)
     prediction = predict_stages(
-        survey, known.assessment, accuracies(case), stages, known.errors, known.bends
+        survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
     return Result(
         kind="predict",

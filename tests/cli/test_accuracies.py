@@ -30,9 +30,9 @@ ROOMY = "{reading: 6 um, zero: 12 um, head: 9 um, epoch: 12 um}"  # three times 
 def site(trench, run):
     """Readings of both stages with shared errors; only the first is used."""
 
-    def write(accuracy, *, read="readings: readings.csv"):
+    def write(accuracy, *, read="readings: readings.csv", fit=""):
         head, _, _ = CASE.partition("gauges:")
-        end = f"{read}\nfit: {{method: gauss-newton, stages: [first]}}\n"
+        end = f"{read}\nfit: {{method: gauss-newton, stages: [first]{fit}}}\n"
         (trench / "case.yaml").write_text(head + GAUGES.replace("y: A", f"y: {accuracy}") + end)
 
     write(ROOMY, read="readings: []")
@@ -74,14 +74,31 @@ def test_a_fit_knows_what_is_shared_and_a_prediction_from_it_knows_the_same(site
         assert file["gauges/survey"].asstr()[0] == "tape"
         np.testing.assert_allclose(file["readings/own_sd"][()], 6e-6)
         np.testing.assert_allclose(file["readings/sd"][()], 1e-6 * ROOMY_TOTAL)
+    assert "accuracies" not in found
     # the error of a zero is known in part: a band is narrower than the accuracy of the gauge
+    (found,) = run_json("fit", "case.yaml", "--force", "--set", "fit.model_error=none")
     sd = {p["gauge"]: p["sd"] for p in found["predictions"]}
     assert sd["S1"] < 1e-6 * ROOMY_TOTAL
-    assert "accuracies" not in found
+
+
+def test_accuracies_stated_too_good_are_told_from_a_model_error_as_far_as_can_be(site, run_json):
+    """With the one stage that is read they cannot; both together are estimated all the same."""
+    site(SHARED)
+    (found,) = run_json("fit", "case.yaml")
+    (finding,) = [text for text in found["findings"] if "cannot tell a model error" in text]
+    assert "times less accurate than stated" in finding
+    assert "'accuracies: estimate' under 'fit'" in finding
+    assert found["model_error"]["size"] > 0.1
+    both = ("--set", "fit.accuracies=estimate", "--set", "fit.stages=[first, second]")
+    (found,) = run_json("fit", "case.yaml", "--force", *both)
+    assert not [note for note in found["notes"] if "did not come to rest" in note]
+    assert found["model_error"]["lower95"] < found["model_error"]["size"]
+    for entry in found["accuracies"]:
+        assert 1.0 < entry["factor"] < 5.0
 
 
 def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
-    site(SHARED)
+    site(SHARED, fit=", model_error: none")
     (stated,) = run_json("fit", "case.yaml")
     (finding,) = [text for text in stated["findings"] if "stated accuracies" in text]
     assert "write 'accuracies: estimate' under 'fit'" in finding

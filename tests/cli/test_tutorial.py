@@ -49,11 +49,11 @@ def check_what_is_told(run):
     """What the text says in words, of results that stand by now."""
     shown = run("show", "tunnels/case.predict.h5").output
     (street,) = (line.split() for line in shown.splitlines() if re.match(r"S\.P8 +B lined", line))
-    assert numbers(street)[:3] == pytest.approx([5.8, 4.5, 7.0], abs=0.06)
+    assert numbers(street)[:3] == pytest.approx([5.9, 4.3, 7.4], abs=0.06)
 
     fitted = run("show", "tunnels/case.fit.h5").output
     axial, moment = zip(*map(lining_of_a(fitted).get, ("A lined", "B lined")), strict=True)
-    assert axial[1] == pytest.approx(axial[0], rel=0.02)
+    assert axial[1] == pytest.approx(axial[0], rel=0.03)
     assert moment[1] == pytest.approx(4 / 3 * moment[0], rel=0.05)
 
     other = run("show", "tunnels/independent.h5").output

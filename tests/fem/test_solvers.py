@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from geoident.errors import UsageError
 from geoident.fem import solvers
-from geoident.fem.solvers import SOLVERS, direct, pick_solver, solver_report, splu
+from geoident.fem.solvers import SOLVERS, cholmod, direct, pick_solver, solver_report, splu
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite
 
 INSTALLED = {info.name: info.available for info in solver_report()}
@@ -314,3 +314,15 @@ def test_a_released_analysis_factorizes_again(monkeypatch, solver):
     after = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
     np.testing.assert_array_equal(before, after)
     assert solver.counts.analyses == 1
+
+
+@pytest.mark.skipif(not INSTALLED["cholmod"], reason='needs pip install "geoident[cholmod]"')
+def test_cholmod_solves_many_at_once_as_one_by_one(monkeypatch):
+    matrix = truss(4)
+    pattern, values = lower(matrix)
+    factor = pick_solver("cholmod").analyse(pattern).factorize(values)
+    rhs = np.random.default_rng(0).normal(size=(matrix.shape[0], 75))
+    together = factor.solve(rhs)
+    np.testing.assert_allclose(matrix @ together, rhs, atol=1e-8)
+    monkeypatch.setattr(cholmod, "solve_many", lambda: None)
+    np.testing.assert_allclose(factor.solve(rhs), together, rtol=1e-10, atol=1e-14)

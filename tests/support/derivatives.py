@@ -17,7 +17,7 @@ def assert_exact(
     Where the response has adjoints, they agree with the tangents to rounding.
     """
     v, jacobian = response.evaluate(p)
-    if isinstance(response, StagedResponse) and response.adjoint_obstacle() is None:
+    if isinstance(response, StagedResponse) and response.adjoints.obstacle is None:
         assert_adjoint(response, p)
     np.testing.assert_allclose(response.readings(p), v, rtol=1e-12)
     for h, name in enumerate(names):

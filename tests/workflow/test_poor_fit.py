@@ -11,11 +11,11 @@ from support.trench import CASE, READINGS, write_case
 LOSSES = ["squared", "huber", "student-t"]
 
 
-def fitted(tmp_path, loss, *, readings=READINGS, stages="[first, second]"):
+def fitted(tmp_path, loss, *, readings=READINGS, stages="[first, second]", more=()):
     case = write_case(tmp_path)
     case.write_text(CASE.replace("stages: [first]", f"stages: {stages}"))
     case.with_name("readings.csv").write_text(readings)
-    run = run_command("fit", str(case), "--json", "-q", "--set", f"fit.loss={loss}")
+    run = run_command("fit", str(case), "--json", "-q", "--set", f"fit.loss={loss}", *more)
     return run.exit_code, json.loads(run.stdout)
 
 
@@ -26,13 +26,16 @@ def test_readings_that_the_model_meets_end_with_0(tmp_path, loss):
     assert found["diagnostics"]["above"] > 0.01
 
 
-@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize(
+    ("loss", "more"),
+    [*((loss, ()) for loss in LOSSES), ("squared", ("--set", "fit.accuracies=estimate"))],
+)
 @pytest.mark.parametrize("value", ["1e30", "-250"])
-def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, loss, value):
+def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, loss, value, more):
     line = next(row for row in READINGS.splitlines() if row.startswith("CV,second"))
     absurd = ",".join([*line.split(",")[:2], value, "mm"])
     number = READINGS.splitlines().index(line) + 1
-    code, found = fitted(tmp_path, loss, readings=READINGS.replace(line, absurd))
+    code, found = fitted(tmp_path, loss, readings=READINGS.replace(line, absurd), more=more)
     assert (code, found["status"]) == (4, "poor-fit")
     assert "does not fit the readings" in found["reason"]
     (said,) = [text for text in found["findings"] if "grossly wrong" in text]

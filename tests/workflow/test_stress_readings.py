@@ -60,7 +60,7 @@ OVERCORING = """\
     state: virgin
     accuracy: 0.2 MPa
 """
-FIT = "fit: {method: gauss-newton}\n"
+FIT = "fit: {method: gauss-newton, model_error: none}\n"
 
 
 def _write(folder: Path, name: str, mesh: str, values: tuple[str, str, str], more: str) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from geoident.fem.solvers.cholmod_library import solve_many
 from geoident.fem.solvers.direct import (
     DirectAnalysis,
     LowerPattern,
@@ -23,7 +24,7 @@ from geoident.model.arrays import Floats
 # the factor is unknown k. (A nested dissection is a postorder already.)
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "print": 0}
 
-BLOCK = 32
+BLOCK = 64
 """Right-hand sides solved together; bounds the memory."""
 
 
@@ -97,13 +98,19 @@ def _load() -> Any:
 def _solve(factor: Any, rhs: Floats) -> Floats:
     """Solutions for dense right-hand sides.
 
-    cvxopt takes dense ones one by one, sparse ones four at a time, which halves the time.
+    All together where CHOLMOD's library is found. cvxopt takes dense ones one by one, sparse ones
+    four at a time, which halves the time.
     """
     cvxopt = _load()
     if rhs.shape[1] == 1:
         dense = cvxopt.matrix(rhs)
         cvxopt.cholmod.solve(factor, dense)
         return np.asarray(dense)
+    together = solve_many()
+    if together is not None:
+        for start in range(0, rhs.shape[1], BLOCK):
+            together(factor, rhs[:, start : start + BLOCK])
+        return rhs
     for start in range(0, rhs.shape[1], BLOCK):
         sparse = cvxopt.sparse(cvxopt.matrix(rhs[:, start : start + BLOCK]))
         solved = cvxopt.cholmod.spsolve(factor, sparse)

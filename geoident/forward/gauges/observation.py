@@ -143,6 +143,24 @@ class Observation:
         at_stage, at_zero = self.weights[:, rows]
         return np.asarray(built_on[:, states] * at_stage + built_on[:, self.zero[rows]] * at_zero)
 
+    def increments(self, observed: Floats, base: Ints) -> Floats:
+        """What the step of each state changes in what channels see, (n_states, n_channels), SI.
+
+        Of the virgin state it is what is there; 0 where a channel cannot be read.
+
+        Args:
+            observed: (m, n_channels) what all channels see of the first m states.
+            base: (n_states,) the state on which each builds.
+        """
+        seen = np.zeros(self.readable.shape)
+        here = self.readable[: len(observed)] & np.isfinite(observed)
+        seen[: len(observed)][here] = observed[here]
+        change = seen - seen[base]
+        change[0] = seen[0]
+        change[: len(observed)][~here] = 0.0
+        change[len(observed) :] = 0.0
+        return np.asarray(change)
+
     def operator(self, rows: Ints) -> sp.csr_array:
         """G' (g, n_dofs) of some channels (g,) that read displacements.
 

@@ -39,7 +39,7 @@ from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.ground.moduli import ModeSlopes
 from geoident.forward.march.march import March
 from geoident.forward.march.stage import ElasticTrace, LastFactor, LinearRows, StageTask, factorize
-from geoident.forward.stages import numbers
+from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -103,6 +103,12 @@ class _Adjoint:
     d: Floats
     members: Floats
     held: dict[int, Floats] = field(default_factory=dict)
+
+
+def _together(places: Ints) -> Index:
+    """Ascending places as a slice where they stand together: no copies."""
+    first, last = int(places[0]), int(places[-1])
+    return slice(first, last + 1) if last - first + 1 == len(places) else places
 
 
 class AdjointPlan:
@@ -236,7 +242,7 @@ class AdjointMarch:
                 np.zeros((n_rows, k)),
             )
             for theirs, part in parts:
-                at = np.searchsorted(columns, theirs)
+                at = _together(np.searchsorted(columns, theirs))
                 found.M[:, at] += part.M
                 found.u[:, at] += part.u
                 found.d[..., at] += part.d
@@ -290,7 +296,7 @@ class AdjointMarch:
                 moduli = task.ground.moduli(material, mine).value.at(here)
                 stress[:, place[here]] = moduli.stress(d[:, place[here]])
         stress *= task.system.volume[self._plan.special][None, :, None]
-        return stress.reshape(-1, d.shape[2])
+        return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])
 
     def _force_slopes(self, number: int) -> Floats:
         """df/dp (n_dofs, n) at the unknowns, of what acts and of released fractions; else zero."""
@@ -354,19 +360,15 @@ class AdjointMarch:
             return
         forces = points.forces(by_ordinary, volume)
         at = self._plan.special
-        direct = (volume[at, None] * by_ordinary[:, at]).reshape(-1, len(ordinary.names))
-        self._by_ordinary[columns] -= w.T @ forces + d.reshape(-1, d.shape[2]).T @ direct
+        direct = np.einsum("sqk,sqn->kn", d, volume[at, None] * by_ordinary[:, at], optimize=True)
+        self._by_ordinary[columns] -= w.T @ forces + direct
 
     def _add_products(self, modes: ModeSlopes, products: Floats, columns: Ints) -> None:
         """Add V b^T D eps (q, k) of a stage at all points of a field."""
         number = self._fields[id(modes.field)]
         if number not in self._by_field:
             self._by_field[number] = np.zeros((len(modes.field.points), self._seeds.count))
-        together = slice(int(columns[0]), int(columns[-1]) + 1)
-        if together.stop - together.start == len(columns):
-            self._by_field[number][:, together] += products
-        else:
-            self._by_field[number][:, columns] += products
+        self._by_field[number][:, _together(columns)] += products
 
     def _members(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:
         """The same of structures, for rigidities and given forces; returns B w (n_rows, k)."""

@@ -99,7 +99,32 @@ class OpeningModel:
         if failures and not np.isfinite(table).any():
             raise failures[0]
         said = tuple(dict.fromkeys(error.message for error in failures))
-        return Survey(table[..., 0], table[..., 1:], None, collapses=said)
+        change = self.increments(p)
+        return Survey(table[..., 0], table[..., 1:], None, collapses=said, increments=change)
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what the channels see, (n_states, n_channels), m.
+
+        0 where there is no closed form.
+
+        Args:
+            p: (n,) parameters.
+        """
+        seen = self.field.observed(self.values(p), (), wanted=None, failures=[])[..., 0]
+        known = self.field.covered & np.isfinite(seen)
+        seen = np.where(known, seen, 0.0)
+        change = seen - seen[self.sequence.bases]
+        return np.where(known, change, 0.0)
+
+    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
+
+        Args:
+            pairs: their channels and stages.
+        """
+        places, built_on = ReadingPlaces.of(self.case, pairs, ()), self.sequence.built_on
+        since = built_on[:, self.zero[places.rows]].astype(np.float64)
+        return np.asarray(built_on[:, places.states] - since)
 
     def relative(
         self,
@@ -179,6 +204,13 @@ class OpeningResponse:
         """v(p), (g,), and its Jacobian, (g, n)."""
         table = self._run(p, self.names)
         return table[:, 0], table[:, 1:]
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see at p (n,).
+
+        (n_states, n_channels), m.
+        """
+        return self._model.increments(p)
 
     def remarks(self, p: Floats) -> tuple[str, ...]:
         """What is to be known of the closed form at p (n,)."""

@@ -108,13 +108,17 @@ class Direction:
         return f"a fall of {join(down)} can make up for a rise of {join(up)}"
 
 
-def join(names: Sequence[str]) -> str:
+def join(names: Sequence[str], last: str = "and") -> str:
     """A list in words.
+
+    Args:
+        names: at least one.
+        last: what stands before the last of them.
 
     >>> join(["E", "nu", "K0"])
     'E, nu and K0'
     """
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    return f" {last} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 @dataclass(frozen=True)

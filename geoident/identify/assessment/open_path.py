@@ -22,7 +22,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from geoident.identify.assessment.posterior import Posterior, cut_normal
 from geoident.identify.assessment.uncertainty import Assessment, with_posterior
@@ -81,7 +80,7 @@ class OpenPath:
     def bent(self, t: Floats) -> Floats:
         """Deviations of the readings from linear (l, K) at t (K,)."""
         at = np.clip(t, self.t[0], self.t[-1])
-        return np.asarray(PchipInterpolator(self.t, self.bend)(at).T, dtype=np.float64)
+        return np.asarray(_monotone(self.t, self.bend)(at).T, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -278,6 +277,14 @@ class _Walk:
         )
 
 
+def _monotone(t: Floats, values: Floats) -> Callable[[Floats], Floats]:
+    """Monotone cubics (Fritsch and Carlson) through values (m, ...) at t (m,)."""
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - half the fits need none
+
+    found: Callable[[Floats], Floats] = PchipInterpolator(t, values)
+    return found
+
+
 def _along(path: OpenPath, walk: _Walk) -> Posterior:
     """The cut normal with the density of the path in place of the normal one along it."""
     i, size = path.parameter, walk.size
@@ -285,7 +292,7 @@ def _along(path: OpenPath, walk: _Walk) -> Posterior:
     log_density = path.log_density.copy()
     here = int(np.argmin(np.abs(path.t)))
     log_density[here] -= 0.5 * walk.here.phi
-    spline = PchipInterpolator(path.t, log_density)
+    spline = _monotone(path.t, log_density)
     weight = np.exp(spline(fine) - spline(fine).max())
     weight /= weight.sum()
     centre = float(weight @ fine)
@@ -301,6 +308,6 @@ def _along(path: OpenPath, walk: _Walk) -> Posterior:
     log_ratio = spline(t) + 0.5 * ((t - centre) / spread) ** 2
     weight = cut.weight * np.exp(log_ratio - log_ratio.max())
     linear = path.t[:, None] * walk.slope
-    shift = cut.shift + PchipInterpolator(path.t, path.dx - linear)(t).T
+    shift = cut.shift + _monotone(path.t, path.dx - linear)(t).T
     shift = np.clip(shift, walk.lower[:, None], walk.upper[:, None])
     return replace(cut, shift=shift, weight=weight / weight.sum())

@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -87,12 +88,56 @@ class VarianceComponents:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class LikelihoodTerms:
     """-2 l at one t, its gradient (c,) and the expected information (c, c)."""
 
     value: float
     gradient: Floats
     information: Floats
+
+
+class Likelihood(Protocol):
+    """-2 l of the logarithms t (c,) of the factors of components."""
+
+    def value(self, t: Floats) -> float:
+        """-2 l at t (c,)."""
+
+    def terms(self, t: Floats) -> LikelihoodTerms:
+        """-2 l at t (c,) with its derivatives."""
+
+
+@dataclass(frozen=True)
+class HeldLast:
+    """The likelihood of the first c of c + 1 components, at a given factor of the last.
+
+    A weak prior keeps the others near what is stated: what explains all residuals by itself would
+    let the rest vanish.
+
+    Args:
+        whole: of all of them.
+        last: logarithm of the factor of the last.
+        spread: standard deviation of the logarithm of an accuracy, before any residual.
+    """
+
+    whole: Likelihood
+    last: float
+    spread: float
+
+    def value(self, t: Floats) -> float:
+        """-2 l at t (c,), with the prior."""
+        return self.whole.value(np.append(t, self.last)) + self._prior(t)
+
+    def terms(self, t: Floats) -> LikelihoodTerms:
+        """The same with its derivatives by these."""
+        found = self.whole.terms(np.append(t, self.last))
+        return LikelihoodTerms(
+            found.value + self._prior(t),
+            found.gradient[:-1] + 0.5 * t / self.spread**2,
+            found.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
+        )
+
+    def _prior(self, t: Floats) -> float:
+        return float(np.sum((0.5 * t / self.spread) ** 2))
 
 
 class RestrictedLikelihood:
@@ -125,7 +170,7 @@ class RestrictedLikelihood:
         """-2 l at t (c,)."""
         return self._solved(t).value
 
-    def terms(self, t: Floats) -> _Terms:
+    def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
         s = self._solved(t)
         k, n = len(s.inverse), len(s.x)
@@ -155,7 +200,7 @@ class RestrictedLikelihood:
                 both[d, c] += mixed[columns[d]].sum()
                 both[c, d] += np.sum(shared[np.ix_(columns[c], columns[d])] ** 2)
             both[c, c] += self._sums.count[c] - 2.0 * np.trace(part[c])
-        return _Terms(s.value, trace - squares, 0.5 * both)
+        return LikelihoodTerms(s.value, trace - squares, 0.5 * both)
 
     def _solved(self, t: Floats) -> _Solved:
         """What follows of the sums at t (c,)."""
@@ -269,7 +314,7 @@ def _free(problem: Problem, values: Floats) -> Bools:
     return np.asarray((values > lower) & (values < upper), dtype=np.bool_)
 
 
-def estimate_components(likelihood: RestrictedLikelihood, start: Floats) -> VarianceComponents:
+def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceComponents:
     """The factors that the residuals make most likely.
 
     Args:
@@ -294,7 +339,7 @@ def estimate_components(likelihood: RestrictedLikelihood, start: Floats) -> Vari
     return VarianceComponents(t, covariance, lower, upper, found.value)
 
 
-def _vanished(likelihood: RestrictedLikelihood, t: Floats) -> Floats:
+def _vanished(likelihood: Likelihood, t: Floats) -> Floats:
     """The factors (c,), at their lowest where the residuals show nothing of them."""
     found = likelihood.terms(t)
     for c in np.flatnonzero(np.diag(found.information) < _NOTHING).tolist():
@@ -305,7 +350,7 @@ def _vanished(likelihood: RestrictedLikelihood, t: Floats) -> Floats:
     return t
 
 
-def _minimised(likelihood: RestrictedLikelihood, start: Floats) -> Floats:
+def _minimised(likelihood: Likelihood, start: Floats) -> Floats:
     """The t (c,) of the lowest -2 l, by Fisher's scoring."""
     t = np.clip(start, LOWEST, HIGHEST)
     for _ in range(_MOST_STEPS):
@@ -344,7 +389,7 @@ def _inverse(information: Floats) -> tuple[Floats, Bools]:
     return inverse, np.asarray(np.any(np.abs(vectors[:, ~seen]) > 0.1, axis=1), dtype=np.bool_)
 
 
-def _upper_end(likelihood: RestrictedLikelihood, t: Floats, c: int, level: float) -> float:
+def _upper_end(likelihood: Likelihood, t: Floats, c: int, level: float) -> float:
     """The factor of a component, the others as they are, at which -2 l reaches a level."""
     low, high = LOWEST, HIGHEST
 

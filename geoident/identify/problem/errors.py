@@ -285,6 +285,27 @@ class ErrorStructure:
     def _blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         return SharedErrors(self.columns).blocks
 
+    def with_component(self, columns: sp.csr_array, name: str) -> ErrorStructure:
+        """The same with one component more, of shared errors alone.
+
+        Args:
+            columns: (g, k) their sizes at a factor of one, SI.
+            name: of the component.
+        """
+        number = np.full(columns.shape[1], len(self.names), dtype=np.int64)
+        return ErrorStructure(
+            self.sd,
+            self.component,
+            sp.csr_array(sp.hstack([self.columns, columns])),
+            np.concatenate([self.column_component, number]),
+            (*self.names, name),
+        )
+
+    def with_one_factor(self, name: str) -> ErrorStructure:
+        """The same with all errors in one component: all sizes are wrong by one factor."""
+        component, columns = np.zeros_like(self.component), np.zeros_like(self.column_component)
+        return ErrorStructure(self.sd, component, self.columns, columns, (name,))
+
     def rows(self, kept: Ints) -> ErrorStructure:
         """Of some of the readings (m,)."""
         return ErrorStructure(

@@ -224,6 +224,29 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
     return _joined(done)
 
 
+def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outcome:
+    """One descent from the start of a problem that differs little from one that was solved.
+
+    Whatever method solved it, its solution is near: yield limits go down without scan and restarts,
+    a closed form by its formulas, all else by Gauss-Newton steps.
+
+    Args:
+        problem: readings, model, and parameters that start at that solution.
+        options: of the method that found it.
+        observe: is told of every iteration; its reason to stop ends the descent.
+
+    Raises:
+        ModelError: the model has no solution at the start.
+    """
+    if isinstance(options, ComplementarityOptions):
+        limits = import_module("geoident.identify.yield_limits.implicit")
+        return cast(Identifier, limits.descend)(problem, options, observe)
+    if isinstance(options, ClosedFormOptions):
+        return identify(problem, [replace(options, starts=1)], observe)
+    steps = options if isinstance(options, GaussNewtonOptions) else GaussNewtonOptions()
+    return identify(problem, [replace(steps, starts=1)], observe)
+
+
 def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:
     """The method that goes on from where a chain ended, with changed weights: from one start."""
     last = methods[-1]

@@ -164,6 +164,18 @@ class AffineElastic(Response, Protocol):
         """
 
 
+@runtime_checkable
+class HasIncrements(Response, Protocol):
+    """A model that says what each stage adds to its readings: a model error needs this."""
+
+    def increments(self, p: Floats) -> Floats:
+        """(n_states, n_channels) what the step of each state changes in what all channels see.
+
+        Args:
+            p: (n,) parameters.
+        """
+
+
 class OpeningForm(Response, Protocol):
     """The closed form of an opening: readings by formulas."""
 

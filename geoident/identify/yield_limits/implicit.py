@@ -101,6 +101,22 @@ def implicit(problem: Problem, options: ComplementarityOptions, observe: Observe
     return ImplicitSearch(problem, options, observe).run()
 
 
+def descend(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+    """One descent from the start, and what kind of point it ends at: no scan and no restarts.
+
+    For a problem that differs little from one that was solved: the start is its solution.
+
+    Args:
+        problem: readings, a `YieldSystem`, and parameters.
+        options: tolerance, budget.
+        observe: is told of every trial; its reason to stop ends the search.
+
+    Raises:
+        ModelError: the start has no solution.
+    """
+    return ImplicitSearch(problem, options, observe).descend()
+
+
 def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate | None:
     """What kind of point an end of another search is.
 
@@ -205,6 +221,17 @@ class ImplicitSearch:
             best = self.descent.run(found.lower, self.stuck)
             found = self.check(best)
         return self.outcome(best, found)
+
+    def descend(self) -> Outcome:
+        """A descent from the start and its certificate.
+
+        Raises:
+            ModelError: the start has no solution.
+        """
+        start = self.evaluator.evaluate(self.scaling.start)
+        self.evaluator.record(self.scaling.start, start, 0.0, "start")
+        best = self.descents[1].run(start, self.stuck)
+        return self.outcome(best, self.check(best))
 
     def begin(self) -> YieldIterate:
         """The given start or the best point of the scan, whichever is better.

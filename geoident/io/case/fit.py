@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
+from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
@@ -114,6 +115,13 @@ class FitBase(Section):
         "for the accuracies of all gauges, or kinds of gauges, as in {inclinometer: estimate}. "
         "What the gauges state then gives the ratios, and the factor of each kind is estimated.",
     )
+    model_error: ModelErrorValue | None = Field(
+        None,
+        description="How far the ground may differ from the model: `estimate` from what is left of "
+        "the readings (the default where they are enough), `none`, a part of the computed motion, "
+        "or {size: , length: }. Intervals and bands of later stages follow.",
+        examples=["estimate", "none", "15 %", {"size": "15 %", "length": "20 m"}],
+    )
     backtest: bool = Field(
         True,
         description="Whether a fit also predicts its last stage from those before it, which costs "
@@ -154,6 +162,7 @@ class FitBase(Section):
             None if self.stages is None else tuple(self.stages),
             self._loss(),
             opening,
+            model_error_options(self.model_error),
             self.backtest,
         )
 

@@ -113,8 +113,7 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_prediction(file, result.prediction, gauges)
     if result.diagnostics is not None:
         reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
-    if result.accuracies is not None:
-        reading_tables.write_accuracies(file, result.accuracies)
+    _write_errors(file, result)
     _write_findings(file, result)
     if result.grid is not None:
         tables.write_grid(file, result.grid)
@@ -127,6 +126,14 @@ def _write(file: h5py.File, result: Result) -> None:
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_errors(file: h5py.File, result: Result) -> None:
+    """What was estimated of the errors of gauges and model."""
+    if result.accuracies is not None:
+        reading_tables.write_accuracies(file, result.accuracies)
+    if result.model_error is not None:
+        tables.write_model_error(file, result.model_error)
 
 
 def _write_findings(file: h5py.File, result: Result) -> None:
@@ -251,6 +258,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         varied=read_varied(file) if VARIED in contents else (),
         accuracies=(

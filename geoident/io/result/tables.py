@@ -12,9 +12,10 @@ from dataclasses import fields
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
+from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.result import (
     Counts,
@@ -347,6 +348,55 @@ def read_members(file: h5py.File) -> MemberForces:
         per_metre=group.bools("per_metre", n),
         hoop=group.floats("N_hoop", n, k) if "N_hoop" in group else nowhere,
         prestress=group.floats("prestress", n, k) if "prestress" in group else nowhere,
+    )
+
+
+MODEL_ERROR = "model_error"
+"""Group of the model error."""
+
+_MODEL_ERROR_NUMBERS = ("size", "lower95", "upper95", "length")
+
+
+def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
+    """Writes ``/model_error``: its size, and what it is made of at every reading.
+
+    Args:
+        file: the result.
+        table: the model error.
+    """
+    out = TableWriter(
+        file,
+        MODEL_ERROR,
+        {"eta": table.sizes, "state": table.states, "reading": np.arange(len(table.steps))},
+    )
+    for name in _MODEL_ERROR_NUMBERS:
+        out.group.attrs[name] = np.float64(getattr(table, name))
+    for name in ("kind", "sentence"):
+        out.group.attrs[name] = plain_text(getattr(table, name))
+    out.group.attrs.create("findings", texts(table.findings), dtype=h5py.string_dtype())
+    out.add("weights", table.weights, "eta")
+    for name in ("steps", "floors"):
+        out.add(name, getattr(table, name), "reading", "state")
+
+
+def read_model_error(file: h5py.File) -> ModelErrorTable:
+    """The model error of a fit."""
+    group = TableReader(file, MODEL_ERROR)
+    states, sizes = group.texts("state"), group.array("eta", "f")
+    rows = len(group.array("reading", "iu"))
+    return ModelErrorTable(
+        kind=group.attribute("kind", str),
+        size=group.attribute("size", float),
+        lower95=group.attribute("lower95", float),
+        upper95=group.attribute("upper95", float),
+        length=group.attribute("length", float),
+        sentence=group.attribute("sentence", str),
+        sizes=sizes,
+        weights=group.floats("weights", len(sizes)),
+        states=states,
+        steps=group.floats("steps", rows, len(states)),
+        floors=group.floats("floors", rows, len(states)),
+        findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
     )
 
 

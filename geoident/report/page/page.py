@@ -17,6 +17,7 @@ from geoident.report.page.svg import figure_element
 from geoident.report.text import (
     accuracies,
     backtest,
+    model_error,
     posterior,
     rivals,
     structures,
@@ -90,6 +91,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(varied.TITLE, table(varied.varied_table(result.varied))),
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
+        _section(model_error.TITLE, _model_error(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
         _section("Displacements and stresses", _figures(pictures.fields)),
@@ -110,6 +112,11 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section("Notes", joined([tag("p", note) for note in result.notes if note])),
         _section("Provenance", _provenance(result), _case(result)),
     )
+
+
+def _model_error(result: Result) -> Html:
+    text = model_error.model_error_text(result.model_error)
+    return tag("p", text) if text else Html("")
 
 
 def _posterior(result: Result) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from geoident.report.text.gauges import (
     each_reading,
     moment_text,
 )
+from geoident.report.text.model_error import model_error_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
@@ -86,6 +87,11 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
         **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
+        **(
+            {"model_error": model_error_object(result.model_error)}
+            if result.model_error is not None
+            else {}
+        ),
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),

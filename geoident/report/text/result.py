@@ -15,6 +15,7 @@ from geoident.model.summary import Identifiability
 from geoident.report.text import (
     accuracies,
     backtest,
+    model_error,
     posterior,
     rivals,
     structures,
@@ -75,6 +76,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         _parameters(result),
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
+        section(model_error.TITLE, model_error.model_error_text(result.model_error)),
         section("Findings", bullets(result.findings)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
@@ -98,9 +100,16 @@ def summary_text(result: Result) -> str:
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
+        _model_error(result),
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)
+
+
+def _model_error(result: Result) -> str:
+    """How well the model describes the ground, unless a finding says it."""
+    found = result.model_error
+    return "" if found is None or found.sentence in result.findings else found.sentence
 
 
 def _told_parameters(result: Result) -> str:
@@ -145,7 +154,13 @@ def counts_text(counts: Counts) -> str:
 
 def outcome_sentences(result: Result) -> list[str]:
     """The outcome in a few sentences."""
-    return [*_identified(result), *_values(result), *_fit(result), *_predicted(result)]
+    return [
+        *_identified(result),
+        *_values(result),
+        *_fit(result),
+        *filter(None, [_model_error(result)]),
+        *_predicted(result),
+    ]
 
 
 def _identified(result: Result) -> list[str]:

@@ -72,7 +72,7 @@ def weighed(
         t = found.log_factor
         sd, shared = structure.at(t)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-        outcome = _after(outcome, search(problem))
+        outcome = after(outcome, search(problem))
         found = _components(problem, structure, outcome, t)
     remark = f"parameters and estimated accuracies did not come to rest in {ROUNDS} rounds"
     return Weighed(problem, replace(outcome, remarks=(*outcome.remarks, remark)), found)
@@ -86,13 +86,18 @@ def _components(
     return estimate_components(likelihood, t)
 
 
-def _after(first: Outcome, second: Outcome) -> Outcome:
-    """The second of two searches, with the history of both."""
+def after(first: Outcome, second: Outcome) -> Outcome:
+    """The second of two searches, with the history of both.
+
+    Args:
+        first: the search before.
+        second: from where that ended.
+    """
     return replace(
         second,
+        remarks=tuple(dict.fromkeys((*first.remarks, *second.remarks))),
         iterations=(*first.iterations, *second.iterations),
         grid=second.grid or first.grid,
-        remarks=tuple(dict.fromkeys((*first.remarks, *second.remarks))),
     )
 
 

@@ -111,21 +111,23 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
     return readings.computed[readings.used], readings.sensitivity[readings.used]
 
 
-def remarks(found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]) -> tuple[str, ...]:
+def remarks(
+    found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
+) -> tuple[str, ...]:
     """Sentences on readings that are far off or most influential, and on the stated accuracies.
 
     Args:
         found: the diagnostics of each reading.
         gauges: the readings.
         parameters: names of the n parameters.
+        gross: some are grossly wrong: then the others may be off because of them.
     """
-    gross = len(_gross(found, gauges.readings)) > 0
     found = found.wide(gauges)
     sentences = [
         *_against(gauges),
         *_most_influential(found, gauges, parameters),
         *_far_off(found, gauges),
-        *([] if gross else _scatter(found)),  # the others are off because of it
+        *([] if gross else _scatter(found)),
     ]
     return tuple(sentences)
 
@@ -212,7 +214,7 @@ def _by_chance(probability: float) -> str:
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
 
 
-def is_poor(found: Diagnostics, readings: ReadingTable) -> bool:
+def is_poor(found: Diagnostics, gross: Ints) -> bool:
     """Whether the model does not fit: what is left is far more than errors explain.
 
     The same holds for every loss (see `misfit`); and a reading that no gauge can have shown makes a
@@ -220,23 +222,23 @@ def is_poor(found: Diagnostics, readings: ReadingTable) -> bool:
 
     Args:
         found: the diagnostics of each reading.
-        readings: all k of them.
+        gross: rows of `gross_readings`.
     """
-    return _unexplained(found) or bool(len(_gross(found, readings)))
+    return _unexplained(found) or len(gross) > 0
 
 
 def _unexplained(found: Diagnostics) -> bool:
     return bool(found.above < POOR and found.misfit >= UNUSABLE)
 
 
-def why_poor(found: Diagnostics, readings: ReadingTable) -> str:
+def why_poor(found: Diagnostics, gross: Ints) -> str:
     """The sentence that says so, after a blank; empty for a fit that is not poor.
 
     Args:
         found: the diagnostics of each reading.
-        readings: all k of them.
+        gross: rows of `gross_readings`.
     """
-    if not is_poor(found, readings):
+    if not is_poor(found, gross):
         return ""
     if _unexplained(found):
         how = f"the residuals are {_times(found.misfit)} times as large as the stated accuracies"
@@ -244,30 +246,36 @@ def why_poor(found: Diagnostics, readings: ReadingTable) -> str:
     return " The model does not fit the readings: some are grossly wrong (see the findings)."
 
 
-def _gross(found: Diagnostics, readings: ReadingTable) -> Ints:
-    """Rows of the readings that no gauge can have shown, the worst first."""
-    used = ~np.isnan(found.standardized)
-    size = np.where(used, np.abs(found.standardized), 0.0)
-    read = np.where(used, np.abs(readings.value) / readings.sd, 0.0)
-    if not used.any():
+def gross_readings(readings: ReadingTable, stated: Floats) -> Ints:
+    """Rows of the used readings that no gauge can have shown, the worst first.
+
+    Args:
+        readings: k of them, with what the model says of each.
+        stated: (k,) their standard deviations as the case states them, SI: estimated ones would
+            grow with the reading.
+    """
+    if not readings.used.any():
         return np.zeros(0, dtype=np.int64)
-    beside = [each > GROSS_BESIDE * float(np.median(each[used])) for each in (size, read)]
-    rows = np.flatnonzero((size > GROSS) & (beside[0] | beside[1]))
-    return rows[np.argsort(-size[rows], kind="stable")]
+    far, read = (
+        np.where(readings.used, np.abs(each) / stated, 0.0)
+        for each in (readings.value - readings.computed, readings.value)
+    )
+    beside = [each > GROSS_BESIDE * float(np.median(each[readings.used])) for each in (far, read)]
+    rows = np.flatnonzero((far > GROSS) & (beside[0] | beside[1]))
+    return rows[np.argsort(-far[rows], kind="stable")]
 
 
-def gross_findings(found: Diagnostics, readings: ReadingTable, case: Case) -> tuple[str, ...]:
+def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str, ...]:
     """A sentence for readings that are grossly wrong, with the place where each is written.
 
     Args:
-        found: the diagnostics of each reading.
+        gross: rows of `gross_readings`.
         readings: k of them, as the case has them.
         case: with the places where they are written.
     """
-    rows = _gross(found, readings)
     units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
     said = []
-    for k in rows[:5].tolist():
+    for k in gross[:5].tolist():
         unit = units[readings.channel[k]]
         value = f"{in_unit(float(readings.value[k]), *unit):.4g} {shown_unit(*unit)}".rstrip()
         place = str(case.readings[k].location)
@@ -278,8 +286,8 @@ def gross_findings(found: Diagnostics, readings: ReadingTable, case: Case) -> tu
         )
     if not said:
         return ()
-    rest = f" and {len(rows) - 5} more" if len(rows) > 5 else ""
-    what = "Grossly wrong readings" if len(rows) > 1 else "A grossly wrong reading"
+    rest = f" and {len(gross) - 5} more" if len(gross) > 5 else ""
+    what = "Grossly wrong readings" if len(gross) > 1 else "A grossly wrong reading"
     return (
         f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
         f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",

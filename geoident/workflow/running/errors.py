@@ -35,6 +35,15 @@ def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure | None:
     """
     if all(channel.errors is None for channel, _ in rows):
         return None
+    return gauge_errors(rows)
+
+
+def gauge_errors(rows: Sequence[ChannelReading]) -> ErrorStructure:
+    """The errors of readings, whether they share any or not.
+
+    Args:
+        rows: readings with their channels.
+    """
     table = _Table(steps=_steps(rows))
     for number, row in enumerate(rows):
         table.add(number, row)

@@ -14,9 +14,10 @@ import numpy as np
 from geoident.errors import InputError, Interrupted, ModelError
 from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify import identify, refusals
+from geoident.identify import descend, identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
 from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
@@ -26,15 +27,26 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.model.rivals import Evidence, Rivals
 from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.model_error import (
+    FittedModelError,
+    LaterModelError,
+    ModelErrorSearch,
+    ReadingSteps,
+    correlation_length,
+    no_model_error,
+    of_result,
+    reading_steps,
+)
 from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.predictions import KnownErrors, predict_stages
@@ -59,12 +71,19 @@ class Setup:
         case: the case.
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
+        model_error: that of the fit; None where there is none.
     """
 
     model: CaseModel
     case: Case
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
+    model_error: FittedModelError | None = None
+
+    @property
+    def model_error_table(self) -> ModelErrorTable | None:
+        """The model error for a result."""
+        return None if self.model_error is None else self.model_error.table(self.readings.used)
 
 
 def prepare(job: Job) -> Setup:
@@ -167,6 +186,41 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
+def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
+    """The problem that a fit ended with, from its result: the readings used and all their errors.
+
+    What is computed from it is what the fit computed: accuracies and model error are those that
+    were estimated with the parameters.
+
+    Args:
+        fit: the result.
+        case: of the fit, as `geoident.workflow.running.jobs.inputs_of_result` gives it.
+        response: in the readings used, or of a model whose readings are not asked for.
+    """
+    readings = fit.gauges.readings
+    used = readings.used
+    structure = gauge_errors(used_rows(case, used))
+    found = model_error_of_result(fit, case)
+    if found is not None:
+        structure = found.with_later(structure)
+    _, shared = structure.at(np.zeros(len(structure.names)))
+    own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
+    return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
+
+
+def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
+    """The model error of a fit, from its result; None for none.
+
+    Args:
+        fit: the result.
+        case: of the fit.
+    """
+    if fit.model_error is None:
+        return None
+    used = fit.gauges.readings.used
+    return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
+
+
 def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
     """The errors of the used readings of a case; None where all are independent.
 
@@ -261,11 +315,8 @@ def look(
         setup.model, setup.case, problem, outcome.values, survey, readings, assessment
     )
     counts = further(counts, before, setup.model.counts)
-    known = None
-    if any(channel.errors for channel in setup.case.channels):
-        left = replace(problem, sd=effective_sd(problem, computed))
-        rows = used_rows(setup.case, readings.used)
-        known = KnownErrors(setup.case, left, computed, jacobian, rows)
+    left = replace(problem, sd=effective_sd(problem, computed))
+    known = known_errors(setup, left, survey, computed, jacobian)
     found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
     if rivals is None:
@@ -304,6 +355,47 @@ def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Cou
             for name, value in asdict(counts).items()
         }
     )
+
+
+def known_errors(
+    setup: Setup, problem: Problem, survey: Survey, computed: Floats, jacobian: Floats
+) -> KnownErrors | None:
+    """What the used readings tell of the errors of later ones; None where none have to do with it.
+
+    Args:
+        setup: model and readings.
+        problem: the used readings, with their own standard deviations as the loss leaves them.
+        survey: the model at the estimate.
+        computed: (g,) what it says of the used readings, SI.
+        jacobian: (g, n) its derivative, SI.
+    """
+    case, found = setup.case, setup.model_error
+    if found is None and not any(channel.errors for channel in case.channels):
+        return None
+    rows = used_rows(case, setup.readings.used)
+    return KnownErrors(
+        case, problem, computed, jacobian, rows, later_errors(setup.model, case, survey, found)
+    )
+
+
+def later_errors(
+    model: CaseModel, case: Case, survey: Survey, found: FittedModelError | None
+) -> LaterModelError | None:
+    """The model error of a fit in later readings.
+
+    Args:
+        model: of the case to predict.
+        case: to predict.
+        survey: of that model at the estimate.
+        found: the model error of the fit, or None for none.
+    """
+    if found is None:
+        return None
+
+    def later(pairs: Sequence[tuple[str, str]]) -> ReadingSteps:
+        return reading_steps(case, model, survey.increments, pairs, found.length)
+
+    return LaterModelError(found, later)
 
 
 def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
@@ -410,17 +502,18 @@ def estimated(
     Raises:
         Interrupted: a stop was asked for.
     """
+    setup = replace(setup, model_error=None)  # it may be that of other readings
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
-    found, final, outcome = _with_accuracies(setup, problem, first, methods, control)
+    found, final, outcome = _with_errors(setup, problem, first, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
 
     def again(elsewhere: Problem) -> Outcome:
-        return _search(elsewhere, continued(methods), control)
+        return _descent(elsewhere, methods, control)
 
     outcome = kept_up(final, outcome, first.minima, again)
     lowest = outcome.minima[0] if outcome.minima else None
@@ -429,8 +522,83 @@ def estimated(
     # what was estimated with the parameters belongs to another minimum
     former = LocalMinimum(outcome.values, outcome.objective)
     moved = problem.begun_at(lowest.values)
-    found, final, outcome = _with_accuracies(setup, moved, again(moved), methods, control)
+    found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
     return found, final, kept_up(final, outcome, [former, *first.minima], again)
+
+
+def _with_errors(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with all errors that are estimated: those of the model and those of the gauges."""
+    if no_model_error(setup.case, setup.readings, methods) is None:
+        found = _with_model_error(setup, problem, outcome, methods, control)
+        if found is not None:
+            return found
+    return _with_accuracies(setup, problem, outcome, methods, control)
+
+
+def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
+    """One descent from where a problem begins, by the last method's steps.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    outcome = descend(problem, methods[-1], control.observe)
+    control.stop.check()
+    return outcome
+
+
+def _with_model_error(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome] | None:
+    """The same with the model error, and with accuracies that the case wants estimated.
+
+    None where no reading can have a model error.
+    """
+    case, readings = setup.case, setup.readings
+    length = correlation_length(case, case.fit.model_error)
+    rows = used_rows(case, readings.used)
+    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
+
+    structure = gauge_errors(rows)
+    search = ModelErrorSearch(
+        case.fit.model_error,
+        length,
+        structure,
+        tuple(channel for channel, _ in rows),
+        lambda increments: reading_steps(case, setup.model, increments, pairs, length),
+        lambda again: _descent(again, methods, control),
+    )
+    found = search.run(problem, outcome)
+    if found is None:
+        return None
+    again = replace(setup, model_error=found.found)
+    if structure.names:
+        again = _sized(again, structure, found.components)
+        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
+        again = replace(again, model_error=found.found.of_channels(channels))
+    return again, found.problem, found.outcome
+
+
+def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
+    """The setup with the accuracies that were estimated."""
+    root = np.exp(0.5 * found.log_factor)
+    factors = dict(zip(structure.names, map(float, root), strict=True))
+    sized = with_accuracies(setup.case, factors)
+    return replace(
+        setup,
+        case=sized,
+        readings=reading_table(sized, setup.readings.reason),
+        accuracies=accuracy_table(setup.case, structure.names, found),
+    )
 
 
 def _with_accuracies(
@@ -448,15 +616,7 @@ def _with_accuracies(
     found = weighed(
         problem, structure, outcome, lambda again: _search(again, continued(methods), control)
     )
-    root = np.exp(0.5 * found.components.log_factor)
-    sized = with_accuracies(case, dict(zip(structure.names, map(float, root), strict=True)))
-    again = Setup(
-        setup.model,
-        sized,
-        reading_table(sized, setup.readings.reason),
-        accuracy_table(case, structure.names, found.components),
-    )
-    return again, found.problem, found.outcome
+    return _sized(setup, structure, found.components), found.problem, found.outcome
 
 
 def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:

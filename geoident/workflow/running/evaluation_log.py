@@ -21,6 +21,7 @@ import numpy as np
 from geoident.identify.problem.problem import (
     AffineElastic,
     ComplementaritySystem,
+    HasIncrements,
     HasOpening,
     OpeningForm,
     YieldSystem,
@@ -101,13 +102,25 @@ class Remembered:
         """v(p), (g,)."""
         known = self._recall("readings", p) or self._recall("evaluate", p)
         if known is None:
-            known = self._compute("readings", p, lambda: {"v": self._inner.readings(p)})
+            known = self._compute(
+                "readings", p, lambda: {"v": self._inner.readings(p), **self._seen_at(p)}
+            )
         return np.array(known["v"])
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
         known = self._known("evaluate", p, lambda: self._evaluate(p))
         return np.array(known["v"]), np.array(known["dv_dp"])
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see, (n_states, n_channels).
+
+        At a p (n,) that was evaluated it costs nothing.
+        """
+        known = self._recall("evaluate", p) or self._recall("readings", p)
+        if known is None or "increments" not in known:
+            known = self._compute("increments", p, lambda: self._seen_at(p))
+        return np.array(known["increments"])
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for readings that are the same in the whole run.
@@ -154,7 +167,12 @@ class Remembered:
 
     def _evaluate(self, p: Floats) -> EvaluationArrays:
         v, dv_dp = self._inner.evaluate(p)
-        return {"v": v, "dv_dp": dv_dp}
+        return {"v": v, "dv_dp": dv_dp, **self._seen_at(p)}
+
+    def _seen_at(self, p: Floats) -> EvaluationArrays:
+        """What the run that was just made at p (n,) says of the steps of the stages."""
+        inner = self._inner
+        return {"increments": inner.increments(p)} if isinstance(inner, HasIncrements) else {}
 
     def _condense(self, p: Floats, measured: Floats, sd: Floats) -> EvaluationArrays:
         found = self._inner.condense(p, measured, sd)

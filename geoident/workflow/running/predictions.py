@@ -16,7 +16,8 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.result import GaugeTable, Prediction
-from geoident.workflow.running.errors import ChannelReading, error_structure
+from geoident.workflow.running.errors import ChannelReading, gauge_errors
+from geoident.workflow.running.model_error import LaterModelError
 from geoident.workflow.running.open_bounds import Bends
 
 
@@ -104,6 +105,7 @@ class KnownErrors:
         computed: (g,) what the model says of them at the estimate, SI.
         jacobian: (g, n) its derivative, SI.
         rows: the g readings with their channels.
+        model_error: that of the model in later readings; None for none.
     """
 
     case: Case
@@ -111,6 +113,7 @@ class KnownErrors:
     computed: Floats
     jacobian: Floats
     rows: tuple[ChannelReading, ...]
+    model_error: LaterModelError | None = None
 
     def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.
@@ -135,8 +138,11 @@ class KnownErrors:
             (channels[i], Reading(channels[i].name, stages[j].name, None))
             for i, j in places.tolist()
         ]
-        whole = error_structure([*self.rows, *later])
-        assert whole is not None
+        whole = gauge_errors([*self.rows, *later])
+        if self.model_error is not None:
+            pairs = [(reading.channel, reading.stage) for _, reading in later]
+            steps = self.model_error.later(pairs)
+            whole = self.model_error.fitted.with_later(whole, steps)
         g = len(self.rows)
         _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
         return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))

@@ -79,6 +79,16 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
     )
 
 
+def stated_sd(case: Case, readings: ReadingTable) -> Floats:
+    """Standard deviations (k,) of the readings of a case as it states them, before any estimate.
+
+    Args:
+        case: as it was read.
+        readings: the same, perhaps with accuracies that were estimated.
+    """
+    return reading_table(case, readings.reason).sd
+
+
 def _shares(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
     """What a table says beside, where readings share errors."""
     own = [own_sd(*row) for row in zip(owners, readings, strict=True)]

@@ -5,11 +5,11 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
+    LikelihoodTerms,
     RestrictedLikelihood,
     _descended,
     _inverse,
     _minimised,
-    _Terms,
     _upper_end,
     _vanished,
     estimate_components,
@@ -173,7 +173,7 @@ class Given:
 
     def terms(self, t):
         self.asked.append(t.tolist())
-        return _Terms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
+        return LikelihoodTerms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
 
 
 def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interval():

@@ -1,0 +1,134 @@
+"""Readings of a run and their derivatives by adjoints; whether these cost less than tangents."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from geoident.forward.gauges.observable import MarchState
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
+from geoident.forward.march.march import March, Run
+from geoident.forward.march.stage import LinearRows, StageEnd
+from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import ParameterPoint
+
+_TANGENT = 1.5
+"""What a column of tangents costs, with its stresses at all points, in columns of adjoints."""
+
+
+class ReadingAdjoints:
+    """Some readings of a model (g), and the way back from them.
+
+    Args:
+        march: of the model.
+        observation: its channels.
+        rows: (g,) channels.
+        states: (g,) states.
+        last: number of the last state of the runs.
+    """
+
+    def __init__(
+        self, march: March, observation: Observation, rows: Ints, states: Ints, last: int
+    ) -> None:
+        self._march, self._observation = march, observation
+        self.rows, self.states = rows, states
+        self.last = last
+        self._plan: AdjointPlan | None = None
+        # by states, the last first: what an early state acts on then stands together
+        (minus, row), of = np.unique(np.stack([-states, rows]), axis=1, return_inverse=True)
+        self._of = of.ravel()
+        self._channels, self._channel = np.unique(row, return_inverse=True)
+        self._stage = -minus
+        self._zero = np.minimum(observation.zero[row], self.last)
+        self._weights = observation.weights[:, row]
+
+    def _seeds(self, rows: LinearRows) -> ReadingSeeds:
+        """Each pair of channel and state once."""
+        return ReadingSeeds(rows, self._channel, self._stage, self._zero, self._weights)
+
+    @cached_property
+    def obstacle(self) -> str | None:
+        """Why there are no adjoints, a clause, or None if there are."""
+        march = self._march
+        for built in march.sequence.states[: self.last + 1]:
+            for name in built.materials.values():
+                if march.case.materials[name].yields:
+                    return f"{name} yields"
+        discretization, structures = march.systems.discretization, march.systems.structures
+        points = discretization.points
+        nothing = StageEnd(
+            0,
+            np.zeros((discretization.n_dofs, 1)),
+            np.zeros((points.n_strain, points.n_points, 1)),
+            np.zeros((structures.n_rows, 1)),
+            np.zeros(points.n_points, dtype=bool),
+        )
+        state = MarchState(nothing, ParameterPoint(march.case.start, ()), structures)
+        if self._observation.linear(state, self._channels) is None:
+            return "a channel reads a principal stress"
+        return None
+
+    @cached_property
+    def _columns(self) -> int:
+        """Columns for which adjoints solve, all states."""
+        states = self._march.sequence.states[: self.last + 1]
+        seeds = self._seeds(LinearRows())
+        weights = np.array([seeds.at(n) for n in range(len(states))])
+        return int(reach([state.base for state in states], weights).sum())
+
+    def cost_less(self, n: int) -> bool:
+        """Whether they cost less than tangents by n parameters."""
+        if not self.rows.size or not n:
+            return False
+        return self._columns < _TANGENT * n * (self.last + 1) and self.obstacle is None
+
+    def observed(self, end: StageEnd, run: Run) -> Floats:
+        """What all channels see of a state of a traced run, (n_channels, 1 + n).
+
+        The derivatives are those at a state that stays as it is, by the parameters that are no
+        modes: of water in the pores, of the rigidity that makes strains of forces.
+        """
+        structures = self._march.systems.structures
+        if self._observation.displacements_only:
+            return self._observation.values(MarchState(end, run.point, structures))
+        point = self._march.without_modes(run.given)
+        more = point.n_columns - 1
+
+        def kept(values: Floats) -> Floats:
+            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
+
+        still = replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
+        return self._observation.values(MarchState(still, point, structures))
+
+    def table(self, run: Run, end: StageEnd, observed: Floats) -> Floats:
+        """The readings and their derivatives by all n parameters, (g, 1 + n).
+
+        Without what gauges add by themselves. The run forgets its factors.
+
+        Args:
+            run: a traced run whose states are through.
+            end: any of its states.
+            observed: (n_states, n_channels, 1 + n) what all channels see, see `observed`.
+
+        Raises:
+            ValueError: a reading is not linear in the state.
+        """
+        march = self._march
+        state = MarchState(end, run.point, march.systems.structures)
+        rows = self._observation.linear(state, self._channels)
+        if rows is None:
+            raise ValueError("a reading is not linear in the state")
+        seeds = self._seeds(rows)
+        if self._plan is None:
+            self._plan = AdjointPlan(march, seeds, self.last)
+        back = AdjointMarch(march, self._plan, run.traces, run.factors, run.given, seeds)
+        jacobian = back.jacobian()[self._of]
+        run.factors.forget()
+        direct = self._observation.readings(observed, self.rows, self.states)
+        names = march.without_modes(run.given).names
+        if direct.shape[1] > 1:
+            jacobian[:, [run.given.names.index(name) for name in names]] += direct[:, 1:]
+        return np.hstack([direct[:, :1], jacobian])

@@ -1,0 +1,71 @@
+"""Model error: how far the ground may differ from its model (theory 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from geoident.model.arrays import Floats
+
+ModelErrorKind = Literal["estimate", "none", "given"]
+
+
+@dataclass(frozen=True)
+class ModelErrorOptions:
+    """What a case says of the model error.
+
+    Args:
+        kind: ``estimate`` it from the residuals, ``none``, or ``given``.
+        size: relative to the computed motion, where it is given.
+        length: over which it is correlated, m; None: as far as the gauges are spread.
+        written: the case says so; else this is what happens by default.
+    """
+
+    kind: ModelErrorKind = "estimate"
+    size: float = 0.0
+    length: float | None = None
+    written: bool = False
+
+
+@dataclass(frozen=True)
+class ModelErrorTable:
+    """The model error of a fit.
+
+    Args:
+        kind: ``estimated`` or ``given``.
+        size: eta, relative to the computed motion.
+        lower95: lower end of its 95 % interval; the size itself where it is given.
+        upper95: upper end, likewise.
+        length: over which it is correlated, m.
+        sizes: (m,) the eta that were weighed.
+        weights: (m,) what residuals and prior leave of each; their sum is one.
+        states: names of the J states, the virgin state first.
+        steps: (k, J) what the step of each state adds to each computed reading, SI; 0 for readings
+            that are not used.
+        floors: (k, J) the error at eta = 1 that each reading has of a step, however little the step
+            adds to it, SI.
+        sentence: its size in words.
+        findings: sentences on what cannot be told from it.
+    """
+
+    kind: str
+    size: float
+    lower95: float
+    upper95: float
+    length: float
+    sizes: Floats
+    weights: Floats
+    states: tuple[str, ...]
+    steps: Floats
+    floors: Floats
+    sentence: str = ""
+    findings: tuple[str, ...] = ()
+
+    @property
+    def large(self) -> bool:
+        """Larger than models of ground usually are."""
+        return self.lower95 > USUAL
+
+
+USUAL = 0.3
+"""Up to which part of the motion models of ground usually are wrong."""

@@ -1,0 +1,489 @@
+"""Whether bands hold where the ground is not like its model: coverage by repetitions.
+
+    python tests/benchmarks/wrong_models.py --runs 40
+    python tests/benchmarks/wrong_models.py --runs 50 --truths right field-30 --set estimate none
+
+A cavern in plane strain is excavated in a pilot drift, a heading and two benches. What the gauges
+read up to the first bench is fitted (two parameters, ten readings; a hundred with ``--gauges
+many``), the second bench is predicted with its 95 % bands. The readings come from a truth on a
+finer mesh that differs from the model as its name says, with noise of the size of the accuracies.
+Each run has its own noise and, where the truth is drawn, its own truth.
+
+The table has, for every truth and every setting of ``fit.model_error``, the later readings inside
+their band; the median width of the band over that of an oracle (see `Oracle`); the root mean square
+error of the prediction; the true parameters inside their intervals; the runs that end with an exit
+code or a sentence on the misfit; and the median of the model error that was estimated.
+
+    right        nothing differs
+    field-15     Young's modulus lognormal with sd 15 %, correlated over 20 m (field-30: 30 %)
+    yielding     the rock yields where it is stressed most; up to the first bench that hardly shows
+    accuracies   the gauges are three times less accurate than stated
+    K0           fixed at 1.0 instead of 1.6, one parameter left
+    fault        a soft zone behind the right wall
+    zeros        20 daily readings share the error of their zero, three accuracies large
+    coarse       the model is a mesh of some 200 linear triangles
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
+import gmsh  # noqa: E402
+import numpy as np  # noqa: E402
+
+from geoident.api import fit, load_case  # noqa: E402
+from geoident.fem.solvers import pick_solver  # noqa: E402
+from geoident.forward.model import StagedModel, staged_model  # noqa: E402
+from geoident.io.case.file import read_case  # noqa: E402
+from geoident.io.mesh.file import read_mesh  # noqa: E402
+from geoident.model.case import Case, Material  # noqa: E402
+from geoident.model.ground import Isotropic  # noqa: E402
+from geoident.model.mesh import Mesh  # noqa: E402
+from geoident.model.parameter import Scalar  # noqa: E402
+from geoident.model.result import Result  # noqa: E402
+from geoident.model.yielding import MohrCoulomb  # noqa: E402
+
+E, K0, VERTICAL, ACCURACY = 20e9, 1.6, 8e6, 0.12e-3
+FLOORS = {"pilot": (20.0, 24.0, 3.0), "heading": (16.0, 24.0, 10.0)}
+HALF, TOP = 10.0, 24.0
+FITTED, LATER = ("heading", "bench 1"), "bench 2"
+LENGTH, CLASSES = 20.0, 31
+ZERO, DAYS = 3.0, 20
+COHESION, FRICTION = 3.5e6, 40.0
+
+CASE = """\
+format: geoident-case/1
+analysis: plane-strain
+mesh: {{file: {mesh}}}
+parameters:
+  E:  {{start: 15 GPa, bounds: [1 GPa, 200 GPa], scale: log}}
+{k0}
+materials:
+  rock: {{elastic: isotropic, E: $E, nu: 0.25}}
+groups: {{rock: rock, pilot: rock, heading: rock, bench-1: rock, bench-2: rock}}
+supports: {{left: x, right: x, bottom: y}}
+in_situ: {{model: heim, vertical: 8 MPa, K0: {K0}}}
+stages:
+  - {{name: pilot, excavate: [pilot]}}
+  - {{name: heading, excavate: [heading]}}
+  - {{name: bench 1, excavate: [bench-1]}}
+  - {{name: bench 2, excavate: [bench-2]}}
+gauges:
+{gauges}
+readings: {readings}
+fit: {{stages: [heading, bench 1]}}
+"""
+K0_FREE = "  K0: {start: 1.0, bounds: [0.3, 4]}"
+
+
+# Meshes ------------------------------------------------------------------------------------------
+
+
+def write_mesh(path: Path, *, size: float, order: int, growth: float = 0.15) -> None:
+    """The cavern: groups rock, pilot, heading, bench-1, bench-2; edges left, right, bottom.
+
+    Args:
+        path: of the mesh.
+        size: of the elements at the wall, m.
+        order: of the elements.
+        growth: of their size with the distance from the wall.
+    """
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        boxes = [(-120.0, -100.0, 240.0, 240.0), (-3.0, 20.0, 6.0, 4.0), (-HALF, 16.0, 20.0, 8.0)]
+        boxes += [(-HALF, 8.0, 20.0, 8.0), (-HALF, 0.0, 20.0, 8.0)]
+        tags = [(2, occ.addRectangle(x, y, 0.0, dx, dy)) for x, y, dx, dy in boxes]
+        occ.fragment(tags[:1], tags[1:])
+        occ.synchronize()
+        groups: dict[str, list[int]] = {}
+        for _, tag in gmsh.model.getEntities(2):
+            groups.setdefault(_region(*occ.getCenterOfMass(2, tag)[:2], tag), []).append(tag)
+        for name, members in groups.items():
+            gmsh.model.addPhysicalGroup(2, members, name=name)
+        for name, box in {
+            "left": (-120, -100, -120, 140),
+            "right": (120, -100, 120, 140),
+            "bottom": (-120, -100, 120, -100),
+        }.items():
+            x0, y0, x1, y1 = box
+            near = gmsh.model.getEntitiesInBoundingBox(
+                x0 - 1e-3, y0 - 1e-3, -1, x1 + 1e-3, y1 + 1e-3, 1, 1
+            )
+            gmsh.model.addPhysicalGroup(1, [tag for _, tag in near], name=name)
+        walls = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(-11, -1, -1, 11, 25, 1, 1)]
+        fields = gmsh.model.mesh.field
+        near_wall, sized = fields.add("Distance"), fields.add("MathEval")
+        fields.setNumbers(near_wall, "CurvesList", walls)
+        fields.setNumber(near_wall, "Sampling", 200)
+        fields.setString(sized, "F", f"{size} + {growth} * F{near_wall}")
+        fields.setAsBackgroundMesh(sized)
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(order)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def _region(x: float, y: float, tag: int) -> str:
+    """Group of a face by its centre; the rock, whose centre is in the cavern too, by its size."""
+    if gmsh.model.occ.getMass(2, tag) > 1000.0:
+        return "rock"
+    if abs(x) < 3.0 and 20.0 < y < 24.0 and gmsh.model.occ.getMass(2, tag) < 25.0:
+        return "pilot"
+    return "heading" if y > 16.0 else "bench-1" if y > 8.0 else "bench-2"
+
+
+# The case ----------------------------------------------------------------------------------------
+
+
+def gauges(many: bool) -> list[str]:
+    """Lines of the section `gauges`; about ten readings are fitted, or about a hundred."""
+    crown = [-6.0, -2.0, 2.0, 6.0] if many else [0.0]
+    heads = {"1": ("heading", [17.0, 18.5, 20.0, 21.5] if many else [20.0])}
+    heads["2"] = ("bench 1", [9.0, 10.5, 12.0, 13.5] if many else [12.0])
+    depths = [2.0, 4.0, 6.0, 10.0, 15.0, 22.0] if many else [5.0, 15.0]
+    accuracy = f"{1e3 * ACCURACY:g} mm"
+    lines = []
+    for n, x in enumerate(crown):
+        anchors = ", ".join(f"a{d:g}: [{x} m, {TOP + d} m]" for d in depths)
+        zero = "pilot" if abs(x) < 3.0 else "heading"
+        lines.append(
+            f"  C{n}: {{kind: extensometer, head: [{x} m, {TOP} m], anchors: {{{anchors}}}, "
+            f"accuracy: {accuracy}, zero: {zero}}}"
+        )
+    for level, (zero, heights) in heads.items():
+        for n, y in enumerate(heights):
+            for side, sign in (("L", -1), ("R", 1)):
+                anchors = ", ".join(f"a{d:g}: [{sign * (HALF + d)} m, {y} m]" for d in depths)
+                lines.append(
+                    f"  {side}{level}{n}: {{kind: extensometer, head: [{sign * HALF} m, {y} m], "
+                    f"anchors: {{{anchors}}}, accuracy: {accuracy}, zero: {zero}}}"
+                )
+        for n, y in enumerate([*heights, heights[-1] + 2.0]):
+            lines.append(
+                f"  V{level}{n}: {{kind: convergence, between: [[-{HALF} m, {y} m], "
+                f"[{HALF} m, {y} m]], accuracy: {accuracy}, zero: {zero}}}"
+            )
+    return lines
+
+
+def write_case(
+    folder: Path, mesh: Path, readings: str, *, many: bool, fixed_k0: float | None
+) -> Path:
+    """The case in a folder.
+
+    Args:
+        folder: where.
+        mesh: its mesh.
+        readings: name of its file of readings, or ``[]``.
+        many: gauges.
+        fixed_k0: a number in place of the parameter K0.
+    """
+    text = CASE.format(
+        mesh=mesh,
+        k0=K0_FREE if fixed_k0 is None else "",
+        K0="$K0" if fixed_k0 is None else fixed_k0,
+        gauges="\n".join(gauges(many)),
+        readings=readings,
+    )
+    path = folder / "case.yaml"
+    path.write_text(text)
+    return path
+
+
+# Truths ------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Site:
+    """Meshes and the true case, made once.
+
+    Args:
+        folder: for files.
+        many: gauges.
+    """
+
+    folder: Path
+    many: bool
+    kept: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def truth(self) -> tuple[Case, Mesh]:
+        """The true case and its mesh, homogeneous and elastic."""
+        path = self.folder / "truth.msh"
+        write_mesh(path, size=1.2, order=2)
+        case = read_case(str(write_case(self.folder, path, "[]", many=self.many, fixed_k0=None)))
+        return case.case, read_mesh(str(path), dim=2)
+
+    @cached_property
+    def model_mesh(self) -> Path:
+        """The mesh to fit with."""
+        path = self.folder / "model.msh"
+        write_mesh(path, size=2.0, order=2, growth=0.3)
+        return path
+
+    @cached_property
+    def coarse_mesh(self) -> Path:
+        """One that is too coarse."""
+        path = self.folder / "coarse.msh"
+        write_mesh(path, size=4.0, order=1, growth=0.6)
+        return path
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """(n_elements, 2) of the truth's elements, m."""
+        mesh = self.truth[1]
+        return np.concatenate([mesh.points[b.nodes[:, :3]].mean(axis=1) for b in mesh.blocks])
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """Root of the exponential correlation of the elements."""
+        x = self.centres
+        distance = np.linalg.norm(x[:, None] - x[None], axis=2)
+        return np.linalg.cholesky(np.exp(-distance / LENGTH) + 1e-9 * np.eye(len(x)))
+
+    def homogeneous(self, edit: Callable[[Case], Case] = lambda case: case) -> np.ndarray:
+        """(n_channels, n_stages) true readings of an edited case."""
+        case, mesh = self.truth
+        return _readings(staged_model(mesh, edit(case), solver=pick_solver("auto")))
+
+    def heterogeneous(self, log_factor: np.ndarray) -> np.ndarray:
+        """(n_channels, n_stages) true readings where log E differs from the mean, (n_elements,)."""
+        case, mesh = self.truth
+        edges = np.linspace(log_factor.min(), log_factor.max() + 1e-9, CLASSES + 1)
+        number = np.digitize(log_factor, edges) - 1
+        parts: dict[str, list[str]] = {}
+        groups, materials, of_group = {}, {}, {}
+        for name, members in mesh.groups.items():
+            for k in np.unique(number[members]):
+                part = f"{name}.{k}"
+                groups[part] = members[number[members] == k]
+                parts.setdefault(name, []).append(part)
+                of_group[part] = f"rock.{k}"
+        rock = case.materials["rock"]
+        for k in np.unique(number):
+            factor = float(np.exp(log_factor[number == k].mean()))
+            materials[f"rock.{k}"] = _softer(rock, factor)
+        stages = tuple(
+            replace(s, excavate=tuple(part for name in s.excavate for part in parts[name]))
+            for s in case.stages
+        )
+        there = replace(case, materials=materials, groups=of_group, stages=stages)
+        return _readings(staged_model(replace(mesh, groups=groups), there, solver=pick_solver()))
+
+
+def _softer(rock: Material, factor: float) -> Material:
+    elastic = rock.elastic
+    assert isinstance(elastic, Isotropic)
+    return replace(rock, elastic=replace(elastic, E=Scalar(factor, "E")))
+
+
+def _readings(model: StagedModel) -> np.ndarray:
+    p = np.array([{"E": E, "K0": K0}[name] for name in model.names])
+    return model.survey(p, fields=False, partial=True).computed
+
+
+def _yielding(case: Case) -> Case:
+    surface = MohrCoulomb(Scalar(COHESION), Scalar(np.radians(FRICTION)))
+    return replace(case, materials={"rock": replace(case.materials["rock"], yields=(surface,))})
+
+
+def _fault(site: Site) -> np.ndarray:
+    """Log E of a zone 4 m wide, dipping 75 degrees, 4 m behind the right wall at its foot."""
+    x, y = site.centres.T
+    distance = np.cos(np.radians(15)) * (x - 18.0) + np.sin(np.radians(15)) * (y - 12.0)
+    inside = (np.abs(distance) < 2.0) & (np.abs(y - 12.0) < 40.0)
+    return np.where(inside, np.log(0.1), 0.0)
+
+
+def _drawn(sd: float, site: Site, generator: np.random.Generator) -> np.ndarray:
+    size = np.sqrt(np.log(1.0 + sd**2))
+    return size * (site.root @ generator.normal(size=len(site.centres)))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """How the ground differs from its model.
+
+    Args:
+        readings: (n_channels, n_stages) of one run, without noise.
+        noise: in stated accuracies.
+        fixed_k0: at which the model keeps K0.
+        coarse: the model's mesh is.
+        zero: error of the zero of each channel, in accuracies; readings are then daily.
+        drawn: each run has its own truth.
+    """
+
+    readings: Callable[[Site, np.random.Generator], np.ndarray]
+    noise: float = 1.0
+    fixed_k0: float | None = None
+    coarse: bool = False
+    zero: float = 0.0
+    drawn: bool = False
+
+
+def _plain(site: Site, generator: np.random.Generator) -> np.ndarray:
+    return site.homogeneous()
+
+
+TRUTHS: Mapping[str, Truth] = {
+    "right": Truth(_plain),
+    "field-15": Truth(lambda s, g: s.heterogeneous(_drawn(0.15, s, g)), drawn=True),
+    "field-30": Truth(lambda s, g: s.heterogeneous(_drawn(0.30, s, g)), drawn=True),
+    "yielding": Truth(lambda s, g: s.homogeneous(_yielding)),
+    "accuracies": Truth(_plain, noise=3.0),
+    "K0": Truth(_plain, fixed_k0=1.0),
+    "fault": Truth(lambda s, g: s.heterogeneous(_fault(s))),
+    "zeros": Truth(_plain, zero=ZERO),
+    "coarse": Truth(_plain, coarse=True),
+}
+
+
+def true_readings(site: Site, name: str, run: int) -> np.ndarray:
+    """Those of a run, (n_channels, n_stages); kept, so that settings meet the same truths."""
+    truth = TRUTHS[name]
+    key = f"{name} {run if truth.drawn else 0}"
+    if key not in site.kept:
+        number = sorted(TRUTHS).index(name)
+        site.kept[key] = truth.readings(site, np.random.default_rng([number, run, 1]))
+    return np.asarray(site.kept[key])
+
+
+# Runs --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came of one run.
+
+    Args:
+        inside: (l,) later readings in their band.
+        width: (l,) half width of the bands, m.
+        error: (l,) of the prediction against the truth without noise, m.
+        covered: (n,) true parameters in their intervals.
+        said: the exit code is not 0, or a finding speaks of a misfit.
+        size: of the model error; 0 for none.
+    """
+
+    inside: np.ndarray
+    width: np.ndarray
+    error: np.ndarray
+    covered: np.ndarray
+    said: bool
+    size: float
+
+
+def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
+    """Draw readings, fit, compare.
+
+    Args:
+        site: meshes and truths.
+        name: of the truth.
+        run: its number.
+        setting: of ``fit.model_error``; empty to leave it out.
+        folder: for the files of the run.
+    """
+    truth = TRUTHS[name]
+    exact = true_readings(site, name, run)
+    generator = np.random.default_rng([run, 2])
+    channels, stages = site.truth[0].channels, [s.name for s in site.truth[0].stages]
+    noisy = exact + truth.noise * ACCURACY * generator.normal(size=exact.shape)
+    offset = truth.zero * ACCURACY * generator.normal(size=len(exact))
+    lines = ["gauge,stage,value,unit"]
+    for i, channel in enumerate(channels):
+        for stage in FITTED:
+            j = stages.index(stage)
+            if not np.isfinite(exact[i, j]) or channel.zero == stage:
+                continue
+            days = DAYS if truth.zero else 1
+            values = exact[i, j] + offset[i] + ACCURACY * generator.normal(size=days)
+            values = values if truth.zero else noisy[i, j : j + 1]
+            lines += [f"{channel.name},{stage},{1e3 * v!r},mm" for v in values.tolist()]
+    (folder / "readings.csv").write_text("\n".join(lines) + "\n")
+    mesh = site.coarse_mesh if truth.coarse else site.model_mesh
+    file = "{file: readings.csv, several: all}" if truth.zero else "readings.csv"
+    path = write_case(folder, mesh, file, many=site.many, fixed_k0=truth.fixed_k0)
+    overrides: dict[str, object] = {"fit.model_error": setting} if setting else {}
+    found = fit(load_case(path, overrides), output=folder / "found.h5", force=True, fresh=True)
+    return _judged(found.result, exact, noisy + offset[:, None])
+
+
+def _judged(result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
+    assert result.prediction is not None
+    j = result.gauges.stages.index(LATER)
+    mean, lower, upper = (
+        getattr(result.prediction, part)[:, j] for part in ("mean", "lower95", "upper95")
+    )
+    table = result.parameters
+    true = np.array([{"E": E, "K0": K0}[name] for name in table.names])
+    found = getattr(result, "model_error", None)
+    said = result.exit_code != 0 or any("residuals are" in text for text in result.findings)
+    return Run(
+        (later[:, j] >= lower) & (later[:, j] <= upper),
+        0.5 * (upper - lower),
+        mean - exact[:, j],
+        (true >= table.lower95) & (true <= table.upper95),
+        said,
+        0.0 if found is None else float(found.size),
+    )
+
+
+def report(name: str, setting: str, runs: Sequence[Run]) -> str:
+    """One line of the table."""
+    inside = np.concatenate([run.inside for run in runs])
+    width = np.median([np.median(run.width) for run in runs])
+    error = np.sqrt(np.mean(np.concatenate([run.error for run in runs]) ** 2))
+    covered = np.mean(np.concatenate([run.covered for run in runs]))
+    said = sum(run.said for run in runs)
+    size = np.median([run.size for run in runs])
+    return (
+        f"{name:12s} {setting or 'default':10s} {100 * inside.mean():6.1f} %"
+        f" {width / ACCURACY:8.2f} {1e3 * error:8.3f} mm {100 * covered:7.0f} %"
+        f" {said:4d}/{len(runs)} {100 * size:7.1f} %"
+    )
+
+
+HEAD = "truth        setting    coverage  width/s  RMS error  parameters   said  model error"
+
+
+def all_runs(
+    site: Site, names: Sequence[str], settings: Sequence[str], count: int
+) -> Iterator[str]:
+    """Lines of the table."""
+    for name in names:
+        for setting in settings:
+            runs = [one_run(site, name, run, setting, site.folder) for run in range(count)]
+            yield report(name, setting, runs)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--truths", nargs="+", choices=sorted(TRUTHS), default=list(TRUTHS))
+    parser.add_argument("--set", nargs="+", default=["none", "estimate"], dest="settings")
+    parser.add_argument("--gauges", choices=("few", "many"), default="few")
+    given = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        site = Site(Path(folder), given.gauges == "many")
+        print(HEAD)
+        for line in all_runs(site, given.truths, given.settings, given.runs):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
