@@ -142,7 +142,8 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     if log.trouble:
         control.monitor.warn(log.trouble)
     elif len(log):
-        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} evaluations")
+        kept = "blocks of evaluations" if job.command == "sample" else "evaluations"
+        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} {kept}")
     try:
         yield log
     except Interrupted as stop:
