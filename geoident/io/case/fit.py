@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
+from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
@@ -127,6 +128,19 @@ class FitBase(Section):
         description="Whether a fit also predicts its last stage from those before it, which costs "
         "a few evaluations, and says whether that came true.",
     )
+    mesh_error: bool = Field(
+        True,
+        description="Whether a fit halves the elements of the mesh once, at the end, to see how "
+        "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
+        "the jumps of the stress tell), says it, and widens intervals and bands by it.",
+    )
+    ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
+        None,
+        description="Models to be fitted one after the other, from the simplest on, and compared: "
+        "symmetries of the elasticity of the material whose moduli are parameters, or names with "
+        "changes to the case.",
+        examples=[["isotropic", "transversely-isotropic", "orthotropic"]],
+    )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",
         description="How much a large residual counts: huber and student-t are robust against "
@@ -164,6 +178,7 @@ class FitBase(Section):
             opening,
             model_error_options(self.model_error),
             self.backtest,
+            mesh_error=self.mesh_error,
         )
 
     def _method(self, name: str) -> MethodOptions:
