@@ -26,6 +26,7 @@ COMMANDS = (
     "report",
     "export",
     "diff",
+    "compare",
     "schema",
     "doctor",
     "completion",

@@ -147,6 +147,22 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Rung:
+    """A model of a ladder: the case with some changes.
+
+    Args:
+        name: what people call it.
+        overrides: changes to the case, texts ``path=value``.
+        origins: new parameter to those of simpler models from which it begins, the nearest first,
+            with factors; None where it has none.
+    """
+
+    name: str
+    overrides: tuple[str, ...] = ()
+    origins: Mapping[str, tuple[tuple[str, float], ...]] | None = None
+
+
+@dataclass(frozen=True)
 class FitSettings:
     """How the parameters are identified.
 
@@ -157,6 +173,8 @@ class FitSettings:
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
         backtest: whether the last fitted stage is predicted from those before it, too.
+        ladder: models that are fitted one after the other, from the simplest on; none for the one
+            that the case describes.
     """
 
     methods: tuple[MethodOptions, ...]
@@ -165,6 +183,7 @@ class FitSettings:
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
     model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
+    ladder: tuple[Rung, ...] = ()
 
 
 @dataclass(frozen=True)

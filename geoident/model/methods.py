@@ -138,6 +138,21 @@ class ComplementarityOptions:
     max_regions: int = 2000
 
 
+@dataclass(frozen=True)
+class EnsembleSmootherOptions:
+    """Ensemble smoother with multiple data assimilation: no derivatives (extra ensemble).
+
+    Args:
+        ensemble: members of the ensemble; its sampling error falls with the root of their number.
+        assimilations: steps in which the readings are taken in.
+        seed: of the ensemble and of the perturbed readings.
+    """
+
+    ensemble: int = 200
+    assimilations: int = 4
+    seed: int = 1
+
+
 MethodOptions = (
     GaussNewtonOptions
     | CondensationOptions
@@ -145,6 +160,7 @@ MethodOptions = (
     | ScanOptions
     | ClosedFormOptions
     | ComplementarityOptions
+    | EnsembleSmootherOptions
 )
 
 METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
@@ -154,6 +170,7 @@ METHOD_OPTIONS: Mapping[str, type[MethodOptions]] = {
     "scan": ScanOptions,
     "closed-form": ClosedFormOptions,
     "complementarity": ComplementarityOptions,
+    "ensemble-smoother": EnsembleSmootherOptions,
 }
 
 

@@ -16,7 +16,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
 from geoident.model.posterior import PosteriorDraws
-from geoident.model.rivals import Evidence, Rivals
+from geoident.model.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
@@ -480,6 +480,7 @@ class Result:
         posterior: draws of the parameters, or None.
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
+        comparison: of a ladder of models, of which this is the chosen one, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -513,6 +514,7 @@ class Result:
     posterior: PosteriorDraws | None = None
     rivals: Rivals | None = None
     evidence: Evidence | None = None
+    comparison: ModelComparison | None = None
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
 

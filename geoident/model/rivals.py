@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import exp
 
 from geoident.model.arrays import Floats, Ints
 
@@ -63,3 +64,61 @@ class Evidence:
     def log_occam(self) -> float:
         """Logarithm of what the readings left of the prior volume: the price of freedom."""
         return self.log_evidence - self.log_likelihood
+
+
+@dataclass(frozen=True)
+class ModelScore:
+    """What speaks for and against one of several models.
+
+    Args:
+        name: of the model; of a file where it has no other.
+        path: of its result.
+        parameters: how many it has.
+        status: of its fit.
+        objective: least misfit, with the priors.
+        log_evidence: logarithm of the probability density of the readings.
+        log_likelihood: the same at the best parameters.
+        backtest: mean log score of the last fitted stage, predicted from those before it; NaN for
+            none.
+        backtested: readings of that.
+    """
+
+    name: str
+    path: str
+    parameters: int
+    status: str
+    objective: float
+    log_evidence: float
+    log_likelihood: float
+    backtest: float = float("nan")
+    backtested: int = 0
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """Several models of the same readings, from the simplest on.
+
+    Args:
+        models: k of them.
+        chosen: number of the one that the readings ask for: the simplest that none beats clearly.
+        decided: all others are clearly worse.
+        readings: how many were used.
+        sentences: what the readings support, in words.
+    """
+
+    models: tuple[ModelScore, ...]
+    chosen: int
+    decided: bool
+    readings: int
+    sentences: tuple[str, ...]
+
+    @property
+    def probabilities(self) -> tuple[float, ...]:
+        """Of each model, all being as likely before the readings and one of them right."""
+        top = max(model.log_evidence for model in self.models)
+        parts = [exp(model.log_evidence - top) for model in self.models]
+        return tuple(part / sum(parts) for part in parts)
+
+
+CLEAR = 3.0
+"""Difference of the logarithms of two evidences (20 to 1) from which on one model beats another."""

@@ -48,6 +48,7 @@ from geoident.workflow.running.trials import (
     clause,
     nearby,
     tried,
+    variances,
 )
 from geoident.workflow.running.verdict import Verdict, settling_sentences, verdict
 
@@ -204,7 +205,7 @@ def _result(
     found = backtest_of(setup, trials, skipped)
     said = verdict(found, last.gauges)
     restless, others = settling_sentences(
-        case, found.steps, estimated=last.setup.accuracies is not None
+        case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
     )
     status, reason = _ending(case, found, said, out_of_time=out_of_time)
     estimate = last.found

@@ -26,6 +26,7 @@ from geoident.model.summary import (
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.estimate import require_possible
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
+from geoident.workflow.running.ladder import require_sound
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 
 
@@ -59,6 +60,8 @@ def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> 
         ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
     """
     inputs = load_inputs(path, overrides=overrides)
+    if inputs.case.fit.ladder:
+        require_sound(path, overrides, inputs.case)
     model = build_model(inputs, solver=solver)
     readings = select_readings(inputs.case, model)
     if inputs.case.readings:

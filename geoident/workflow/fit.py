@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.result import GaugeTable, Result
@@ -19,7 +19,6 @@ from geoident.workflow.running.diagnosis import (
     bound_findings,
     gross_findings,
     gross_readings,
-    is_poor,
     opened,
     over_all_stages,
     parameter_table,
@@ -38,6 +37,7 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.running.fields import field_estimates
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.ladder import climb
 from geoident.workflow.running.model_error import model_error_findings, model_error_notes
 from geoident.workflow.running.predictions import (
     collapse_findings,
@@ -56,6 +56,13 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
+    if job.inputs.case.fit.ladder:
+        return climb(job, control, _fit)
+    return _fit(job, control)
+
+
+def _fit(job: Job, control: Control) -> Finished:
+    """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = look(setup, problem, outcome, fields=True)
@@ -82,13 +89,14 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
-    status = _status(found, gross)
+    poor = why_poor(found.diagnostics, gross, setup.model_error_table)
+    status, named = _status(found, poor), parameters.named
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters, gross),
+        reason=_reason(found, case.parameters) + poor,
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
@@ -96,7 +104,12 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *gross_findings(gross, found.readings, case),
-            *remarks(found.diagnostics, gauges, parameters.names, gross=len(gross) > 0),
+            *remarks(
+                replace(found.diagnostics, influence=found.diagnostics.influence[..., named]),
+                gauges,
+                parameters.picked(named).names,
+                gross=len(gross) > 0,
+            ),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
@@ -144,10 +157,10 @@ def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[s
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate, gross: Ints) -> str:
+def _status(found: Estimate, poor: str) -> str:
     if found.outcome.status != "converged":
         return found.outcome.status
-    if is_poor(found.diagnostics, gross):
+    if poor:
         return "poor-fit"
     return "not-determined" if _undetermined(found).any() else "converged"
 
@@ -159,7 +172,7 @@ def _undetermined(found: Estimate) -> Bools:
     return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, parameters: Sequence[Parameter], gross: Ints) -> str:
+def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
     loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also + why_poor(found.diagnostics, gross)
+    return found.outcome.reason + also

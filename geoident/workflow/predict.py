@@ -56,6 +56,9 @@ from geoident.workflow.running.readings import (
     with_computed,
 )
 
+POOR = " Its model does not fit the readings: these predictions are not to be relied on."
+"""What is said of predictions from a poor fit."""
+
 
 @dataclass(frozen=True)
 class PredictRequest:
@@ -328,6 +331,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     p = known.parameters.values
     readings = with_computed(_readings(task, known), case, model, survey, p)
     gauges = gauge_table(case, readings, survey.computed)
+    poor = fit.status == "poor-fit"
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
     errors = known.errors
@@ -339,10 +343,10 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     )
     return Result(
         kind="predict",
-        status="done",
-        exit_code=ExitCode.DONE,
+        status="poor-fit" if poor else "done",
+        exit_code=ExitCode.NOT_CONVERGED if poor else ExitCode.DONE,
         method=fit.method,
-        reason=f"Predicted from {task.request.result} ({fit.status}).",
+        reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
         findings=tuple(dict.fromkeys((*collapse_findings(survey), *fit.findings))),
         case_text=task.inputs.loaded.text,

@@ -226,7 +226,7 @@ def test_the_doctor_tells_versions_and_the_solver_in_use(run):
     found = json.loads(run("doctor", "--json").stdout)
     assert found["picked"] in ("pardiso", "cholmod", "splu")
     extras = {extra["name"]: extra for extra in found["extras"]}
-    assert set(extras) == {"report", "ags", "full-space", "global"}
+    assert set(extras) >= {"report", "ags", "full-space", "global", "ensemble"}
     assert extras["global"]["version"]
     assert extras["global"]["remedy"] == 'pip install "geoident[global]"'
 

@@ -52,6 +52,12 @@ class TestARightModel:
         assert not any("does not settle" in text for text in found.findings)
         assert sum(" settles: " in note for note in found.notes) == 2
 
+    @pytest.mark.parametrize("seed", [1007, 1011])
+    def test_settles_where_a_fit_gains_little_on_the_one_before(self, pit, seed):
+        """Lift 4 takes 7 % off the variance of K0: that of its change is a small difference."""
+        write_readings(pit, readings_of(pit / "case.yaml", SAME, seed=seed))
+        assert not any("does not settle" in text for text in run().findings)
+
     def test_intervals_shrink_as_readings_are_added(self, pit):
         widths = np.array([s.upper95 - s.lower95 for s in run().backtest.steps])
         assert (np.diff(widths, axis=0) < 0.0).all()

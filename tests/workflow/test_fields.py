@@ -177,3 +177,26 @@ def test_a_measured_value_is_met_whatever_the_mean(tmp_path):
     assert one[near] == pytest.approx(3e9, rel=0.05)
     assert other[near] == pytest.approx(3e9, rel=0.1)
     assert other[far] / one[far] > 2.0
+
+
+def test_the_ensemble_smoother_finds_the_field_of_gauss_newton(tmp_path):
+    """With 5 % the readings are nearly linear; 500 members err by about sd / sqrt(500)."""
+    path = write(tmp_path, sd="5 %")
+    text = path.read_text().replace("start: 2 GPa", "start: 5 GPa")
+    prior = "prior: {kind: lognormal, mean: 5 GPa, sd: 0.2 GPa}"
+    text = text.replace("scale: log}", f"scale: log, {prior}}}")
+    text = text.replace("[0.2, 4]}", "[0.2, 4], prior: {mean: 1.0, sd: 0.05}}")
+    path.write_text(text.replace("0.01 mm", "0.003 mm"))
+    drawn = run_command("simulate", path, "--draw", "--seed", 8, "--noise")
+    (tmp_path / "readings.csv").write_text(drawn.stdout)
+    newton = fitted(path)
+    smoother = "fit.method=ensemble-smoother", "fit.ensemble-smoother.ensemble=500"
+    smoothed = fitted(path, *(word for flag in smoother for word in ("--set", flag)))
+    assert smoothed.method == "ensemble-smoother"
+    assert any("95 % of the ensemble: E " in note for note in smoothed.notes)
+    (one,), (other,) = newton.varied, smoothed.varied
+    assert one.reduction.max() > 0.5
+    assert np.log(one.values.max() / one.values.min()) > 0.03
+    apart = np.log(other.values / one.values)
+    assert np.all(np.abs(apart) <= 4 * one.sd * np.sqrt(5 / 500))
+    assert other.sd == pytest.approx(one.sd, rel=0.05)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
+
+from geoident.workflow.running.diagnosis import why_poor
 
 LOSSES = ["squared", "huber", "student-t"]
 
@@ -42,3 +46,30 @@ def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, los
     assert f"readings.csv:{number}:" in said
     assert "CV at second" in said
     assert not any("accuracies: estimate" in text for text in found["findings"])
+
+
+def test_predictions_from_a_poor_fit_are_not_to_be_relied_on(tmp_path):
+    readings = READINGS.replace("CV,first,-0.598", "CV,first,-250")
+    code, _ = fitted(tmp_path, "squared", readings=readings, stages="[first]")
+    assert code == 4
+    run = run_command("predict", str(tmp_path / "case.fit.h5"), "--json", "-q")
+    found = json.loads(run.stdout)
+    assert (run.exit_code, found["status"]) == (4, "poor-fit")
+    assert "not to be relied on" in found["reason"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "lower", "poor"),
+    [
+        ("estimated", 0.6, 0.4, True),
+        ("estimated", 0.6, 0.2, False),  # few readings: it may as well be usual
+        ("estimated", 0.4, 0.35, False),
+        ("given", 0.6, 0.6, False),  # whoever gives it wants it
+    ],
+)
+def test_a_model_error_that_no_usable_model_has_is_a_poor_fit(kind, size, lower, poor):
+    explained = SimpleNamespace(above=0.4, below=0.6, misfit=1.0)
+    error = SimpleNamespace(kind=kind, size=size, lower95=lower, upper95=0.9, large=lower > 0.3)
+    said = why_poor(explained, np.zeros(0, dtype=np.int64), error)
+    assert bool(said) == poor
+    assert not poor or "model error of 60 %" in said

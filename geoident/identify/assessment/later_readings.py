@@ -67,6 +67,22 @@ def given_used(
     )
 
 
+def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
+    """Covariance (l, l) of the errors of later readings that the used ones leave, SI.
+
+    Args:
+        problem: the used readings.
+        later: the errors of the later readings, with the shared errors of the used ones.
+    """
+    sd, shared = later.at(np.zeros(len(later.names)))
+    left = np.array(np.diag(sd**2))
+    if shared is not None and problem.covariance is None:
+        left += (shared.columns @ shared.columns.T).toarray()
+    elif shared is not None and problem.covariance is not None:
+        left += problem.covariance.shared_left_matrix(shared.columns)
+    return left
+
+
 def _squares(shared: SharedErrors) -> Floats:
     """Variance (l,) of what each reading shares."""
     return np.asarray(shared.columns.power(2).sum(axis=1), dtype=np.float64).ravel()

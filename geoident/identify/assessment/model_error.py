@@ -60,6 +60,16 @@ class SizeWeights:
         """The root of the mean of eta^2."""
         return mean_size(self.weights)
 
+    @property
+    def log_gain(self) -> float:
+        """Logarithm of the evidence over all sizes, less that at the size that is used.
+
+        By the restricted likelihood, times the prior with its normalisation.
+        """
+        log_prior = 0.5 * np.log(2.0 / np.pi) - np.log(PRIOR_SD) - 0.5 * (SIZES / PRIOR_SD) ** 2
+        parts = log_prior + np.log(_WIDTHS) - 0.5 * (self.minus_two_l - self.components.minus_two_l)
+        return float(parts.max() + np.log(np.exp(parts - parts.max()).sum()))
+
     def quantile(self, part: float) -> float:
         """Eta below which a part of the weight lies."""
         below = np.concatenate([[0.0], np.cumsum(self.weights)])

@@ -204,6 +204,15 @@ class Covariance:
                 found[rows] += row_squares(sp.csr_array(part[rows]), less)
         return found
 
+    def shared_left_matrix(self, columns: sp.csr_array) -> Floats:
+        """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
+        found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
+        for block in self._blocks:
+            part = sp.csr_array(columns[:, block.shared])
+            less = block.left - np.eye(len(block.R))
+            found += part @ np.asarray((part @ less).T)
+        return found
+
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
 

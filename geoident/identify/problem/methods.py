@@ -45,6 +45,10 @@ FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
 """What the formulations of the complementarity method need beside the model's equations."""
 
 
+METHOD_PACKAGES = {"ensemble-smoother": ("iterative_ensemble_smoother", "ensemble")}
+"""What a method needs installed, and the extra that brings it."""
+
+
 @dataclass(frozen=True)
 class Method:
     """One identifier.
@@ -93,6 +97,10 @@ METHODS: Mapping[str, Method] = dict(
         _method(
             "yield_limits", "complementarity", YieldSystem,
             "yield limits from several starts (their default)",
+        ),
+        _method(
+            "direct", "ensemble-smoother", Response,
+            "an ensemble of the priors, without derivatives, for fields and ground that yields",
         ),
     ]
 )  # fmt: skip
@@ -147,7 +155,7 @@ def _obstacle(
     response: Response, method: Method, loss: LossOptions, options: MethodOptions | None = None
 ) -> str | None:
     if method.needs is Response:
-        return None
+        return _package_obstacle(method.name, loss)
     if method.needs is YieldSystem:
         return _yield_obstacle(response, options)
     if method.needs is HasOpening:
@@ -158,6 +166,18 @@ def _obstacle(
     if not isinstance(response, AffineElastic):
         return "the model does not offer its equations"
     return response.obstacle()
+
+
+def _package_obstacle(name: str, loss: LossOptions) -> str | None:
+    """Why a method that takes any model cannot work here, a clause; None if it can."""
+    if name not in METHOD_PACKAGES:
+        return None
+    package, extra = METHOD_PACKAGES[name]
+    if loss_name(loss) != "squared":
+        return f"its updates are those of the squared loss, and the loss is {loss_name(loss)}"
+    if find_spec(package) is None:
+        return f'it needs {package} (pip install "geoident[{extra}]")'
+    return None
 
 
 def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:

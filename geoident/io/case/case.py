@@ -8,6 +8,7 @@ here (names that refer to something else in the case) and in `stages` (their seq
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Discriminator, Field, Tag
@@ -18,6 +19,7 @@ from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import GeostaticModel, InSituSection, build_in_situ
+from geoident.io.case.ladder import build_ladder, names_of_sets
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
@@ -122,6 +124,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
     context = Context((), Analysis(section.analysis), faults)
     gravity = section.gravity is not None
+    ties = [(path, given) for path, given in _numbers(section, ()) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
     if section.mesh is None:
@@ -134,10 +137,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         title=section.title,
         analysis=context.analysis,
         mesh_file=None,
-        parameters=oriented(
-            [p.parameter(name) for name, p in section.parameters.items()],
-            [(path, given) for path, given in _numbers(section, ()) if given.parameter],
-        ),
+        parameters=oriented([p.parameter(name) for name, p in section.parameters.items()], ties),
         materials=materials,
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=_supports(section.supports, context.at("supports")),
@@ -150,7 +150,16 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         ),
         channels=build_channels(section.gauges, structures, context.at("gauges")),
         readings=(),
-        fit=section.fit.settings(strengths=_seek_strengths(materials)),
+        fit=replace(
+            section.fit.settings(strengths=_seek_strengths(materials)),
+            ladder=build_ladder(
+                section.fit.ladder or (),
+                section.materials,
+                section.parameters,
+                ties,
+                context.at("fit", "ladder"),
+            ),
+        ),
         source=faults.places.source(),
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
@@ -365,7 +374,7 @@ def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) 
 
 def _check_ties(section: CaseSection, faults: Faults) -> None:
     """Note ties to unknown parameters or of another dimension, and parameters without any use."""
-    used = set()
+    used = names_of_sets(section.fit.ladder or ())
     for path, given in _numbers(section, ()):
         if given.parameter is not None:
             used.add(given.parameter)

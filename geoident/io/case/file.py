@@ -275,7 +275,9 @@ def _set(data: Node, path: KeyPath, value: Node) -> None:
         else:
             holder = cast("list[Node]", holder)[int(key)]
     _require(holder, path, new=True)
-    if isinstance(holder, dict):
+    if isinstance(holder, dict) and value is None and path[:-1] == ("parameters",):
+        holder.pop(str(path[-1]), None)  # a parameter that is left out
+    elif isinstance(holder, dict):
         holder[str(path[-1])] = value
     else:
         cast("list[Node]", holder)[int(path[-1])] = value

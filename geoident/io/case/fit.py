@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
+from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
@@ -126,6 +127,13 @@ class FitBase(Section):
         True,
         description="Whether a fit also predicts its last stage from those before it, which costs "
         "a few evaluations, and says whether that came true.",
+    )
+    ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
+        None,
+        description="Models to be fitted one after the other, from the simplest on, and compared: "
+        "symmetries of the elasticity of the material whose moduli are parameters, or names with "
+        "changes to the case.",
+        examples=[["isotropic", "transversely-isotropic", "orthotropic"]],
     )
     loss: Literal["squared", "huber", "student-t"] = Field(
         "squared",

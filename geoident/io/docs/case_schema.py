@@ -195,7 +195,8 @@ def _plain(node: Schema, sections: Schema) -> str:
     if kind == "array":
         return f"list of {_value(node.get('items', {}), sections)}"
     if kind == "object":
-        return f"names to {_value(node.get('additionalProperties', {}), sections)}"
+        values = node.get("additionalProperties", {})
+        return f"names to {_value({} if values is True else values, sections)}"
     if "x-quantity" in node:
         return str(node["x-quantity"])
     words = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`"}

@@ -122,7 +122,7 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_members(file, result.members)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
-    tables.write_rival_answers(file, result.rivals, result.evidence, names)
+    tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -256,6 +256,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         members=tables.read_members(file) if "structures" in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
+        comparison=tables.read_models(file) if tables.MODELS in contents else None,
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),

@@ -26,7 +26,7 @@ from geoident.model.result import (
     ParameterTable,
     Prediction,
 )
-from geoident.model.rivals import Evidence, Rivals
+from geoident.model.rivals import Evidence, ModelComparison, ModelScore, Rivals
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -405,16 +405,23 @@ EVIDENCE = "evidence"
 
 
 def write_rival_answers(
-    file: h5py.File, rivals: Rivals | None, evidence: Evidence | None, names: tuple[str, ...]
+    file: h5py.File,
+    rivals: Rivals | None,
+    evidence: Evidence | None,
+    comparison: ModelComparison | None,
+    names: tuple[str, ...],
 ) -> None:
-    """Writes ``/rivals`` and ``/evidence``, each where there is one.
+    """Writes ``/rivals``, ``/evidence`` and ``/models``, each where there is one.
 
     Args:
         file: the result.
         rivals: other minima.
         evidence: of the model.
+        comparison: of several models.
         names: of the parameters.
     """
+    if comparison is not None:
+        _write_models(file, comparison)
     if rivals is not None:
         _write_rivals(file, rivals, names)
     if evidence is not None:
@@ -464,4 +471,52 @@ def read_evidence(file: h5py.File) -> Evidence:
         log_evidence=group.attribute("log_evidence", float),
         log_likelihood=group.attribute("log_likelihood", float),
         readings=int(group.attribute("readings", float)),
+    )
+
+
+MODELS = "models"
+_MODEL_NUMBERS = ("objective", "log_evidence", "log_likelihood", "backtest")
+_MODEL_COUNTS = ("parameters", "backtested")
+
+
+def _write_models(file: h5py.File, found: ModelComparison) -> None:
+    """Writes ``/models``: one row a model, from the simplest on."""
+    models = found.models
+    names = tuple(model.name for model in models)
+    out = TableWriter(file, MODELS, {"model": names, "sentence": found.sentences})
+    out.add("path", [model.path for model in models], "model")
+    out.add("status", [model.status for model in models], "model")
+    for name in _MODEL_NUMBERS:
+        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.float64), "model")
+    for name in _MODEL_COUNTS:
+        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.int64), "model")
+    out.group.attrs["chosen"] = np.int64(found.chosen)
+    out.group.attrs["decided"] = np.int64(found.decided)
+    out.group.attrs["readings"] = np.int64(found.readings)
+
+
+def read_models(file: h5py.File) -> ModelComparison:
+    """The comparison of several models."""
+    group = TableReader(file, MODELS)
+    names = group.texts("model")
+    k = len(names)
+    paths, statuses = group.texts("path", k), group.texts("status", k)
+    numbers = {name: group.floats(name, k).tolist() for name in _MODEL_NUMBERS}
+    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS}
+    models = tuple(
+        ModelScore(
+            name=names[i],
+            path=paths[i],
+            status=statuses[i],
+            **{name: column[i] for name, column in {**numbers, **counts}.items()},
+        )
+        for i in range(k)
+    )
+    whole = {name: int(group.attribute(name, float)) for name in ("chosen", "decided", "readings")}
+    return ModelComparison(
+        models=models,
+        chosen=whole["chosen"],
+        decided=bool(whole["decided"]),
+        readings=whole["readings"],
+        sentences=group.texts("sentence"),
     )

@@ -18,6 +18,7 @@ from geoident.report.text import (
     accuracies,
     backtest,
     model_error,
+    models,
     posterior,
     rivals,
     structures,
@@ -91,6 +92,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(varied.TITLE, table(varied.varied_table(result.varied))),
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
+        _section(models.TITLE, *_models(result)),
         _section(model_error.TITLE, _model_error(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
@@ -131,6 +133,14 @@ def _section(title: str, *parts: str) -> Html:
     """A heading and what stands under it; nothing if that is nothing."""
     body = [part for part in parts if part]
     return tag("section", tag("h2", title), joined(body, "\n")) if body else Html("")
+
+
+def _models(result: Result) -> tuple[Html, ...]:
+    found = result.comparison
+    if found is None:
+        return ()
+    said = tag("ul", *(tag("li", text) for text in found.sentences))
+    return table(models.models_table(found)), said, tag("p", models.LEGEND)
 
 
 def _figures(pictures: Sequence[Picture]) -> Html:

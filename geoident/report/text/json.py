@@ -28,6 +28,7 @@ from geoident.report.text.gauges import (
     moment_text,
 )
 from geoident.report.text.model_error import model_error_object
+from geoident.report.text.models import models_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import rivals_list
 from geoident.report.text.structures import structures_list
@@ -85,6 +86,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             else {}
         ),
         **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
+        **({"comparison": models_object(result.comparison)} if result.comparison else {}),
         **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
         **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
         **(

@@ -16,6 +16,7 @@ from geoident.report.text import (
     accuracies,
     backtest,
     model_error,
+    models,
     posterior,
     rivals,
     structures,
@@ -78,6 +79,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section(model_error.TITLE, model_error.model_error_text(result.model_error)),
         section("Findings", bullets(result.findings)),
+        section(models.TITLE, *models.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
@@ -98,6 +100,7 @@ def summary_text(result: Result) -> str:
         head(result),
         _told_parameters(result),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
+        section(f"{models.TITLE}:", *models.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         _model_error(result),
@@ -197,9 +200,14 @@ def _fit(result: Result) -> list[str]:
     far = sum(outlier.used for outlier in outliers(result))
     count = {0: "no reading exceeds", 1: "one reading exceeds"}.get(far, f"{far} readings exceed")
     return [
-        f"The root mean square of the residuals is {spread:.2f} of the stated standard deviation "
-        f"(about 1 if the stated accuracies are right); {count} {OUTLIER:g} standard deviations."
+        f"The root mean square of the residuals is {_size(spread)} of the stated standard "
+        "deviation (about 1 if the stated accuracies are right); "
+        f"{count} {OUTLIER:g} standard deviations."
     ]
+
+
+def _size(spread: float) -> str:
+    return f"{spread:.2f}" if spread < 1000.0 else number(spread)
 
 
 def _predicted(result: Result) -> list[str]:

@@ -17,6 +17,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
+from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Parameter
 from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ParameterTable
 from geoident.model.yielding import Certificate
@@ -48,6 +49,9 @@ POOR = 1e-4
 
 UNUSABLE = 2.0
 """... if the residuals are also as large as this: then 95 % intervals hold two thirds."""
+
+UNUSABLE_SIZE = 0.5
+"""Model error, of the computed motion, beyond which a model is of no use."""
 
 GROSS = 1000.0
 """Residual in accuracies that no gauge shows: a unit, a column or a sign is wrong."""
@@ -152,6 +156,8 @@ def _most_influential(
     """The reading whose removal changes the answer most."""
     if np.count_nonzero(np.isfinite(found.standardized)) < 2:
         return []
+    if not len(parameters):
+        return []
     i, j = np.unravel_index(int(np.nanargmax(found.distance)), found.distance.shape)
     name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", found.influence[i, j]
     alone = [
@@ -214,36 +220,32 @@ def _by_chance(probability: float) -> str:
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
 
 
-def is_poor(found: Diagnostics, gross: Ints) -> bool:
-    """Whether the model does not fit: what is left is far more than errors explain.
+def why_poor(found: Diagnostics, gross: Ints, model_error: ModelErrorTable | None) -> str:
+    """The sentence that a fit is poor, after a blank; empty for one that is not.
 
-    The same holds for every loss (see `misfit`); and a reading that no gauge can have shown makes a
-    fit poor though a robust loss has disregarded it.
-
-    Args:
-        found: the diagnostics of each reading.
-        gross: rows of `gross_readings`.
-    """
-    return _unexplained(found) or len(gross) > 0
-
-
-def _unexplained(found: Diagnostics) -> bool:
-    return bool(found.above < POOR and found.misfit >= UNUSABLE)
-
-
-def why_poor(found: Diagnostics, gross: Ints) -> str:
-    """The sentence that says so, after a blank; empty for a fit that is not poor.
+    It is where what is left is far more than the errors explain, a model error among them that was
+    given; where the model error that the residuals show is beyond that of any model one would rely
+    on; and where no gauge can have shown a reading, though a robust loss disregards it.
 
     Args:
         found: the diagnostics of each reading.
-        gross: rows of `gross_readings`.
+        gross: (m,) rows of `gross_readings`.
+        model_error: of the fit; None where there is none.
     """
-    if not is_poor(found, gross):
-        return ""
-    if _unexplained(found):
+    if found.above < POOR and found.misfit >= UNUSABLE:
         how = f"the residuals are {_times(found.misfit)} times as large as the stated accuracies"
         return f" The model does not fit the readings: {how} explain (see the findings)."
-    return " The model does not fit the readings: some are grossly wrong (see the findings)."
+    if model_error is not None and model_error.kind == "estimated":
+        size, low, high = model_error.size, model_error.lower95, model_error.upper95
+        if size > UNUSABLE_SIZE and model_error.large:
+            return (
+                " The model does not fit the readings: it meets them only with a model error of "
+                f"{100 * size:.0f} % of the computed motion (95 %: {100 * low:.0f} to "
+                f"{100 * high:.0f} %)."
+            )
+    if len(gross):
+        return " The model does not fit the readings: some are grossly wrong (see the findings)."
+    return ""
 
 
 def gross_readings(readings: ReadingTable, stated: Floats) -> Ints:
@@ -269,7 +271,7 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     """A sentence for readings that are grossly wrong, with the place where each is written.
 
     Args:
-        gross: rows of `gross_readings`.
+        gross: (m,) rows of `gross_readings`.
         readings: k of them, as the case has them.
         case: with the places where they are written.
     """

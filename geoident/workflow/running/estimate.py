@@ -134,7 +134,8 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     if log.trouble:
         control.monitor.warn(log.trouble)
     elif len(log):
-        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} evaluations")
+        kept = "blocks of evaluations" if job.command == "sample" else "evaluations"
+        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} {kept}")
     try:
         yield log
     except Interrupted as stop:
@@ -318,6 +319,10 @@ def look(
     known = known_errors(setup, left, survey, computed, jacobian)
     found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
+    weighed = None if setup.model_error is None else setup.model_error.weighed
+    if evidence is not None and weighed is not None:
+        over_sizes = evidence.log_evidence + weighed.log_gain
+        evidence = replace(evidence, log_evidence=over_sizes)
     if rivals is None:
         return replace(found, evidence=evidence)
     places = zip(rivals.values[1:], rivals.objectives[1:], strict=True)
@@ -331,7 +336,13 @@ def look(
 
 
 def further(counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Costs with those of a model between two moments."""
+    """Costs with those of a model between two moments.
+
+    Args:
+        counts: of the search and the survey.
+        before: of the model at the first moment.
+        after: at the second.
+    """
     return Counts(
         evaluations=counts.evaluations + after.evaluations - before.evaluations,
         analyses=max(counts.analyses, after.analyses),

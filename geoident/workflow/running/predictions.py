@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.forward.protocols import Survey
-from geoident.identify.assessment.later_readings import LaterReadings, given_used
+from geoident.identify.assessment.later_readings import LaterReadings, given_used, left_covariance
 from geoident.identify.assessment.uncertainty import Assessment, predict_band
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
@@ -74,21 +74,33 @@ def predict_stages(
 
 
 def correlations(
-    survey: Survey, assessment: Assessment, prediction: Prediction, places: Bools
+    survey: Survey,
+    assessment: Assessment,
+    prediction: Prediction,
+    places: Bools,
+    known: KnownErrors | None = None,
 ) -> Floats:
     """Of the errors of predictions: what the parameters lack is common to all of them.
+
+    So is what is left of errors that they share with used readings or with each other.
 
     Args:
         survey: the model at the estimate.
         assessment: how well the parameters are known.
         prediction: the bands.
         places: (n_channels, n_stages) the l predictions, all with a finite band.
+        known: what the used readings tell of shared errors; None where all are independent.
 
     Returns:
         (l, l).
     """
-    rows = survey.sensitivity[places] * assessment.slope
-    common = rows @ assessment.posterior.covariance @ rows.T
+    rows, numbers = survey.sensitivity[places], np.argwhere(places)
+    left = np.zeros((len(rows), len(rows)))
+    if known is not None and len(rows):
+        rows = known.of(numbers, rows).jacobian
+        left = left_covariance(*known.with_later(numbers))
+    rows = rows * assessment.slope
+    common = rows @ assessment.posterior.covariance @ rows.T + left
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
     found = common / np.outer(sd, sd)
     np.fill_diagonal(found, 1.0)

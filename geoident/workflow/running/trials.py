@@ -11,7 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import InputError, ModelError
+from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Bands, Innovations, chance, next_read, scores
+from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.case import Case
@@ -19,7 +21,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.result import Counts, GaugeTable
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import opened, parameter_table
+from geoident.workflow.running.diagnosis import assess_robustly, opened, parameter_table
 from geoident.workflow.running.estimate import (
     Estimate,
     Setup,
@@ -83,6 +85,7 @@ class PartialFit:
 
     Args:
         setup: model, readings, and accuracies as estimated.
+        problem: the fitted readings and their errors.
         found: the estimate.
         gauges: what was read and computed.
         step: what is kept of it.
@@ -93,6 +96,7 @@ class PartialFit:
     """
 
     setup: Setup
+    problem: Problem
     found: Estimate
     gauges: GaugeTable
     step: BacktestStep
@@ -138,7 +142,7 @@ def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
     """
     structure = structure_of_used(case, readings.used)
     sizes = 0 if structure is None else len(structure.names)
-    used, n = int(np.count_nonzero(readings.used)), len(case.parameters)
+    used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
     if used - n >= SPARE * sizes:
         return
     message = (
@@ -208,11 +212,14 @@ def tried(
     )
     return PartialFit(
         fitted,
+        problem,
         found,
         gauges,
         step,
         bands,
-        correlations(found.survey, found.assessment, prediction, ahead & bands.scored),
+        correlations(
+            found.survey, found.assessment, prediction, ahead & bands.scored, found.errors
+        ),
         ahead,
         extrapolation_findings(levels, setup.case, last + 1, states),
     )
@@ -273,6 +280,28 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
         far=by_chance.far,
         measured=trials[0].bands.measured,
     )
+
+
+def variances(trials: Sequence[PartialFit]) -> Floats:
+    """Of each parameter, scaled, after each fit (k, n), all linearised at the last answer.
+
+    How much a fit has gained on the one before is a small difference: it is lost where each is
+    linearised at an answer of its own.
+
+    Args:
+        trials: k fits, of which the last has the readings of all.
+    """
+    last = trials[-1].found.readings
+    assert last.sensitivity is not None
+    values = trials[-1].found.outcome.values
+    scale = Scaling(trials[-1].setup.case.parameters).slope(values)
+    found = []
+    for trial in trials:
+        rows = trial.found.readings.used
+        known = assess_robustly(trial.problem, values, last.computed[rows], last.sensitivity[rows])
+        ratio = known.slope / scale  # each search is scaled by where it began
+        found.append(ratio**2 * np.sum(known.determined_x**2, axis=1))
+    return np.array(found)
 
 
 def _innovations(trial: PartialFit) -> Innovations:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f
 
+from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.scores import bands_of, changes
 from geoident.identify.problem.problem import Scaling
@@ -22,7 +23,10 @@ ALARM = 0.01
 """Chance below which bands do not hold, or a parameter does not settle."""
 
 WORTH_SAYING = 0.85
-"""Coverage below which it is said also where it may be chance."""
+"""Coverage below which it is said how often chance would do that."""
+
+ODD = 0.1
+"""Chance below which the user should look at it."""
 
 
 _GIVEN = 1e9
@@ -73,11 +77,12 @@ def verdict(found: Backtest, gauges: GaugeTable) -> Verdict:
         )
         return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
     if ahead.coverage < WORTH_SAYING:
+        odd = min(found.few, found.far) < ODD
         said = (
             f"{counted}, fewer than 95 %, but with so few readings that happens "
             f"{odds(found.few)} by chance."
         )
-        return Verdict(True, f"{said} {_worst(found, gauges)}", remarkable=True)
+        return Verdict(True, f"{said} {_worst(found, gauges)}", remarkable=odd)
     return Verdict(True, f"The 95 % bands hold: {counted}.", remarkable=False)
 
 
@@ -113,13 +118,14 @@ def _worst(found: Backtest, gauges: GaugeTable) -> str:
 
 
 def settling_sentences(
-    case: Case, steps: Sequence[BacktestStep], *, estimated: bool
+    case: Case, steps: Sequence[BacktestStep], variances: Floats, *, estimated: bool
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """A sentence for each parameter: whether it settles as readings are added.
 
     Args:
         case: its parameters and stages.
         steps: the fits, in the order of their last stages.
+        variances: (k, n) of the scaled parameters after each fit, see `trials.variances`.
         estimated: accuracies were estimated, by each of them anew.
 
     Returns:
@@ -127,8 +133,9 @@ def settling_sentences(
     """
     restless, others = [], []
     scaling = Scaling(case.parameters)
-    for i, parameter in enumerate(case.parameters):
-        known = [step for step in steps if step.determined[i] and np.isfinite(step.sd[i])]
+    for i, parameter in enumerate(named_parameters(case)):  # the first of all
+        at = [k for k, step in enumerate(steps) if step.determined[i] and np.isfinite(step.sd[i])]
+        known = [steps[k] for k in at]
         values = [
             f"{_shown(float(step.values[i]), parameter)} up to {_stage(case, step)}"
             for step in known
@@ -138,9 +145,8 @@ def settling_sentences(
             others.append(f"{parameter.name} is determined {where}.")
             continue
         x = np.array([scaling.to_scaled(step.values)[i] for step in known])
-        sd = np.array([step.sd[i] / scaling.slope(step.values)[i] for step in known])
-        z = changes(x, sd**2)
-        spare = known[0].readings - len(case.parameters) if estimated else _GIVEN
+        z = changes(x, variances[at, i])
+        spare = known[0].readings - len(named_parameters(case)) if estimated else _GIVEN
         if f.sf(float(z @ z) / len(z), len(z), max(spare, 1)) < ALARM:
             restless.append(
                 f"{parameter.name} does not settle: {join(values)}; it changes by up to "

@@ -69,16 +69,17 @@ def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(proble
 
 def test_a_refusal_names_what_is_possible_instead(problem):
     assert refusal(problem.response, "condensation").endswith(
-        "Possible are gauss-newton, simplex, scan."
+        "Possible are gauss-newton, simplex, scan, ensemble-smoother."
     )
     bars = PlasticBars([Frame([1.0, 1.0], [0, None], [1.0, 2.0])], 1)
     whole = ComplementarityOptions(formulation="full-space")
     assert refusal(bars, "complementarity") is None
     assert refusal(bars, "complementarity", options=whole).endswith(
-        "Possible are gauss-newton, simplex, scan, complementarity in its default formulation."
+        "Possible are gauss-newton, simplex, scan, ensemble-smoother, "
+        "complementarity in its default formulation."
     )
     assert refusal(problem.response, "complementarity", options=whole).endswith(
-        "Possible are gauss-newton, simplex, scan."
+        "Possible are gauss-newton, simplex, scan, ensemble-smoother."
     )
 
 

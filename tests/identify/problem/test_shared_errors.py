@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
-from geoident.identify.assessment.later_readings import given_used
+from geoident.identify.assessment.later_readings import given_used, left_covariance
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.condensation import condensation
@@ -260,6 +260,20 @@ def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
     )
     alone = np.sqrt(np.sum(later[:, 2:] ** 2, axis=1) + sd**2)  # as if nothing were known of them
     assert np.all(found.sd < alone)
+
+
+def test_what_used_readings_leave_of_errors_that_later_ones_share(measured, make_problem):
+    problem = replace(make_problem(line, parameters(), measured, SD), shared=SHARED)
+    sd, shares = np.array([0.2, 0.1]), np.array([[0.1, 0.0, -0.4], [0.3, 0.0, 0.2]])
+    structure = ErrorStructure(sd, np.array([-1, -1]), sp.csr_array(shares), np.full(3, -1), ())
+    whole, common = np.diag(SD**2) + (B @ B.T), shares @ B.T
+    dense = np.diag(sd**2) + shares @ shares.T - common @ np.linalg.solve(whole, common.T)
+    left = left_covariance(problem, structure)
+    np.testing.assert_allclose(left, dense, rtol=1e-10)
+    later = given_used(problem, line(np.ones(2)), np.ones((len(SD), 2)), later=structure,
+                       later_jacobian=np.ones((2, 2)))  # fmt: skip
+    np.testing.assert_allclose(np.sqrt(np.diag(left)), later.sd, rtol=1e-10)
+    assert left[0, 1] != 0.0
 
 
 def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):

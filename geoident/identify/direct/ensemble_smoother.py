@@ -1,0 +1,181 @@
+"""Ensemble smoother with multiple data assimilation (theory 10.5; Emerick and Reynolds 2013).
+
+An ensemble of parameter vectors, drawn from the priors, is moved towards the readings in a few
+steps; in each the readings count with an inflated variance, so that all steps together count them
+once. A step moves along the correlations of the ensemble between parameters and computed readings:
+no derivatives are asked for, so it serves models that yield and fields that are not Gaussian. Where
+readings are linear in the parameters and priors normal its ensemble is the posterior, up to the
+error of a sample (about 1 / sqrt(size)); Gauss-Newton is then faster and exact.
+
+The work is done in z, in which every prior is N(0, 1): for a normal or lognormal prior its standard
+score, for a parameter without one the normal score of its place between the bounds, in x.
+
+The estimate is the mean of the ensemble in z. Intervals are those of all methods, from the model
+linearized there; what the ensemble itself says of the parameters that the case names stands beside
+them, in the remarks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from iterative_ensemble_smoother import ESMDA
+from scipy.special import ndtr, ndtri
+
+from geoident.errors import ModelError
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem, Scaling
+from geoident.model.arrays import Bools, Floats
+from geoident.model.methods import EnsembleSmootherOptions
+from geoident.model.parameter import Parameter
+from geoident.units import in_unit, shown_unit
+
+NAME = "ensemble-smoother"
+
+FAILED = 0.5
+"""Part of the ensemble without a solution from which on the search ends."""
+
+KEPT = 0.999
+"""Part of the singular values of the ensemble's readings that an update keeps."""
+
+_EDGE = 1e-12
+
+
+class NormalScores:
+    """Parameters as normal scores z of their priors.
+
+    Args:
+        parameters: the n unknowns.
+    """
+
+    def __init__(self, parameters: tuple[Parameter, ...]) -> None:
+        self._parameters = parameters
+        self._scaling = Scaling(parameters)
+
+    def values(self, z: Floats) -> Floats:
+        """Parameter values (n,), SI, within the bounds, of scores (n,)."""
+        scaling = self._scaling
+        x = scaling.lower + (scaling.upper - scaling.lower) * ndtr(z)
+        p = scaling.to_natural(x)
+        for i, prior in scaling.priors:
+            relative = prior.sd / prior.mean if prior.kind == "lognormal" else 0.0
+            p[i] = (
+                prior.mean * np.exp(relative * z[i])
+                if prior.kind == "lognormal"
+                else prior.mean + prior.sd * z[i]
+            )
+        lower = np.array([q.lower for q in self._parameters])
+        upper = np.array([q.upper for q in self._parameters])
+        return np.asarray(np.clip(p, lower, upper), dtype=np.float64)
+
+    def scores(self, p: Floats) -> Floats:
+        """Scores (n,) of values (n,), SI."""
+        scaling = self._scaling
+        width = np.where(scaling.upper > scaling.lower, scaling.upper - scaling.lower, 1.0)
+        part = (scaling.to_scaled(p) - scaling.lower) / width
+        z = ndtri(np.clip(part, _EDGE, 1 - _EDGE))
+        for i, prior in scaling.priors:
+            if prior.kind == "lognormal":
+                z[i] = np.log(p[i] / prior.mean) * prior.mean / prior.sd
+            else:
+                z[i] = (p[i] - prior.mean) / prior.sd
+        return np.asarray(z, dtype=np.float64)
+
+
+def ensemble_smoother(
+    problem: Problem, options: EnsembleSmootherOptions, observe: Observer
+) -> Outcome:
+    """Move an ensemble of the priors to the readings.
+
+    Args:
+        problem: readings, model and parameters, the squared loss.
+        options: size of the ensemble, steps and seed.
+        observe: is told of every step.
+    """
+    discrepancy, scores = Discrepancy(problem), NormalScores(problem.parameters)
+    history = History(NAME, problem.response, observe)
+    generator = np.random.default_rng(options.seed)
+    ensemble = generator.standard_normal((len(problem.parameters), options.ensemble))
+    target = problem.whiten(problem.measured)
+    smoother: Any = ESMDA(np.ones(len(target)), target, alpha=options.assimilations, seed=generator)
+    step, lost = 0.0, 0
+    for _ in range(options.assimilations):
+        readings, solved = _computed(problem, scores, ensemble)
+        lost += int(np.count_nonzero(~solved))
+        ensemble, readings = ensemble[:, solved], readings[:, solved]
+        if solved.mean() < FAILED:
+            break
+        middle = scores.values(ensemble.mean(axis=1))
+        history.record(middle, discrepancy.objective(middle), step=step, note="assimilated")
+        if history.stop is not None:
+            return history.outcome(middle, discrepancy.objective(middle), "", "")
+        before = ensemble.mean(axis=1)
+        smoother.prepare_assimilation(Y=readings, truncation=KEPT)
+        ensemble = smoother.assimilate_batch(X=ensemble)
+        step = float(np.linalg.norm(ensemble.mean(axis=1) - before))
+    else:
+        return _outcome(problem, history, discrepancy, scores, ensemble, step, lost, options)
+    middle = scores.values(ensemble.mean(axis=1)) if ensemble.size else problem.start
+    reason = (
+        f"Of {options.ensemble} members of the ensemble {lost} have no solution. Narrow the priors "
+        "and bounds, so that the model stands within them."
+    )
+    return history.outcome(middle, discrepancy.objective(middle), "not-converged", reason)
+
+
+def _outcome(
+    problem: Problem,
+    history: History,
+    discrepancy: Discrepancy,
+    scores: NormalScores,
+    ensemble: Floats,
+    step: float,
+    lost: int,
+    options: EnsembleSmootherOptions,
+) -> Outcome:
+    """The mean of the last ensemble, and in words its intervals."""
+    middle = scores.values(ensemble.mean(axis=1))
+    objective = discrepancy.objective(middle)
+    history.record(middle, objective, step=step, note="mean of the ensemble")
+    members = np.stack([scores.values(z) for z in ensemble.T], axis=1)
+    reason = (
+        f"An ensemble of {members.shape[1]} was moved to the readings in {options.assimilations} "
+        "steps; the values are its mean."
+    )
+    status = "converged" if np.isfinite(objective) else "not-converged"
+    found = history.outcome(middle, objective, status, reason)
+    remarks = [_spread(problem.parameters, members)]
+    if lost:
+        remarks.append(f"{lost} members of the ensemble had no solution and were left out")
+    return replace(found, remarks=tuple(remark for remark in remarks if remark))
+
+
+def _computed(problem: Problem, scores: NormalScores, ensemble: Floats) -> tuple[Floats, Bools]:
+    """White readings (g, m) of the members (n, m) of an ensemble, and which have a solution."""
+    found = np.zeros((len(problem.measured), ensemble.shape[1]))
+    solved = np.zeros(ensemble.shape[1], dtype=np.bool_)
+    for k, z in enumerate(ensemble.T):
+        p = scores.values(z)
+        if problem.response.admissible(p) is not None:
+            continue
+        try:
+            found[:, k] = problem.whiten(problem.response.readings(p))
+        except ModelError:
+            continue
+        solved[k] = bool(np.isfinite(found[:, k]).all())
+    return found, solved
+
+
+def _spread(parameters: tuple[Parameter, ...], members: Floats) -> str:
+    """The 95 % intervals of the members (n, m) for the parameters that the case names."""
+    said = []
+    for q, values in zip(parameters, members, strict=True):
+        if not q.field:
+            low, high = (
+                in_unit(float(x), q.unit, q.dimension) for x in np.quantile(values, [0.025, 0.975])
+            )
+            unit = shown_unit(q.unit, q.dimension)
+            said.append(f"{q.name} {low:.4g} .. {high:.4g} {unit}".rstrip())
+    return f"95 % of the ensemble: {', '.join(said)}" if said else ""

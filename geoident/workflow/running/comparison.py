@@ -1,0 +1,216 @@
+"""Which of several models of the same readings these ask for (theory 12.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, isfinite
+
+import numpy as np
+
+from geoident.errors import Fault, InputError, Location
+from geoident.identify.assessment.findings import join
+from geoident.model.result import Result
+from geoident.model.rivals import CLEAR, ModelComparison, ModelScore
+
+_SHOWN = 4
+"""Readings that differ and are named, of each kind."""
+
+_SAME = 1e-9
+"""Relative difference up to which two values are one reading."""
+
+Key = tuple[str, str, float]
+"""Channel, stage and time of a reading."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fit to be compared.
+
+    Args:
+        name: what people call its model.
+        path: of its file.
+        result: what it holds.
+    """
+
+    name: str
+    path: str
+    result: Result
+
+
+def compared(candidates: Sequence[Candidate], *, in_order: bool = False) -> ModelComparison:
+    """What speaks for each model, and which one the readings ask for.
+
+    Args:
+        candidates: at least two fits.
+        in_order: they come from the simplest on; else that with fewer parameters is the simpler.
+
+    Raises:
+        InputError: they are no fits, without evidence, or of different readings.
+    """
+    require_comparable(candidates)
+    models = [_score(candidate) for candidate in candidates]
+    if not in_order:
+        models.sort(key=lambda model: model.parameters)
+    evidence = np.array([model.log_evidence for model in models])
+    chosen = int(np.flatnonzero(evidence >= evidence.max() - CLEAR)[0])
+    others = np.delete(evidence, chosen)
+    decided = bool(np.all(evidence[chosen] - others >= CLEAR))
+    first = candidates[0].result.evidence
+    assert first is not None
+    return ModelComparison(
+        tuple(models), chosen, decided, first.readings, tuple(_sentences(models, chosen))
+    )
+
+
+def require_comparable(candidates: Sequence[Candidate]) -> None:
+    """Refuse what cannot be compared, all at once.
+
+    Args:
+        candidates: at least two fits.
+
+    Raises:
+        InputError: they are no fits, without evidence, or of different readings.
+    """
+    faults = [fault for one in candidates for fault in _unusable(one)]
+    first = candidates[0]
+    if not faults:
+        for other in candidates[1:]:
+            faults += _other_readings(first, other)
+    if faults:
+        raise InputError(faults)
+
+
+def _unusable(one: Candidate) -> list[Fault]:
+    result, place = one.result, Location(one.path)
+    if result.kind != "fit":
+        hint = "Compare results of `geoident fit`."
+        message = f"a result of {result.kind}; a fit is expected"
+        return [Fault("not-a-fit", message, hint, place)]
+    if result.evidence is None:
+        hint = "Run `geoident fit` again, until it converges."
+        why = "its search did not converge" if result.status != "converged" else "an older version"
+        message = f"it has no evidence of its model ({why})"
+        return [Fault("no-evidence", message, hint, place)]
+    return []
+
+
+def _other_readings(first: Candidate, other: Candidate) -> list[Fault]:
+    """A fault that names what one was fitted to and the other was not."""
+    one, two = _used(first.result), _used(other.result)
+    only_one = [_words(key) for key in one if key not in two]
+    only_two = [_words(key) for key in two if key not in one]
+    changed = [_words(key) for key in one if key in two and not _alike(one[key], two[key])]
+    parts = []
+    if only_one:
+        parts.append(f"only {first.name} was fitted to {_some(only_one)}")
+    if only_two:
+        parts.append(f"only {other.name} to {_some(only_two)}")
+    if changed:
+        parts.append(f"the values of {_some(changed)} differ")
+    if not parts:
+        return []
+    hint = "Evidence is that of the same readings: fit both to them (fit.stages, bad, readings)."
+    message = f"it was fitted to other readings than {first.name}: {'; '.join(parts)}"
+    return [Fault("other-readings", message, hint, Location(other.path))]
+
+
+def _used(result: Result) -> dict[Key, list[float]]:
+    """Channel, stage and time of the used readings to their values, sorted, SI."""
+    table = result.gauges.readings
+    found: dict[Key, list[float]] = {}
+    for k in np.flatnonzero(table.used).tolist():
+        time = float(table.time[k])
+        key = (table.channel[k], table.stage[k], time if isfinite(time) else -1.0)
+        found.setdefault(key, []).append(float(table.value[k]))
+    return {key: sorted(values) for key, values in found.items()}
+
+
+def _alike(one: list[float], two: list[float]) -> bool:
+    size = max(map(abs, (*one, *two)), default=0.0)
+    return len(one) == len(two) and bool(np.allclose(one, two, rtol=_SAME, atol=_SAME * size))
+
+
+def _words(key: Key) -> str:
+    return f"{key[0]} at {key[1]}"
+
+
+def _some(names: Sequence[str]) -> str:
+    names = list(dict.fromkeys(names))
+    more = len(names) - _SHOWN
+    return join(names) if more <= 0 else f"{', '.join(names[:_SHOWN])} and {more} more"
+
+
+def _score(one: Candidate) -> ModelScore:
+    result = one.result
+    assert result.evidence is not None
+    scores = result.backtest.next if result.backtest is not None else None
+    return ModelScore(
+        name=one.name,
+        path=one.path,
+        parameters=len(result.parameters.names),
+        status=result.status,
+        objective=result.objective,
+        log_evidence=result.evidence.log_evidence,
+        log_likelihood=result.evidence.log_likelihood,
+        backtest=float("nan") if scores is None else scores.log_score,
+        backtested=0 if scores is None else scores.readings,
+    )
+
+
+def _sentences(models: Sequence[ModelScore], chosen: int) -> list[str]:
+    """What the readings support, from the evidence; and whether the backtest agrees."""
+    mine = models[chosen]
+    beaten = [m for m in models if m is not mine and mine.log_evidence - m.log_evidence >= CLEAR]
+    equal = [m for m in models if m is not mine and m not in beaten]
+    said = []
+    if not equal:
+        nearest = max(beaten, key=lambda model: model.log_evidence)
+        said.append(
+            f"The readings support {mine.name}: {_odds(mine, nearest)} against {nearest.name}"
+            + (", the next best." if len(beaten) > 1 else ".")
+        )
+    else:
+        names = join([mine.name, *(model.name for model in equal)])
+        best = max(equal, key=lambda model: model.log_evidence)
+        gap = best.log_evidence - mine.log_evidence
+        said.append(
+            f"The readings cannot tell {names} apart (log Bayes factor {gap:+.1f} for {best.name}; "
+            f"it takes {CLEAR:g}, odds of 20 to 1): {mine.name} is the simpler and is preferred."
+        )
+        said += [_against(mine, model) for model in beaten]
+    if mine.status == "poor-fit":
+        all_poor = all(model.status == "poor-fit" for model in models)
+        said.append(
+            "None of them meets the readings within their errors: the best of them is still wrong."
+            if all_poor
+            else f"{mine.name} does not meet the readings within their errors."
+        )
+    return said + _backtested(models, mine)
+
+
+def _against(mine: ModelScore, other: ModelScore) -> str:
+    return f"They speak against {other.name}: {_odds(mine, other)} for {mine.name}."
+
+
+def _odds(one: ModelScore, other: ModelScore) -> str:
+    gap = one.log_evidence - other.log_evidence
+    odds = f"{exp(gap):.2g} to 1" if gap < np.log(1e4) else "over 10 000 to 1"
+    return f"odds of {odds} (log Bayes factor {gap:.1f})"
+
+
+def _backtested(models: Sequence[ModelScore], mine: ModelScore) -> list[str]:
+    """What the backtest adds, where the readings of the last stage were predicted by all."""
+    scored = [model for model in models if isfinite(model.backtest)]
+    if mine not in scored or len(scored) < 2:
+        return []
+    best = max(scored, key=lambda model: model.backtest)
+    gain = best.backtest - mine.backtest
+    if best is mine:
+        return [f"The backtest agrees: {mine.name} predicts the last fitted stage best."]
+    if gain * min(best.backtested, mine.backtested) < CLEAR:
+        return [f"The backtest does not contradict: {best.name} predicts hardly better."]
+    return [
+        f"The backtest speaks for {best.name}: its predictions of the last fitted stage have a log "
+        f"score higher by {gain:.2g} a reading ({best.backtested} readings)."
+    ]

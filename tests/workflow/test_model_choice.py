@@ -1,0 +1,135 @@
+"""Which model the readings ask for: two results compared, and a ladder in one command."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.jacking import LADDER, LYING, TRUTHS, write_case, write_readings
+
+from geoident.io.result.file import read_result
+
+FIT = f"{{ladder: {LADDER}}}"
+
+
+def _ladder(folder, rung, seed, **changes):
+    """The comparison of a ladder on readings of one of its models."""
+    truth = write_case(folder, rock=rung, name="truth.yaml", **changes)
+    write_readings(truth, TRUTHS[rung], seed)
+    case = write_case(folder, fit=FIT, **changes)
+    ended = run_command("fit", str(case), "--force", "--json")
+    return ended, json.loads(ended.stdout)
+
+
+@pytest.mark.parametrize("rung", list(TRUTHS))
+def test_the_model_that_made_the_readings_is_chosen(tmp_path, rung):
+    ended, told = _ladder(tmp_path, rung, seed=3)
+    assert ended.exit_code == 0
+    comparison = told["comparison"]
+    assert comparison["chosen"] == rung
+    assert comparison["decided"]
+    assert "The readings support" in comparison["sentences"][0]
+    assert set(told["parameters"]) == set(TRUTHS[rung])
+    for name, truth in TRUTHS[rung].items():
+        known = told["parameters"][name]
+        assert abs(known["value"] - truth) < 4.0 * known["sd"]
+
+
+def test_with_few_readings_the_simpler_is_preferred_and_it_is_said_why(tmp_path):
+    few = ((1.5, 0.5, 1.5),)
+    _, told = _ladder(tmp_path, "orthotropic", 1, points=few, accuracy="0.5 mm")
+    comparison = told["comparison"]
+    assert not comparison["decided"]
+    assert comparison["chosen"] == "isotropic"
+    assert "cannot tell" in comparison["sentences"][0]
+    assert "is the simpler" in comparison["sentences"][0]
+
+
+def test_every_model_has_a_result_and_the_chosen_one_predicts(tmp_path):
+    _, told = _ladder(tmp_path, "transversely-isotropic", 1)
+    for name in TRUTHS:
+        assert read_result(tmp_path / f"case.{name}.fit.h5").evidence is not None
+    result = read_result(tmp_path / "case.fit.h5")
+    assert result.comparison.models[result.comparison.chosen].name == "transversely-isotropic"
+    assert result.comparison.sentences == tuple(told["comparison"]["sentences"])
+    assert np.isfinite(result.evidence.log_evidence)
+    again = run_command("fit", str(tmp_path / "case.yaml"))
+    assert "is up to date" in again.stderr
+    assert "transversely-isotropic *" in run_command("show", str(tmp_path / "case.fit.h5")).stdout
+    by_hand = run_command(
+        "compare", *(str(tmp_path / f"case.{name}.fit.h5") for name in TRUTHS), "--json"
+    )
+    assert json.loads(by_hand.stdout)["chosen"] == "case.transversely-isotropic"
+
+
+def test_a_richer_model_begins_where_the_simpler_one_ended(tmp_path):
+    _ladder(tmp_path, "transversely-isotropic", 1)
+    simple = read_result(tmp_path / "case.isotropic.fit.h5").parameters
+    rich = read_result(tmp_path / "case.transversely-isotropic.fit.h5").parameters
+    start = dict(zip(rich.names, rich.start, strict=True))
+    assert start["E_p"] == pytest.approx(1.2 * simple.values[0], rel=1e-6)
+    assert start["E_n"] == pytest.approx(simple.values[0] / 1.2, rel=1e-6)
+    assert rich.units[rich.names.index("E_p")] == "GPa"
+
+
+def test_models_by_changes_to_the_case(tmp_path):
+    """The general form: any key, and a parameter that only the richer model has."""
+    ladder = (
+        "{ladder: [{name: one modulus}, {name: nu too, set: {materials.rock.nu: $nu, "
+        "parameters.nu: {start: 0.2, bounds: [0.05, 0.45]}}}]}"
+    )
+    truth = write_case(tmp_path, name="truth.yaml")
+    write_readings(truth, TRUTHS["isotropic"], seed=1)
+    case = write_case(tmp_path, fit=ladder)
+    told = json.loads(run_command("fit", str(case), "--json").stdout)
+    assert told["comparison"]["chosen"] == "one modulus"
+    assert [model["parameters"] for model in told["comparison"]["models"]] == [1, 2]
+    assert (tmp_path / "case.nu-too.fit.h5").exists()
+
+
+def test_a_wrong_model_is_refused_before_anything_is_computed(tmp_path):
+    ladder = "{ladder: [isotropic, {name: odd, set: {materials.rock.mu: 3}}]}"
+    write_readings(write_case(tmp_path, name="truth.yaml"), TRUTHS["isotropic"], seed=1)
+    case = write_case(tmp_path, fit=ladder)
+    for command in ("check", "fit"):
+        ended = run_command(command, str(case))
+        assert ended.exit_code == 3
+        assert "case.yaml" in ended.stderr
+        assert "model 'odd': materials.rock.mu" in ended.stderr
+    assert not list(tmp_path.glob("*.h5"))
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("transversely-isotropic", "says nothing of how strata lie"),
+        ("{name: two, elastic: orthotropic, material: clay, " + LYING + "}", "no material 'clay'"),
+        ("{set: {}}", "needs a name"),
+        ("isotropic", "two models of the ladder are named 'isotropic'"),
+        ("cubic", "cubic"),
+    ],
+)
+def test_faults_of_a_ladder_are_said_where_they_stand(tmp_path, entry, words):
+    write_readings(write_case(tmp_path, name="truth.yaml"), TRUTHS["isotropic"], seed=1)
+    case = write_case(tmp_path, fit=f"{{ladder: [isotropic, {entry}]}}")
+    ended = run_command("check", str(case))
+    assert ended.exit_code == 3
+    assert words in ended.stderr
+    assert "fit.ladder" in ended.stderr or "'fit'" in ended.stderr or "ladder[1]" in ended.stderr
+
+
+def test_fits_of_different_readings_are_not_compared(tmp_path):
+    write_readings(write_case(tmp_path, name="truth.yaml"), TRUTHS["isotropic"], seed=1)
+    write_case(tmp_path, name="all.yaml")
+    write_case(tmp_path, name="some.yaml", fit="{stages: [push-z, push-x]}")
+    for name in ("all", "some"):
+        run_command("fit", str(tmp_path / f"{name}.yaml"))
+    ended = run_command("compare", *(str(tmp_path / f"{n}.fit.h5") for n in ("all", "some")))
+    assert ended.exit_code == 3
+    assert "fitted to other readings than all" in ended.stderr
+    assert "p0x at push-y" in ended.stderr
+    assert run_command("compare", str(tmp_path / "all.fit.h5")).exit_code == 2
+    alone = run_command("compare", str(tmp_path / "all.yaml"), str(tmp_path / "all.fit.h5"))
+    assert alone.exit_code == 3
