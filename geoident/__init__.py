@@ -9,7 +9,7 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-_API = ("CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict")
+_API = ("CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict", "sample")
 
 
 def __getattr__(name: str) -> Any:

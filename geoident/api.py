@@ -1,6 +1,6 @@
-"""geoident from Python: load a case, fit it, predict from the fit.
+"""geoident from Python: load a case, fit it, predict from the fit, sample its posterior.
 
-    from geoident import fit, load_case, predict
+    from geoident import fit, load_case, predict, sample
 
 The same steps as the commands, with the same files: a result of the same input is kept, one of
 other input is not overwritten unless ``force`` says so. Numbers are in SI units. What is wrong is
@@ -24,8 +24,10 @@ from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.estimate import Finished
 from geoident.workflow.running.jobs import Request, load_inputs, plan_fit
+from geoident.workflow.sample import SampleRequest, plan_sample
+from geoident.workflow.sample import sample as run_sample
 
-__all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict"]
+__all__ = ["CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict", "sample"]
 
 AnyPath = str | os.PathLike[str]
 Progress = Callable[[Iteration], None]
@@ -211,6 +213,48 @@ def predict(
         fresh=fresh,
     )
     return _found(run_prediction(plan_prediction(request), Control()))
+
+
+def sample(
+    fitted: Found | AnyPath,
+    *,
+    draws: int = 10_000,
+    effective: int = 1000,
+    output: AnyPath | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    force: bool = False,
+    fresh: bool = False,
+) -> Found:
+    """Draw parameters from their posterior, and predict readings with each draw.
+
+    Args:
+        fitted: what `fit` found, or the path of its result.
+        draws: how many to write.
+        effective: how many independent draws they are to be worth.
+        output: file or existing folder of the result; beside the fit if None.
+        seed: of random numbers.
+        max_time: seconds after which sampling ends with what it has.
+        force: overwrite a sample of other input.
+        fresh: compute again what is up to date.
+
+    Returns:
+        The draws; ``.result.posterior`` has them as arrays, and ``arviz.from_netcdf`` opens
+        ``.path``.
+
+    Raises:
+        InputError, ModelError, OutputError, UsageError: see `geoident.errors`.
+    """
+    request = SampleRequest(
+        result=fitted.path if isinstance(fitted, Found) else os.fspath(fitted),
+        draws=draws,
+        effective=effective,
+        output=None if output is None else os.fspath(output),
+        seed=seed,
+        force=force,
+        fresh=fresh,
+    )
+    return _found(run_sample(plan_sample(request), Control(max_time=max_time)))
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,8 @@ def condensation_obstacle(march: March) -> str | None:
 def affine_obstacle(march: March) -> str | None:
     """Why the elastic equations are not affine in the parameters, a clause; None if they are."""
     case = march.case
+    for field in march.on_mesh.fields:
+        return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
     admissible = partial(_is_admissible, march)
     return first_obstacle(_parts(march), case.parameters, admissible)
 

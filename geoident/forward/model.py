@@ -23,6 +23,7 @@ from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingP
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
+from geoident.forward.ground.moduli import inadmissible_moduli
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import UnitForces
@@ -162,7 +163,14 @@ class StagedModel:
         """Why p (n,) is outside the domain, or None."""
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
-        return inadmissible_numbers(self.case, self.sequence, self.values(p))
+        values = self.values(p)
+        found = inadmissible_numbers(self.case, self.sequence, values)
+        for name in () if found else self.sequence.materials:
+            fields = self.on_mesh.elastic_fields(name)
+            if fields:
+                s = self.discretization.points.n_strain
+                found = found or inadmissible_moduli(self.case.materials[name], fields, values, s)
+        return found
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values p (n,) by name."""

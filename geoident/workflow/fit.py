@@ -90,7 +90,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
     prediction = predicted(setup, found, predicted_stages(gauges))
     gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
     poor = why_poor(found.diagnostics, gross, setup.model_error_table)
-    status = _status(found, poor)
+    status, named = _status(found, poor), parameters.named
     return Result(
         kind="fit",
         status=status,
@@ -104,9 +104,15 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),
             *gross_findings(gross, found.readings, case),
-            *remarks(found.diagnostics, gauges, parameters.names, gross=len(gross) > 0),
+            *remarks(
+                replace(found.diagnostics, influence=found.diagnostics.influence[..., named]),
+                gauges,
+                parameters.picked(named).names,
+                gross=len(gross) > 0,
+            ),
             *last.findings,
             *_extrapolation(setup, found, gauges),
+            *(setup.mesh.sentences if setup.mesh is not None else ()),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
             *model_error_findings(setup.model_error),
         ),

@@ -17,7 +17,6 @@ from geoident.identify.posterior.draws import Draws, SamplingProgress, SamplingW
 from geoident.identify.posterior.importance import ADAPTING
 from geoident.identify.posterior.predictive import with_errors
 from geoident.identify.posterior.sampling import sample_posterior, trustworthy
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result
@@ -25,15 +24,17 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.posterior import LEVELS, PosteriorDraws
 from geoident.model.result import Counts, ParameterTable, Prediction, Result
-from geoident.workflow.running.answers import Answers, Asked, here, in_processes
+from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import (
     Finished,
     Setup,
     evaluation_log,
     keep,
+    known_errors,
+    model_error_of_result,
     problem_of,
-    used_rows,
+    problem_of_result,
     write,
 )
 from geoident.workflow.running.jobs import (
@@ -58,6 +59,12 @@ EVALUATIONS = 50_000
 
 SHRUNK = 0.95
 """Standard deviation of draws by that of the prior from which on the readings tell nothing."""
+
+POOR = "poor-fit"
+POOR_FIT = (
+    "The model does not fit the readings (see the findings): neither draws nor predictions are to "
+    "be relied on."
+)
 
 _MOST_NUMBERS = 4_000_000  # of predicted readings in the file
 
@@ -174,7 +181,8 @@ def sample(task: SampleTask, control: Control) -> Finished:
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
     with evaluation_log(job, control) as log:
-        problem = problem_of(setup, log, control)
+        response = problem_of(setup, log, control).response
+        problem = problem_of_result(task.fit, setup.case, response)
         with _answers(task, asked, log, control) as answers:
             density = PosteriorDensity(problem, answers)
             draws = _drawn(task, density, control)
@@ -210,7 +218,8 @@ def _minima(fit: Result) -> Sequence[Floats]:
 
 def _asked(fit: Result, inputs: Inputs, solver: str) -> tuple[Setup, Asked]:
     model = build_model(inputs, solver=solver)
-    setup = Setup(model, inputs.case, fit.gauges.readings)
+    error = model_error_of_result(fit, inputs.case)
+    setup = Setup(model, inputs.case, fit.gauges.readings, model_error=error)
     return setup, Asked(model, inputs.case, setup.readings)
 
 
@@ -227,19 +236,19 @@ def build_elsewhere(path: str, solver: str) -> Asked:
 @contextmanager
 def _answers(
     task: SampleTask, asked: Asked, log: EvaluationLog, control: Control
-) -> Iterator[Answers]:
+) -> Iterator[KeptAnswers]:
     """The model as the sampler asks it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
     if request.jobs == 1:
-        answers = Answers(here(asked), kept, control)
+        answers = KeptAnswers(here(asked), kept, control)
         try:
             yield answers
         finally:
             answers.keep(now=True)
         return
     with in_processes(request.jobs, build_elsewhere, (request.result, request.solver)) as compute:
-        answers = Answers(compute, kept, control)
+        answers = KeptAnswers(compute, kept, control)
         try:
             yield answers
         finally:
@@ -269,13 +278,15 @@ class _Found:
     problem: Problem
     density: PosteriorDensity
     draws: Draws
-    answers: Answers
+    answers: KeptAnswers
     places: Ints
 
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
         posterior = self._posterior()
-        status, reason = _ending(self.draws, posterior)
+        status, reason = _ending(self.draws, posterior, self.task.request.wish.effective)
+        if status == "converged" and fit.status == POOR:
+            status, reason = POOR, f"{reason} {POOR_FIT}"
         table = _parameters(fit.parameters, posterior, self.density)
         return replace(
             fit,
@@ -341,26 +352,29 @@ class _Found:
         found = self.answers.at(unique)
         later = np.array([found[k].later for k in place.ravel().tolist()])
         rng = np.random.default_rng([self.task.request.seed, 1])
-        case = self.setup.case
-        if not any(channel.errors for channel in case.channels):
-            sd = accuracies(case)[tuple(self.places.T)]
+        known = self._errors()
+        if known is None:
+            sd = accuracies(self.setup.case)[tuple(self.places.T)]
             return np.asarray(later + sd * rng.standard_normal(later.shape))
         none = np.full(len(self.problem.measured), np.nan)
         used = np.array(
             [none if found[k].used is None else found[k].used for k in place.ravel().tolist()]
         )
-        problem, errors = self._errors()
+        problem, errors = known.with_later(self.places)
         return with_errors(problem, used, later, errors, rng)
 
-    def _errors(self) -> tuple[Problem, ErrorStructure]:
-        """The used readings and the errors of later ones, as the loss leaves them at the fit."""
-        fit, case = self.task.fit, self.setup.case
+    def _errors(self) -> KnownErrors | None:
+        """What used readings tell of the errors of later ones, as the loss leaves them at the fit.
+
+        The model error grows with the steps of the model at the fit. None where nothing is shared.
+        """
+        fit, setup = self.task.fit, self.setup
         readings = fit.gauges.readings
         computed = readings.computed[readings.used]
         left = replace(self.problem, sd=effective_sd(self.problem, computed))
-        rows = used_rows(case, readings.used)
-        known = KnownErrors(case, left, computed, np.empty((len(rows), 0)), rows)
-        return known.with_later(self.places)
+        survey = setup.model.survey(fit.parameters.values, fields=False, partial=True)
+        nothing = np.empty((len(computed), 0))
+        return known_errors(setup, left, survey, computed, nothing)
 
     def _prediction(self, posterior: PosteriorDraws) -> Prediction:
         shape = self.task.fit.gauges.computed.shape
@@ -386,7 +400,7 @@ def _parameters(
     table: ParameterTable, posterior: PosteriorDraws, density: PosteriorDensity
 ) -> ParameterTable:
     """The parameters as their draws have them: median, standard deviation, quantiles."""
-    covariance = np.atleast_2d(np.cov(posterior.flat.T))
+    covariance = np.atleast_2d(np.cov(posterior.flat.T, bias=True))
     sd = posterior.sd
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(sd, sd)
@@ -426,7 +440,7 @@ def _spread(parameter: Parameter, values: Floats) -> float:
     return float(np.std(values) / (np.ptp(ends) / np.sqrt(12.0))) if np.ptp(ends) > 0.0 else 0.0
 
 
-def _ending(draws: Draws, posterior: PosteriorDraws) -> tuple[str, str]:
+def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str, str]:
     """Status and reason."""
     size = posterior.least_effective
     worth = f"{posterior.n_draws} draws are worth {size:.0f} independent ones"
@@ -434,7 +448,7 @@ def _ending(draws: Draws, posterior: PosteriorDraws) -> tuple[str, str]:
         said = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
     else:
         said = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
-    good = trustworthy(draws, posterior.evaluations)
+    good = trustworthy(draws, posterior.evaluations, wanted=wanted)
     said += "." if good else ": do not rely on the ends of intervals."
     if draws.stopped:
         return "out-of-budget", f"{draws.stopped} {said}"

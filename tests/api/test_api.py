@@ -5,11 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import geoident
-from geoident import fit, load_case, predict
+from geoident import fit, load_case, predict, sample
 from geoident.cli.app import geoident as program
 from geoident.errors import InputError, OutputError
 from tests.support.trench import write_case
@@ -100,3 +101,14 @@ def test_the_notebook_runs():
     assert told.returncode == 0, told.stderr
     assert "EX-P.w1 after bench 1" in told.stdout
     assert "from 60 GPa the modulus changes by" in told.stdout
+
+
+def test_a_posterior_is_sampled_from_a_fit_or_its_file(case, tmp_path):
+    found = fit(case)
+    one = sample(found, draws=500, effective=300)
+    again = sample(found.path, draws=500, effective=300)
+    assert one.converged
+    assert again.up_to_date
+    drawn = one.result.posterior.flat
+    assert drawn.shape == (500, 2)
+    assert one.parameters["E"].lower95 == pytest.approx(np.quantile(drawn[:, 0], 0.025))

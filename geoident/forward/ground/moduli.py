@@ -22,8 +22,10 @@ from geoident.fem.moduli import (
 )
 from geoident.forward.ground.elasticity import elasticity, elasticity_of
 from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Elastic, PointField, constants, numbers_of
+from geoident.model.parameter import Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +188,36 @@ def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
     factor = field.factor(values, m)[:, None, None]
     slope = (factor * (1.0 - field.pull[:, None, None]))[..., None] * mean.columns[..., 1:]
     return Dual(np.concatenate([(factor * m)[..., None], slope], axis=-1))
+
+
+def inadmissible_moduli(
+    material: Material, fields: Sequence[PointField], values: Values, n_strain: int
+) -> str | None:
+    """Why moduli with fields are none somewhere, a sentence, or None if they are.
+
+    Args:
+        material: the material.
+        fields: its elastic constants that are fields, one at least.
+        values: parameters by name, SI.
+        n_strain: number s of strain components of the analysis.
+    """
+    elastic, given = material.elastic, constants(material.elastic)
+    for field in fields:
+        with np.errstate(over="ignore"):
+            factor = field.factor(values, given[field.constant].value(values))
+        if not (np.isfinite(factor).all() and factor.min() > 0.0):
+            return f"{field.constant} of {material.name} is beyond all measure at a strain point"
+    if scales_whole(elastic, fields):
+        return None
+    found = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain).value
+    matrices = found.matrices(np.arange(len(fields[0].points)))
+    if np.linalg.eigvalsh(matrices).min() > 0.0:
+        return None
+    names = ", ".join(field.constant for field in fields)
+    return (
+        f"where {names} of {material.name} varies most, its elasticity is not positive definite: "
+        "ratios that its other constants allow at the mean are not allowed there"
+    )
 
 
 def _wide(number: Dual, extra: int) -> Dual:

@@ -160,12 +160,14 @@ class PlasticSteps:
             worst = np.unravel_index(np.argmax(excess), excess.shape)
             if excess[worst] > _OUTSIDE * np.abs(stress).max():
                 point = numbers(mine, self.systems.discretization.points.n_points)[worst[1]]
-                raise self._outside(law, material, int(worst[0]), int(point), excess[worst])
+                distance = -law.excess(np.zeros_like(stress))[worst]  # k, at this point
+                place = int(worst[0]), int(point)
+                raise self._outside(law, material, place, excess[worst], float(distance))
 
     def _outside(
-        self, law: YieldLaw, material: str, plane: int, point: int, excess: float
+        self, law: YieldLaw, material: str, at: tuple[int, int], excess: float, distance: float
     ) -> ModelError:
-        distance = float(law.planes.distances.value[plane])
+        plane, point = at
         place = format_point(self.systems.discretization.points.position[point])
         msg = f"the in-situ stress is outside the yield surface of {material} near "
         msg += f"{place}, at its {law.planes.names[plane]}"
@@ -357,7 +359,8 @@ class _Tangents:
 
 def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:
     """Laws of the materials that are there and yield."""
-    found = ((name, task.ground.yield_law(name)) for name in task.system.points_of)
+    points_of = task.system.points_of.items()
+    found = ((name, task.ground.yield_law_at(name, points)) for name, points in points_of)
     return {name: law for name, law in found if law is not None}
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.location import format_point
-from geoident.fem.moduli import Moduli, UniformModuli
+from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
 from geoident.fem.stiffness import (
@@ -24,6 +24,7 @@ from geoident.fem.tangent import PointBlocks, PointwiseStiffness, TangentPattern
 from geoident.fem.yielding.law import YieldLaw, YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.actions.supports import fixed_dofs
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.ground.moduli import MaterialModuli, field_moduli, uniform_moduli
@@ -32,6 +33,7 @@ from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
 
@@ -262,8 +264,36 @@ class GroundAt:
             }
         return self._planes
 
+    def yield_law_at(self, material: str, points: Index) -> YieldLaw | None:
+        """The law of a material at some of its strain points, or None if it does not yield.
+
+        Where moduli or strengths are fields, that of their means with factors of the points.
+
+        Args:
+            material: its name.
+            points: (q,) which of its points.
+
+        Raises:
+            EmptyDomain: no stress satisfies the planes of a smooth surface.
+        """
+        law, fields = self.yield_law(material), self._on_mesh.strength_fields(material)
+        moduli = self.moduli(material, points).value
+        if law is None or not (fields or isinstance(moduli, ScaledModuli)):
+            return law
+        wanted = numbers(points, self._on_mesh.discretization.points.n_points)
+        places = np.searchsorted(self._on_mesh.material_points(material), wanted)
+        strength, slopes = np.ones(len(wanted)), np.zeros((len(wanted), len(self._point.names)))
+        for one in fields:
+            assert one.surface is not None
+            surface = self._case.materials[material].yields[one.surface]
+            mean = self._point.number(surface.strengths[one.constant])
+            strength = one.factor(self._point.values, float(mean.value))[places]
+            slopes = strength_slopes(one, mean, self._point.names)[places] * strength[:, None]
+        stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else np.ones(len(wanted))
+        return ScaledLaw(law, strength, stiffness, slopes)
+
     def yield_law(self, material: str) -> YieldLaw | None:
-        """The law of a material, or None if it does not yield.
+        """The law of a material, or None if it does not yield; of the means of its fields.
 
         Raises:
             EmptyDomain: no stress satisfies the planes of a smooth surface.
@@ -277,6 +307,22 @@ class GroundAt:
             else:
                 self._laws[material] = PolyhedralLaw(elasticity, planes)
         return self._laws[material]
+
+
+def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:
+    """Derivatives (q, n) of the logarithm of the factor of a field by parameters.
+
+    Args:
+        field: the field.
+        mean: of its constant, with derivatives by the n parameters.
+        names: of the parameters.
+    """
+    slopes = np.outer(-field.pull, mean.columns[1:] / float(mean.value))
+    places = {name: k for k, name in enumerate(names)}
+    for k, name in enumerate(field.names):
+        if name in places:
+            slopes[:, places[name]] += field.modes[:, k]
+    return np.asarray(slopes)
 
 
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:

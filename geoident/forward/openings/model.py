@@ -260,5 +260,7 @@ def opening_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningModel | str:
 
 def _model_or_reason(on_mesh: CaseOnMesh, site: OpeningSite) -> OpeningModel | str:
     material = on_mesh.sequence.states[0].materials[site.ground]
+    if on_mesh.case.materials[material].fields:
+        return f"constants of '{material}' vary from place to place"
     why = unsuitable(on_mesh.case, material, has_mesh=on_mesh.mesh is not _NO_MESH)
     return OpeningModel(on_mesh, site) if why is None else why

@@ -14,6 +14,7 @@ from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
+from geoident.model.ground import Field, constants
 from geoident.model.parameter import Parameter, Values
 from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
@@ -28,6 +29,7 @@ def n_strain_of(case: Case) -> int:
 def yield_faults(case: Case) -> list[Fault]:
     """Weak planes oblique to a section, yield planes that leave no stress, strengths below zero."""
     faults = [fault for material in _yielding(case) for fault in _oblique(case, material)]
+    faults += [fault for material in _yielding(case) for fault in _field_faults(case, material)]
     if faults:
         return faults
     for material in _yielding(case):
@@ -53,6 +55,62 @@ def yield_notes(case: Case) -> list[str]:
         if _outside_at_zero(case, material):
             notes.append(f"'{material.name}' cannot be free of stress: a distance is negative")
     return notes
+
+
+_ANGLES = ("friction", "dilation")
+
+
+def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
+    """Fields with which a yield surface would not stay similar to itself from point to point.
+
+    The law of a point is that of the means with one factor on all strengths, and one on the moduli.
+    """
+    for field in material.fields:
+        if field.surface is None:
+            moduli = [name for name in constants(material.elastic) if not name.startswith("nu")]
+            if moduli != [field.constant]:
+                others = ", ".join(name for name in moduli if name != field.constant)
+                message = f"{field.constant} of '{material.name}' varies from place to place, but "
+                message += f"{others} not, and it yields: its elasticity must vary as a whole"
+                hint = "Give E and nu with a field of E, or leave out 'yield' or the field."
+                yield case.source.fault(field.path, code="field", message=message, hint=hint)
+        elif field.constant in _ANGLES:
+            message = f"{field.constant} of '{material.name}' is an angle, which cannot be a field"
+            hint = "Let the cohesion vary: give a number or a parameter for the angle."
+            yield case.source.fault(field.path, code="field", message=message, hint=hint)
+        else:
+            yield from _other_strengths(case, material, field)
+    if material.fields and any(_hardens(surface) for surface in material.yields):
+        message = f"'{material.name}' hardens, and a field says that it varies from place to place"
+        hint = "Leave out the hardening or the field: the hardening would have to vary along."
+        path = material.fields[0].path
+        yield case.source.fault(path, code="field", message=message, hint=hint)
+
+
+def _other_strengths(case: Case, material: Material, field: Field) -> Iterator[Fault]:
+    """Strengths that do not vary with the one that does."""
+    for number, surface in enumerate(material.yields):
+        if isinstance(surface, GivenPlanes):
+            others = [f"the plane '{plane.name}'" for plane in surface.planes]
+        else:
+            others = [
+                name
+                for name, given in surface.strengths.items()
+                if name not in (*_ANGLES, "hardening")
+                and (given.factor or given.parameter)
+                and (number, name) != (field.surface, field.constant)
+            ]
+        if others:
+            message = f"{field.constant} of '{material.name}' varies from place to place, but "
+            message += f"{', '.join(others)} of its surface {number + 1} not: a yield surface can "
+            message += "grow and shrink from place to place, but not change its shape"
+            hint = f"Leave out {others[0]}, or give {field.constant} without a field."
+            yield case.source.fault(field.path, code="field", message=message, hint=hint)
+
+
+def _hardens(surface: YieldSurface) -> bool:
+    given = surface.strengths.get("hardening")
+    return given is not None and bool(given.factor or given.parameter)
 
 
 def no_stress_left(case: Case, material: Material, values: Values) -> str | None:

@@ -65,7 +65,8 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
         InputError: an axis of an unknown parameter, or one without finite ends.
     """
     chosen = options.grid or {
-        q.name: ScanAxis(q.lower, q.upper, options.points) for q in parameters[:2]
+        q.name: ScanAxis(q.lower, q.upper, options.points)
+        for q in [q for q in parameters if not q.field][:2]
     }
     known = {q.name: q for q in parameters}
     faults = [fault for name, axis in chosen.items() for fault in _faults(known, name, axis)]
@@ -73,6 +74,10 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
     if points > MOST_POINTS:
         message = f"the scan has {points:,} points; {MOST_POINTS:,} are the most"
         faults.append(Fault("scan-size", message, "Lower 'points' in fit.scan.", path="fit.scan"))
+    if not chosen:
+        message = "there is nothing to scan: the case has fields, and no parameter beside"
+        hint = "Make the mean of a field a parameter, or name what to scan in fit.scan.grid."
+        faults.append(Fault("no-parameters", message, hint, path="fit.scan"))
     if faults:
         raise InputError(faults)
     return {name: _values(known[name], axis) for name, axis in chosen.items()}
@@ -81,7 +86,7 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
 def _faults(known: Mapping[str, Parameter], name: str, axis: ScanAxis) -> list[Fault]:
     """What is wrong with an axis."""
     if name not in known:
-        names = ", ".join(known)
+        names = ", ".join(q.name for q in known.values() if not q.field)
         return [Fault("unknown-parameter", f"scan over {name}: the parameters are {names}.")]
     ends = np.array([axis.start, axis.stop])
     log = known[name].scale == "log"

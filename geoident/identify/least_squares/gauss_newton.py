@@ -93,7 +93,8 @@ def gauss_newton(
     evaluator = descent.evaluator
     point = evaluator.evaluate(evaluator.scaling.start)
     evaluator.record(point.x, point, 0.0, "start")
-    freedom = max(len(problem.measured) - len(problem.parameters), 1)
+    named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
+    freedom = max(len(problem.measured) - named, 1)
     starts = None if options.starts == "automatic" else options.starts
     found = SeveralStarts(descent, problem.parameters, starts, freedom).run(point)
     best = found.best

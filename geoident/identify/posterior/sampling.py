@@ -99,14 +99,15 @@ def has_fields(density: PosteriorDensity) -> bool:
     return any(q.field for q in density.problem.parameters)
 
 
-def trustworthy(draws: Draws, evaluations: int) -> bool:
+def trustworthy(draws: Draws, evaluations: int, *, wanted: float = LEAST_EFFECTIVE) -> bool:
     """Whether the diagnostics let the draws be believed.
 
     Args:
         draws: of a sampler.
         evaluations: of the model, over which k was found.
+        wanted: effective size that was asked for, if that is less than what is usual.
     """
-    if draws.least_effective < min(LEAST_EFFECTIVE, draws.logarithms.size):
+    if draws.least_effective < min(LEAST_EFFECTIVE, wanted, draws.logarithms.size):
         return False
     if np.isfinite(draws.pareto_k):
         return draws.pareto_k <= limit_of_k(evaluations)

@@ -156,6 +156,8 @@ def _most_influential(
     """The reading whose removal changes the answer most."""
     if np.count_nonzero(np.isfinite(found.standardized)) < 2:
         return []
+    if not len(parameters):
+        return []
     i, j = np.unravel_index(int(np.nanargmax(found.distance)), found.distance.shape)
     name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", found.influence[i, j]
     alone = [

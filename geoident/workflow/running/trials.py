@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import InputError, ModelError
+from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Bands, Innovations, chance, next_read, scores
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
@@ -141,7 +142,7 @@ def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
     """
     structure = structure_of_used(case, readings.used)
     sizes = 0 if structure is None else len(structure.names)
-    used, n = int(np.count_nonzero(readings.used)), len(case.parameters)
+    used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
     if used - n >= SPARE * sizes:
         return
     message = (

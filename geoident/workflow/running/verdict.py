@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f
 
+from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.scores import bands_of, changes
 from geoident.identify.problem.problem import Scaling
@@ -132,7 +133,7 @@ def settling_sentences(
     """
     restless, others = [], []
     scaling = Scaling(case.parameters)
-    for i, parameter in enumerate(case.parameters):
+    for i, parameter in enumerate(named_parameters(case)):  # the first of all
         at = [k for k, step in enumerate(steps) if step.determined[i] and np.isfinite(step.sd[i])]
         known = [steps[k] for k in at]
         values = [
@@ -145,7 +146,7 @@ def settling_sentences(
             continue
         x = np.array([scaling.to_scaled(step.values)[i] for step in known])
         z = changes(x, variances[at, i])
-        spare = known[0].readings - len(case.parameters) if estimated else _GIVEN
+        spare = known[0].readings - len(named_parameters(case)) if estimated else _GIVEN
         if f.sf(float(z @ z) / len(z), len(z), max(spare, 1)) < ALARM:
             restless.append(
                 f"{parameter.name} does not settle: {join(values)}; it changes by up to "
