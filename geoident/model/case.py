@@ -173,6 +173,7 @@ class FitSettings:
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
         backtest: whether the last fitted stage is predicted from those before it, too.
+        mesh_error: whether the error of the mesh is estimated, and counts.
         ladder: models that are fitted one after the other, from the simplest on; none for the one
             that the case describes.
     """
@@ -183,6 +184,7 @@ class FitSettings:
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
     model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
+    mesh_error: bool = True
     ladder: tuple[Rung, ...] = ()
 
 

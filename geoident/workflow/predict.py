@@ -38,12 +38,13 @@ from geoident.workflow.running.jobs import (
     provenance,
 )
 from geoident.workflow.running.model_error import FittedModelError
-from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.predictions import (
+    Bends,
     KnownErrors,
     chosen_stages,
     collapse_findings,
+    follow_open_bound,
     predict_stages,
     predicted_stages,
     score,

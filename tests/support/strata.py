@@ -47,7 +47,7 @@ def write_case(
     rock: str = STRATA,
     gauges: Sequence[str] = tuple(GAUGES),
     accuracy: str = "0.2 mm",
-    fit: str = "{stages: [dig]}",
+    fit: str = "{stages: [dig], mesh_error: false}",
     name: str = "case.yaml",
 ) -> Path:
     """The case and its mesh in a folder, without readings."""

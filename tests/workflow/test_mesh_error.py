@@ -1,21 +1,31 @@
 """The error of the mesh: against closed forms, in words, and in what a fit says."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from geoident.cli.app import geoident
 from geoident.fem.faces import face_table
 from geoident.fem.singularity import exponent, openings
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
+from geoident.workflow.fit import fit as run_fit
+from geoident.workflow.predict import PredictRequest, plan_prediction
+from geoident.workflow.predict import predict as run_predict
 from geoident.workflow.running import mesh_error as module
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.jobs import Request, plan_fit
 from geoident.workflow.running.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.running.recovery import energy_error
+from geoident.workflow.simulate import simulate
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.closed_forms import kirsch, lame_cylinder
+from tests.support.deck import write_deck
 from tests.support.meshes import KINDS_2D, box, opening
 from tests.support.revolved import section
 
@@ -157,3 +167,106 @@ def test_a_sentence_says_whether_it_matters():
     for accuracy, said in ((1e-6, "is too coarse"), (4e-4, "fine enough"), (1.0, "eats little")):
         one = replace(found, accuracy=np.full(len(found.channels), accuracy))
         assert said in mesh_sentence(one, everything)
+
+
+# What a fit says of a coarse mesh
+
+
+CAVERN = """\
+format: geoident-case/1
+title: Cavern in a coarse mesh
+analysis: plane-strain
+mesh: {file: coarse.inp}
+parameters:
+  E: {start: 5 GPa, bounds: [0.1 GPa, 100 GPa], scale: log}
+materials:
+  rock: {E: $E, nu: 0.22}
+groups: {rock: rock, top: rock, floor: rock}
+supports: {x0: x, x1: x, y0: y}
+in_situ: {model: heim, vertical: 8 MPa, K0: 1}
+stages:
+  - {name: heading, excavate: [top]}
+  - {name: bench, excavate: [floor]}
+gauges:
+  CV: {kind: convergence, between: [[20 m, 22 m], [30 m, 22 m]], accuracy: 0.1 mm}
+  R:  {kind: extensometer, head: [30 m, 22 m], anchors: {a5: [35 m, 22 m]}, accuracy: 0.1 mm}
+  S:  {kind: settlement, point: [25 m, 25 m], accuracy: 0.1 mm}
+readings: readings.csv
+fit: {method: gauss-newton, stages: [heading]}
+"""
+
+
+def cavern(kind, n):
+    """A cavern of 10 m by 10 m in a plate of 50 m by 45 m, dug in two halves; n cells a side."""
+    mesh = box(kind, n, size=(50.0, 45.0))
+    x, y = mesh.points[mesh.blocks[0].nodes].mean(axis=1).T
+    inside = (np.abs(x - 25.0) < 5.0) & (y > 15.0) & (y < 25.0)
+    top = inside & (y > 20.0)
+    return replace(mesh, groups={
+        "top": np.flatnonzero(top), "floor": np.flatnonzero(inside & ~top),
+        "rock": np.flatnonzero(~inside),
+    })  # fmt: skip
+
+
+@pytest.fixture
+def coarse(tmp_path):
+    """The case on 180 triangles; its readings are those of quad8 elements at E = 10 GPa."""
+    (tmp_path / "case.yaml").write_text(CAVERN)
+    write_deck(cavern("quad8", (40, 36)), tmp_path / "fine.inp")
+    write_deck(cavern("tri3", (10, 9)), tmp_path / "coarse.inp")
+    at = ["mesh.file=fine.inp", "parameters.E.start=10 GPa"]
+    found = simulate(str(tmp_path / "case.yaml"), overrides=at)
+    rows = [f"{r.channel},{r.stage},{1e3 * r.value!r},mm" for r in found.readings]
+    (tmp_path / "readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows]) + "\n")
+    return tmp_path / "case.yaml"
+
+
+def fitted(path, **changes):
+    job = plan_fit(Request(str(path), force=True, fresh=True, **changes))
+    return run_fit(job, Control(Silent())).result
+
+
+def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
+    blind = fitted(coarse, overrides=("fit.mesh_error=false",)).parameters
+    assert not blind.lower95[0] < 10e9 < blind.upper95[0]
+    found = fitted(coarse)
+    E = found.parameters
+    assert E.lower95[0] < 10e9 < E.upper95[0]
+    assert any("The mesh is too coarse for these readings" in said for said in found.findings)
+    bands = found.prediction
+    truth = found.gauges.measured[:, 1]
+    assert np.all((bands.lower95[:, 1] < truth) & (truth < bands.upper95[:, 1]))
+    # what a later command makes of the result is the same
+    task = plan_prediction(PredictRequest(str(coarse.with_name("case.fit.h5")), force=True))
+    later = run_predict(task, Control(Silent())).result.prediction
+    np.testing.assert_allclose(later.sd, bands.sd, rtol=1e-6)
+    np.testing.assert_allclose(later.mean, bands.mean, rtol=1e-9)
+
+
+def test_a_fine_mesh_is_not_spoken_of(coarse):
+    rough = tuple(f"gauges.{name}.accuracy=5 mm" for name in ("CV", "R", "S"))
+    found = fitted(coarse, overrides=("mesh.file=fine.inp", *rough))
+    assert not any("mesh" in said for said in found.findings)
+    assert found.gauges.errors == (None,) * 3
+
+
+def test_check_says_it_before_any_reading(coarse):
+    run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error"])
+    assert run.exit_code == 0
+    assert "Every edge halved: 180 elements became 720" in run.stdout
+    assert "The mesh is too coarse for these readings" in " ".join(run.stdout.split())
+    run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error", "--json"])
+    entry = json.loads(run.stdout)
+    assert entry["how"] == "refinement"
+    assert entry["readings"][0]["share"] == pytest.approx(
+        abs(entry["readings"][0]["error"]) / entry["readings"][0]["accuracy"]
+    )
+    fitted(coarse)
+    result = str(coarse.with_name("case.fit.h5"))
+    again = CliRunner().invoke(geoident, ["check", result, "--mesh-error", "--json"])
+    other = json.loads(again.stdout)
+    size = {(r["gauge"], r["stage"]): r["error"] for r in entry["readings"]}
+    at_fit = {(r["gauge"], r["stage"]): r["error"] for r in other["readings"]}
+    E = fitted(coarse).parameters.values[0]
+    for place, error in at_fit.items():  # motions go with 1 / E
+        assert error == pytest.approx(size[place] * 5e9 / E, rel=1e-6)

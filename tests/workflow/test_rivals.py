@@ -78,7 +78,7 @@ def test_rivals_are_those_of_the_accuracies_that_were_estimated(tmp_path):
         tmp_path,
         accuracy="0.02 mm",
         gauges=(*FEW, "e3"),
-        fit="{stages: [dig], accuracies: estimate}",
+        fit="{stages: [dig], accuracies: estimate, mesh_error: false}",
     )
     truth = {**TRUTH, "dip": np.radians(-71.2), "K0": 0.84}
     write_readings(case, truth, seed=3, noise=10.0)

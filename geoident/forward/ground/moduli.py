@@ -203,7 +203,8 @@ def inadmissible_moduli(
     """
     elastic, given = material.elastic, constants(material.elastic)
     for field in fields:
-        factor = field.factor(values, given[field.constant].value(values))
+        with np.errstate(over="ignore"):
+            factor = field.factor(values, given[field.constant].value(values))
         if not (np.isfinite(factor).all() and factor.min() > 0.0):
             return f"{field.constant} of {material.name} is beyond all measure at a strain point"
     if scales_whole(elastic, fields):

@@ -43,6 +43,9 @@ from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
+_AT_ONCE = 48
+"""Readings that are taken back together."""
+
 
 @dataclass(frozen=True, eq=False)
 class ReadingSeeds:
@@ -103,6 +106,22 @@ class _Adjoint:
     d: Floats
     members: Floats
     held: dict[int, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """The work of V dsigma/dp of a stage at kept displacements, on displacements and strains.
+
+    Args:
+        by_field: modes, V D eps (n_strain, q) at all points of their field, and its work on
+            displacements (q, n_dofs).
+        forces: (n_dofs, n) the same on displacements by the ordinary parameters.
+        direct: (n_strain, n_special, n) on strains at the special points.
+    """
+
+    by_field: list[tuple[ModeSlopes, Floats, sp.csr_array]]
+    forces: Floats
+    direct: Floats
 
 
 def _together(places: Ints) -> Index:
@@ -184,20 +203,37 @@ class AdjointMarch:
         self._points = march.systems.discretization.points
         self._structures = march.systems.structures
         self._fields = {id(one): number for number, one in enumerate(march.on_mesh.fields)}
-        self._by_ordinary = np.zeros((seeds.count, len(self._ordinary.names)))
-        self._by_field: dict[int, Floats] = {}  # (q, g) by field
+        self._first, self._count = 0, seeds.count  # the readings that are looked at
+        self._by_ordinary = np.zeros((self._count, len(self._ordinary.names)))
+        self._by_field: dict[int, Floats] = {}  # (q, count) by field
+        self._prepared: dict[int, _Work] = {}
         self._left: dict[int, list[tuple[Ints, _Adjoint]]] = {}
 
     def jacobian(self) -> Floats:
-        """dv/dp (g, n) of the readings, what gauges add by themselves aside."""
-        for state in reversed(range(len(self._traces))):
-            if len(self._plan.columns[state]):
-                self._stage(state)
-        return self._gathered()
+        """dv/dp (g, n) of the readings, what gauges add by themselves aside.
+
+        Some readings at a time: what is done to them then stays near the processor.
+        """
+        parts = [np.zeros((0, len(self._point.names)))]
+        for first in range(0, self._seeds.count, _AT_ONCE):
+            self._first, self._count = first, min(_AT_ONCE, self._seeds.count - first)
+            self._by_ordinary = np.zeros((self._count, len(self._ordinary.names)))
+            self._by_field.clear()
+            for state in reversed(range(len(self._traces))):
+                if len(self._columns(state)):
+                    self._stage(state)
+            parts.append(self._gathered())
+        return np.vstack(parts)
+
+    def _columns(self, state: int) -> Ints:
+        """Which of the readings (k) of this part a state acts on."""
+        columns = self._plan.columns[state]
+        ends = np.searchsorted(columns, (self._first, self._first + self._count))
+        return np.asarray(columns[ends[0] : ends[1]] - self._first)
 
     def _gathered(self) -> Floats:
         names = {name: k for k, name in enumerate(self._point.names)}
-        result = np.zeros((self._seeds.count, len(names)))
+        result = np.zeros((self._count, len(names)))
         result[:, [names[name] for name in self._ordinary.names]] = self._by_ordinary
         for number, products in self._by_field.items():
             one = self._march.on_mesh.fields[number]
@@ -209,7 +245,7 @@ class AdjointMarch:
 
     def _stage(self, number: int) -> None:
         """One stage backwards."""
-        trace, columns = self._traces[number], self._plan.columns[number]
+        trace, columns = self._traces[number], self._columns(number)
         task = trace.task
         carried = self._arrive(number, columns)
         if number == 0:
@@ -254,11 +290,11 @@ class AdjointMarch:
 
     def _add_seeds(self, number: int, columns: Ints, found: _Adjoint) -> None:
         """What readings depend on a state itself."""
-        weights = self._plan.weights[number, columns]
+        weights = self._plan.weights[number, self._first + columns]
         here = np.flatnonzero(weights)
         if not len(here):
             return
-        rows, channels = self._seeds.rows, self._seeds.channel[columns[here]]
+        rows, channels = self._seeds.rows, self._seeds.channel[self._first + columns[here]]
         scale = sp.diags_array(weights[here])
         if rows.u is not None:
             own = sp.csr_array(scale @ rows.u[channels])[:, self._plan.read]
@@ -325,9 +361,25 @@ class AdjointMarch:
 
         b itself is not made: V b^T D eps is the work of the stress V D eps at w and d.
         """
-        points, task, place = self._points, trace.task, self._plan.place
+        number, place = trace.task.number, self._plan.place
+        if number not in self._prepared:
+            self._prepared[number] = self._work_of(trace)
+        work = self._prepared[number]
+        for modes, change, operator in work.by_field:
+            products = operator @ w
+            special = place[modes.field.points]
+            also = np.flatnonzero(special >= 0)
+            products[also] += np.einsum("sq,sqk->qk", change[:, also], d[:, special[also]])
+            self._add_products(modes, products, columns)
+        direct = np.einsum("sqk,sqn->kn", d, work.direct, optimize=True)
+        self._by_ordinary[columns] -= w.T @ work.forces + direct
+
+    def _work_of(self, trace: ElasticTrace) -> _Work:
+        """The work of V dsigma/dp at kept displacements."""
+        points, task = self._points, trace.task
         volume, ordinary = task.system.volume, self._ordinary
         by_ordinary = np.zeros((points.n_strain, points.n_points, len(ordinary.names)))
+        by_field = []
         if trace.in_situ is not None:
             by_ordinary += trace.in_situ
         strain = points.strain(trace.du) if trace.stepped else np.zeros(by_ordinary.shape[:2])
@@ -346,28 +398,21 @@ class AdjointMarch:
                     change = np.zeros((points.n_strain, len(modes.field.points)))
                     at = slice(None) if modes.places is None else modes.places
                     change[:, at] = modes.moduli.stress(strain[:, mine]) * volume[mine]
-                    products = self._systems.work(modes.field.points, change) @ w
-                    special = place[modes.field.points]
-                    also = np.flatnonzero(special >= 0)
-                    own = d[:, special[also]]
-                    products[also] += np.einsum("sq,sqk->qk", change[:, also], own)
-                    self._add_products(modes, products, columns)
+                    operator = self._systems.work(modes.field.points, change)
+                    by_field.append((modes, change, operator))
             if thermal is not None:
                 normal = np.zeros((points.n_strain, *thermal[mine, 1:].shape))
                 normal[:NORMAL_COMPONENTS] = thermal[mine, 1:]
                 by_ordinary[:, mine] -= moduli.value.stress(normal)
-        if not ordinary.names:  # all that varies are fields
-            return
-        forces = points.forces(by_ordinary, volume)
-        at = self._plan.special
-        direct = np.einsum("sqk,sqn->kn", d, volume[at, None] * by_ordinary[:, at], optimize=True)
-        self._by_ordinary[columns] -= w.T @ forces + direct
+        at_special = self._plan.special
+        direct = volume[at_special, None] * by_ordinary[:, at_special]
+        return _Work(by_field, points.forces(by_ordinary, volume), direct)
 
     def _add_products(self, modes: ModeSlopes, products: Floats, columns: Ints) -> None:
         """Add V b^T D eps (q, k) of a stage at all points of a field."""
         number = self._fields[id(modes.field)]
         if number not in self._by_field:
-            self._by_field[number] = np.zeros((len(modes.field.points), self._seeds.count))
+            self._by_field[number] = np.zeros((len(modes.field.points), self._count))
         self._by_field[number][:, _together(columns)] += products
 
     def _members(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:

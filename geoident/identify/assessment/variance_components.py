@@ -22,7 +22,7 @@ which they show hardly any, begins at zero and ends where -2 l is 3.84 above its
 that the readings cannot tell apart keep their ratio (a pseudo-inverse of I moves only what is
 seen).
 
-Of the readings all this takes sums alone: the products [B, J, y]^T diag(1/s^2) [B, J, y] of the
+Of many readings all this takes sums alone: the products [B, J, y]^T diag(1/s^2) [B, J, y] of the
 readings of each component, made once. With Sigma^-1 by Woodbury's formula (`problem.errors`) they
 give -2 l and its derivatives at any t, at a cost that does not depend on how many readings there
 are.
@@ -41,7 +41,14 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_solve
 
-from geoident.identify.problem.errors import Columns, ErrorStructure, products
+from geoident.identify.problem.errors import (
+    FEW,
+    Columns,
+    Covariance,
+    ErrorStructure,
+    SharedErrors,
+    products,
+)
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.result import NORMAL_95
@@ -164,14 +171,49 @@ class RestrictedLikelihood:
         self.jacobian = jacobian
         self.prior = prior
         self.prior_rows = prior_rows
-        self._sums = _sums(structure, np.column_stack([jacobian, gap]))
+        self._few = len(gap) <= FEW
+        if self._few:
+            self._parts = [_part(structure, c) for c in range(len(structure.names))]
+        else:
+            self._sums = _sums(structure, np.column_stack([jacobian, gap]))
 
     def value(self, t: Floats) -> float:
         """-2 l at t (c,)."""
-        return self._solved(t).value
+        return self._densely(t)[0] if self._few else self._solved(t).value
 
     def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
+        return self._terms_densely(t) if self._few else self._terms_of_sums(t)
+
+    def _terms_densely(self, t: Floats) -> LikelihoodTerms:
+        """The same with matrices (g, g): exact however small the own errors are."""
+        value, sigma, q, M = self._densely(t)
+        pull = sigma.solve(self.jacobian)
+        P = sigma.inverse - pull @ np.linalg.solve(M, pull.T)
+        moved = [part.times(P) for part in self._parts]  # V_c P
+        size = np.exp(t)
+        trace = np.array([np.trace(V) for V in moved])
+        squares = np.array([part.squares(q) for part in self._parts])
+        both = [[float(np.sum(A * B.T)) for B in moved] for A in moved]
+        information = 0.5 * np.outer(size, size) * np.array(both).reshape(len(t), len(t))
+        return LikelihoodTerms(value, size * (trace - squares), information)
+
+    def _densely(self, t: Floats) -> tuple[float, Covariance, Floats, Floats]:
+        """-2 l, Sigma, q and M."""
+        sd, shared = self.structure.at(t)
+        sigma = Covariance(sd, shared or SharedErrors(self.structure.columns))
+        J, R = self.jacobian, self.prior_rows
+        M = J.T @ sigma.solve(J) + R.T @ R
+        x = np.linalg.solve(M, J.T @ sigma.solve(self.gap) - R.T @ self.prior)
+        left = self.gap - J @ x
+        q = sigma.solve(left)
+        prior = self.prior + R @ x
+        _, log_det = np.linalg.slogdet(M)
+        value = sigma.log_determinant() + float(log_det) + float(left @ q + prior @ prior)
+        return value, sigma, q, M
+
+    def _terms_of_sums(self, t: Floats) -> LikelihoodTerms:
+        """The same of the sums alone."""
         s = self._solved(t)
         k, n = len(s.inverse), len(s.x)
         # P = 1/D - 1/D F S F^T 1/D  and  P B = 1/D F Y  with F = [B, J]
@@ -228,6 +270,29 @@ class RestrictedLikelihood:
         value = self._sums.log_variance + float(self._sums.count @ np.append(t, 0.0))
         value += 2.0 * float(np.log(np.diag(R)).sum()) + float(log_det)
         return _Solved(value + float(lowest + left @ left), of_own, inverse, BJ, By, M, x)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """V_c = diag(own) + B B^T at a factor of one: own (g,), B (g, k)."""
+
+    own: Floats
+    B: Floats
+
+    def times(self, matrix: Floats) -> Floats:
+        """V_c times a matrix (g, g)."""
+        return np.asarray(self.own[:, None] * matrix + self.B @ (self.B.T @ matrix))
+
+    def squares(self, q: Floats) -> float:
+        """q^T V_c q."""
+        shared = self.B.T @ q
+        return float(q @ (self.own * q) + shared @ shared)
+
+
+def _part(structure: ErrorStructure, c: int) -> _Part:
+    own = np.where(structure.component == c, structure.sd**2, 0.0)
+    columns = structure.columns[:, np.flatnonzero(structure.column_component == c)]
+    return _Part(own, np.asarray(columns.toarray()))
 
 
 @dataclass(frozen=True)

@@ -14,18 +14,22 @@ size (g, g) is made. With C = D^(-1/2) B and the Cholesky factor R of the small 
     |Sigma|   = |D| |A|
 
 L^-1 is any matrix with L^-T L^-1 = Sigma^-1: (R^T + A) A^-1 (R + A) = A + R + R^T + I shows that
-this is one. A^-1 is also the covariance of z, given the readings. Readings that share nothing,
-even through others, are blocks of their own: one factor of their shared errors a block, made once.
+this is one. A^-1 is also the covariance of z, given the readings. For few readings the dense factor
+of Sigma serves, which is exact even where own errors are next to nothing beside the shared ones.
+Readings that share nothing, even through others, are blocks of their own: one factor a block, made
+once.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg.lapack import dtrtri
 from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
@@ -104,35 +108,115 @@ def products(columns: Columns, weight: Floats) -> Floats:
     return np.asarray(found if isinstance(found, np.ndarray) else found.toarray())
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Readings that hang together: rows (m,), shared errors (k,), C (m, k), factor R (k, k)."""
+class _Block(Protocol):
+    """Readings that hang together, in own standard deviations: 1 + C C^T of rows (m,)."""
 
     rows: Ints
     shared: Ints
-    C: Columns
-    R: Floats
 
-    @staticmethod
-    def of(rows: Ints, shared: Ints, C: Columns) -> _Block:
-        A = products(C, np.ones(len(rows)))
-        A[np.diag_indices_from(A)] += 1.0
-        return _Block(rows, shared, C, np.asarray(np.linalg.cholesky(A)))
+    @property
+    def left(self) -> Floats:
+        """Covariance (k, k) of z, given the readings."""
 
-    def pulled(self, values: Floats) -> Floats:
-        """X C^T of values (m, ...) in own standard deviations."""
-        inner = solve_triangular(self.R, self.C.T @ values, lower=True)
-        plus = self.R + np.eye(len(self.R))
-        return np.asarray(solve_triangular(plus, inner, lower=True, trans="T"))
+    def white(self, own: Floats) -> Floats:
+        """L^-1 of values (m, ...)."""
 
-    def given(self, values: Floats) -> Floats:
-        """The z (k, ...) to be expected, A^-1 C^T of values (m, ...) likewise."""
-        return np.asarray(cho_solve((self.R, True), self.C.T @ values))
+    def solved(self, own: Floats) -> Floats:
+        """The inverse times values (m, ...)."""
+
+    def given(self, own: Floats) -> Floats:
+        """The z (k, ...) to be expected, of values (m, ...)."""
+
+    def diagonal(self) -> Floats:
+        """Diagonal (m,) of the inverse."""
+
+    def log_root(self) -> float:
+        """Half of the logarithm of the determinant."""
+
+
+FEW = 300
+"""Readings of a block up to which its covariance is factorized as it is."""
+
+
+class _FewReadings:
+    """A block of few readings: a dense Cholesky factor, exact however large the shared errors."""
+
+    def __init__(self, rows: Ints, shared: Ints, C: Columns) -> None:
+        self.rows, self.shared = rows, shared
+        self._C = np.asarray(C if isinstance(C, np.ndarray) else C.toarray())
+        L = np.linalg.cholesky(np.eye(len(rows)) + self._C @ self._C.T)
+        self._log_root = float(np.log(np.diag(L)).sum())
+        self._inverse = np.asarray(dtrtri(L, lower=1)[0])
 
     @cached_property
     def left(self) -> Floats:
-        """Covariance A^-1 (k, k) of z, given the readings."""
-        return np.asarray(cho_solve((self.R, True), np.eye(len(self.R))))
+        """Covariance (k, k) of z, given the readings."""
+        seen = self._inverse @ self._C
+        return np.asarray(np.eye(len(self.shared)) - seen.T @ seen)
+
+    def white(self, own: Floats) -> Floats:
+        """L^-1 of values (m, ...)."""
+        return np.asarray(self._inverse @ own)
+
+    def solved(self, own: Floats) -> Floats:
+        """The inverse times values (m, ...)."""
+        return np.asarray(self._inverse.T @ (self._inverse @ own))
+
+    def given(self, own: Floats) -> Floats:
+        """The z (k, ...) to be expected, of values (m, ...)."""
+        return np.asarray(self._C.T @ self.solved(own))
+
+    def diagonal(self) -> Floats:
+        """Diagonal (m,) of the inverse."""
+        return np.asarray(np.sum(self._inverse**2, axis=0))
+
+    def log_root(self) -> float:
+        """Half of the logarithm of the determinant."""
+        return self._log_root
+
+
+class _ManyReadings:
+    """A block of many readings: the factor R of A = 1 + C^T C, of the size of what is shared."""
+
+    def __init__(self, rows: Ints, shared: Ints, C: Columns) -> None:
+        self.rows, self.shared, self._C = rows, shared, C
+        A = products(C, np.ones(len(rows)))
+        A[np.diag_indices_from(A)] += 1.0
+        self._R = np.asarray(np.linalg.cholesky(A))
+
+    @cached_property
+    def left(self) -> Floats:
+        """Covariance (k, k) of z, given the readings."""
+        return np.asarray(cho_solve((self._R, True), np.eye(len(self._R))))
+
+    def white(self, own: Floats) -> Floats:
+        """L^-1 of values (m, ...)."""
+        inner = solve_triangular(self._R, self._C.T @ own, lower=True)
+        plus = self._R + np.eye(len(self._R))
+        pulled = solve_triangular(plus, inner, lower=True, trans="T")
+        return np.asarray(own - self._C @ pulled)
+
+    def solved(self, own: Floats) -> Floats:
+        """The inverse times values (m, ...)."""
+        return np.asarray(own - self._C @ self.given(own))
+
+    def given(self, own: Floats) -> Floats:
+        """The z (k, ...) to be expected, of values (m, ...)."""
+        return np.asarray(cho_solve((self._R, True), self._C.T @ own))
+
+    def diagonal(self) -> Floats:
+        """Diagonal (m,) of the inverse."""
+        least = np.finfo(np.float64).eps  # what rounding leaves where shared errors are all
+        return np.maximum(1.0 - row_squares(self._C, self.left), least)
+
+    def log_root(self) -> float:
+        """Half of the logarithm of the determinant."""
+        return float(np.log(np.diag(self._R)).sum())
+
+
+def _block(rows: Ints, shared: Ints, C: Columns) -> _Block:
+    few = len(rows) <= max(FEW, len(shared))
+    return _FewReadings(rows, shared, C) if few else _ManyReadings(rows, shared, C)
 
 
 class Covariance:
@@ -147,29 +231,27 @@ class Covariance:
         self.sd = sd
         self.shared = shared
         self._blocks = tuple(
-            _Block.of(rows, columns, scaled_rows(1.0 / sd[rows], shared.block(rows, columns)))
+            _block(rows, columns, scaled_rows(1.0 / sd[rows], shared.block(rows, columns)))
             for rows, columns in shared.blocks
         )
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
-        own = values / _column(self.sd, values)
-        white = own.copy()
+        white = values / _column(self.sd, values)
         for block in self._blocks:
-            white[block.rows] -= block.C @ block.pulled(own[block.rows])
+            white[block.rows] = block.white(white[block.rows])
         return np.asarray(white)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
         own = values / _column(self.sd, values)
-        left = own.copy()
         for block in self._blocks:
-            left[block.rows] -= block.C @ block.given(own[block.rows])
-        return np.asarray(left / _column(self.sd, values))
+            own[block.rows] = block.solved(own[block.rows])
+        return np.asarray(own / _column(self.sd, values))
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
-        more = sum(float(np.log(np.diag(block.R)).sum()) for block in self._blocks)
+        more = sum(block.log_root() for block in self._blocks)
         return 2.0 * (float(np.log(self.sd).sum()) + more)
 
     @cached_property
@@ -182,7 +264,7 @@ class Covariance:
         """Diagonal (g,) of Sigma^-1."""
         found = np.ones(len(self.sd))
         for block in self._blocks:
-            found[block.rows] -= row_squares(block.C, block.left)
+            found[block.rows] = block.diagonal()
         return np.asarray(found / self.sd**2)
 
     def expected_shared(self, values: Floats) -> Floats:
@@ -200,7 +282,7 @@ class Covariance:
             part = sp.csr_array(columns[:, block.shared])
             rows = np.flatnonzero(np.diff(part.indptr))
             if len(rows):
-                less = block.left - np.eye(len(block.R))
+                less = block.left - np.eye(len(block.shared))
                 found[rows] += row_squares(sp.csr_array(part[rows]), less)
         return found
 
@@ -209,7 +291,7 @@ class Covariance:
         found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
         for block in self._blocks:
             part = sp.csr_array(columns[:, block.shared])
-            less = block.left - np.eye(len(block.R))
+            less = block.left - np.eye(len(block.shared))
             found += part @ np.asarray((part @ less).T)
         return found
 
@@ -226,6 +308,10 @@ class Covariance:
         Returns:
             (m, ...) SI.
         """
+        if len(rows) <= FEW:
+            unit = np.zeros((len(self.sd), len(rows)))
+            unit[rows, np.arange(len(rows))] = 1.0
+            return np.asarray(np.linalg.solve(self.solve(unit)[rows], values))
         found = _column(self.sd[rows] ** 2, values) * values
         for block in self._blocks:
             inside = np.isin(rows, block.rows)

@@ -128,6 +128,12 @@ class FitBase(Section):
         description="Whether a fit also predicts its last stage from those before it, which costs "
         "a few evaluations, and says whether that came true.",
     )
+    mesh_error: bool = Field(
+        True,
+        description="Whether a fit halves the elements of the mesh once, at the end, to see how "
+        "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
+        "the jumps of the stress tell), says it, and widens intervals and bands by it.",
+    )
     ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
         None,
         description="Models to be fitted one after the other, from the simplest on, and compared: "
@@ -172,6 +178,7 @@ class FitBase(Section):
             opening,
             model_error_options(self.model_error),
             self.backtest,
+            mesh_error=self.mesh_error,
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -131,8 +131,19 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
         surveyed = [0.0 if e is None else e.zero_surveyed for e in table.errors]
         out.add("zero_surveyed", np.array(surveyed), "gauge")
         out.add("survey", ["" if e is None else e.survey for e in table.errors], "gauge")
+    mesh = _mesh_errors(table)
+    if mesh is not None:
+        out.add("mesh_error", mesh, "gauge", "stage", unit=unit)
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
+
+
+def _mesh_errors(table: GaugeTable) -> Floats | None:
+    """(n_channels, n_stages) errors of the mesh that count in the covariance; None for none."""
+    if not any(parts is not None and parts.mesh for parts in table.errors):
+        return None
+    rows = [dict(parts.mesh) if parts is not None else {} for parts in table.errors]
+    return np.array([[row.get(stage, 0.0) for stage in table.stages] for row in rows])
 
 
 def _sizes(errors: Sequence[ErrorParts | None]) -> Floats:
@@ -147,11 +158,17 @@ def _errors(group: TableReader, m: int) -> tuple[ErrorParts | None, ...]:
         return ()
     sizes, surveys = group.floats("error_sd", m, len(PARTS)), group.texts("survey", m)
     zeros = group.floats("zero_surveyed", m).tolist()
+    stages = group.texts("stage")
+    shape = m, len(stages)
+    mesh = group.floats("mesh_error", *shape) if "mesh_error" in group else np.zeros(shape)
     found: list[ErrorParts | None] = []
-    for row, survey, zero in zip(sizes.tolist(), surveys, zeros, strict=True):
+    for row, survey, zero, of_mesh in zip(sizes.tolist(), surveys, zeros, mesh, strict=True):
         parts: dict[str, Any] = dict(zip(PARTS, row, strict=True))
         known = not np.isnan(row[0])
-        found.append(ErrorParts(**parts, survey=survey, zero_surveyed=zero) if known else None)
+        by_stage = tuple((s, float(e)) for s, e in zip(stages, of_mesh, strict=True) if e)
+        found.append(
+            ErrorParts(**parts, survey=survey, zero_surveyed=zero, mesh=by_stage) if known else None
+        )
     return tuple(found)
 
 

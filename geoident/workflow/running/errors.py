@@ -20,6 +20,12 @@ from geoident.model.gauges import Channel, ErrorParts, Reading
 DAY = 86400.0
 """Seconds."""
 
+MESH = "mesh"
+"""The error of the mesh: one factor for all readings, and one for each channel."""
+
+DOUBT = 0.5
+"""By how much the estimated error of a channel by the mesh is uncertain itself (theory 9.4)."""
+
 ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
@@ -66,7 +72,8 @@ def total_sd(channel: Channel, reading: Reading) -> float:
     own = own_sd(channel, reading)
     if channel.errors is None:
         return own
-    return math.hypot(own, *(size for _, _, size in _shared(channel, reading, {})))
+    of_gauge = (size for part, _, size in _shared(channel, reading, {}) if part != MESH)
+    return math.hypot(own, *of_gauge)
 
 
 @dataclass
@@ -90,7 +97,7 @@ class _Table:
         if channel.errors is None:
             return
         for part, source, size in _shared(channel, reading, self.steps):
-            if size <= 0.0:
+            if size == 0.0:
                 continue
             place = self.sources.setdefault(source, len(self.sources))
             name = self._component(channel, part)
@@ -135,6 +142,9 @@ def _shared(
     few = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
     yield "zero", ("zero", channel.name), parts.zero
+    of_mesh = dict(parts.mesh).get(reading.stage, 0.0)
+    yield MESH, (MESH,), of_mesh
+    yield MESH, (MESH, channel.name), DOUBT * of_mesh
     yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
     yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
 

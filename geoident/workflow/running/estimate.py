@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError, Interrupted, ModelError
-from geoident.forward.model import StagedResponse
+from geoident.forward.model import StagedModel, StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import descend, identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -26,17 +26,23 @@ from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.methods import MethodOptions
+from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
 from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
 from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
 from geoident.model.rivals import Evidence, Rivals
-from geoident.workflow.running.accuracies import accuracy_table, weighed, with_accuracies
+from geoident.workflow.running.accuracies import (
+    accuracy_table,
+    after,
+    weighed,
+    with_accuracies,
+)
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.mesh_error import FittedMesh, fitted_mesh, with_mesh_error
 from geoident.workflow.running.model_error import (
     FittedModelError,
     LaterModelError,
@@ -47,9 +53,13 @@ from geoident.workflow.running.model_error import (
     of_result,
     reading_steps,
 )
-from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
-from geoident.workflow.running.predictions import KnownErrors, predict_stages
+from geoident.workflow.running.predictions import (
+    Bends,
+    KnownErrors,
+    follow_open_bound,
+    predict_stages,
+)
 from geoident.workflow.running.readings import (
     accuracies,
     reading_table,
@@ -72,6 +82,7 @@ class Setup:
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
         model_error: that of the fit; None where there is none.
+        mesh: what the mesh does to the readings; None where it was not asked.
     """
 
     model: CaseModel
@@ -79,6 +90,7 @@ class Setup:
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
     model_error: FittedModelError | None = None
+    mesh: FittedMesh | None = None
 
     @property
     def model_error_table(self) -> ModelErrorTable | None:
@@ -517,7 +529,8 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
-    found, final, outcome = _with_errors(setup, problem, first, methods, control)
+    setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
+    found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
@@ -531,9 +544,44 @@ def estimated(
         return found, final, outcome
     # what was estimated with the parameters belongs to another minimum
     former = LocalMinimum(outcome.values, outcome.objective)
-    moved = problem.begun_at(lowest.values)
+    moved = weighted.begun_at(lowest.values)
     found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
     return found, final, kept_up(final, outcome, [former, *first.minima], again)
+
+
+def _with_mesh(
+    setup: Setup,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with the error of the mesh among those of the readings, where it matters."""
+    case, model = setup.case, setup.model
+    asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
+    plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
+    if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
+        return setup, problem, outcome
+    pairs = [
+        pair for pair, used in zip(setup.readings.pairs, setup.readings.used, strict=True) if used
+    ]
+    found = fitted_mesh(model, problem, pairs, outcome)
+    setup = replace(setup, mesh=found)
+    if found is None or not found.counts:
+        return setup, problem, outcome
+    case = with_mesh_error(case, found.found)
+    structure = structure_of_used(case, setup.readings.used)
+    assert structure is not None  # the mesh is in it
+    sd, shared = structure.at(np.zeros(len(structure.names)))
+    problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
+    again = after(outcome, _descent(problem, methods, control))
+    table = reading_table(case, setup.readings.reason)
+    return replace(setup, case=case, readings=table), problem, again
+
+
+def _proves(options: MethodOptions) -> bool:
+    """Whether a method proves a bound, of the problem as it is given."""
+    return isinstance(options, ComplementarityOptions) and options.formulation == "global"
 
 
 def _with_errors(

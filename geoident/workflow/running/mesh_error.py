@@ -9,6 +9,8 @@ memory or the patience, the error is taken from the jumps of the stress between 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,12 +20,14 @@ from geoident.fem.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
 from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.model import StagedModel, staged_model
+from geoident.identify.problem.problem import Outcome, Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
+from geoident.model.gauges import Channel, ErrorParts
 from geoident.model.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.running.cost import refinement_cost
+from geoident.workflow.running.cost import estimate_cost, refinement_cost
 from geoident.workflow.running.recovery import energy_error
 
 SHARE_OF_MEMORY = 0.6
@@ -211,3 +215,99 @@ def mesh_sentence(found: MeshError, which: Bools) -> str:
         f"The mesh is too coarse for these readings: {eaten} (at most {worst}). Halve the elements "
         "where the ground moves most, or take elements of second order."
     )
+
+
+SHIFT = 0.5
+"""Shift of a parameter by the mesh, in its standard deviations, from which on the mesh counts."""
+
+
+@dataclass(frozen=True)
+class FittedMesh:
+    """What the mesh does to a fit.
+
+    Args:
+        found: by channel and stage, at the parameters of the first search.
+        used: (n_channels, n_stages) which readings were used.
+        shift: of the parameter that the mesh shifts most, in its standard deviations.
+        counts: whether the errors of the readings have it.
+    """
+
+    found: MeshError
+    used: Bools
+    shift: float
+    counts: bool
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What it means for the fit, with what else is to be known; nothing where it is small."""
+        if not self.counts:
+            return ()
+        also = " Intervals and bands are widened by it."
+        how = () if self.found.how == "refinement" else self.found.notes
+        said = mesh_sentence(self.found, self.used)
+        return (f"{said}{also} (`geoident check --mesh-error` shows it.)", *how)
+
+
+def fitted_mesh(
+    model: StagedModel, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+) -> FittedMesh | None:
+    """What the mesh does to the readings of a fit; None where that cannot be told.
+
+    Args:
+        model: of the case.
+        problem: the g used readings.
+        pairs: channel and stage of each.
+        outcome: of the search.
+    """
+    case = model.case
+    plain = replace(case, parameters=tuple(q for q in case.parameters if not q.field))
+    cost = estimate_cost(model, solver=model.solver_name)
+    patience = cost.seconds * max(problem.response.counts.evaluations, 1)
+    try:
+        found = mesh_error(model, plain, outcome.values, patience=patience)
+        _, jacobian = problem.response.evaluate(outcome.values)
+    except ModelError:
+        return None
+    i = np.array([found.channels.index(channel) for channel, _ in pairs], dtype=np.int64)
+    j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
+    used = np.zeros(found.error.shape, dtype=np.bool_)
+    used[i, j] = True
+    error = np.nan_to_num(found.error[i, j])
+    shift = _shift(problem, outcome.values, jacobian, error)
+    return FittedMesh(found, used, shift, shift > SHIFT or found.scatter(used) > MATTERS)
+
+
+def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) -> float:
+    """Largest shift of a parameter by errors (g,) of readings, in its standard deviations."""
+    scaling = Scaling(problem.parameters)
+    rows = np.concatenate(
+        [problem.whiten(jacobian * scaling.slope(values)), scaling.prior_jacobian(values)]
+    )
+    right = np.zeros(len(rows))
+    right[: len(error)] = problem.whiten(error)
+    U, S, Vt = np.linalg.svd(rows, full_matrices=False)
+    seen = _UNSEEN * S.max(initial=0.0) < S
+    moved = Vt[seen].T @ ((U.T @ right)[seen] / S[seen])
+    sd = np.sqrt(np.sum((Vt[seen].T / S[seen]) ** 2, axis=1))
+    parts = np.divide(np.abs(moved), sd, out=np.zeros_like(sd), where=sd > 0.0)
+    return float(parts.max(initial=0.0))
+
+
+_UNSEEN = 1e-8
+
+
+def with_mesh_error(case: Case, found: MeshError) -> Case:
+    """A case whose channels have the error of the mesh among what their readings share."""
+    return replace(
+        case,
+        channels=tuple(
+            replace(channel, errors=_with_mesh(channel, found.stages, row))
+            for channel, row in zip(case.channels, found.error, strict=True)
+        ),
+    )
+
+
+def _with_mesh(channel: Channel, stages: Sequence[str], row: Floats) -> ErrorParts:
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    mesh = tuple((s, float(e)) for s, e in zip(stages, row, strict=True) if np.isfinite(e) and e)
+    return replace(parts, mesh=mesh)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.variance_components import (
     LikelihoodTerms,
     RestrictedLikelihood,
@@ -15,8 +16,17 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likelihood_at,
 )
+from geoident.identify.problem import errors
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.model.parameter import Parameter, Prior
+
+
+@pytest.fixture(params=[300, 0], autouse=True)
+def few(request, monkeypatch):
+    """By dense factors, and by those of what is shared: both must hold."""
+    for module in (errors, variance_components):
+        monkeypatch.setattr(module, "FEW", request.param)
+
 
 A, N = 8, 5
 GROUPS = sp.csr_array(np.kron(np.eye(A), np.ones((N, 1))))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.later_readings import given_used, left_covariance
 from geoident.identify.assessment.uncertainty import assess, predict_band
@@ -14,6 +15,7 @@ from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.condensation import condensation
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy, own_residuals
+from geoident.identify.problem import errors
 from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
@@ -26,6 +28,14 @@ from geoident.model.methods import (
 )
 from geoident.model.parameter import Parameter, Prior
 from tests.support.affine import AffineToy
+
+
+@pytest.fixture(params=[300, 0], autouse=True)
+def few(request, monkeypatch):
+    """By dense factors, and by those of what is shared: both must hold."""
+    for module in (errors, variance_components):
+        monkeypatch.setattr(module, "FEW", request.param)
+
 
 X = np.array([0.0, 0.4, 1.1, 1.5, 2.2, 2.9, 3.1, 8.0])
 SD = np.array([0.1, 0.1, 0.2, 0.1, 0.1, 0.3, 0.1, 0.2])
