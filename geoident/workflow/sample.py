@@ -24,7 +24,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.posterior import LEVELS, PosteriorDraws
 from geoident.model.result import Counts, ParameterTable, Prediction, Result
-from geoident.workflow.running.answers import Answers, Asked, here, in_processes
+from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.estimate import (
     Finished,
@@ -236,19 +236,19 @@ def build_elsewhere(path: str, solver: str) -> Asked:
 @contextmanager
 def _answers(
     task: SampleTask, asked: Asked, log: EvaluationLog, control: Control
-) -> Iterator[Answers]:
+) -> Iterator[KeptAnswers]:
     """The model as the sampler asks it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
     if request.jobs == 1:
-        answers = Answers(here(asked), kept, control)
+        answers = KeptAnswers(here(asked), kept, control)
         try:
             yield answers
         finally:
             answers.keep(now=True)
         return
     with in_processes(request.jobs, build_elsewhere, (request.result, request.solver)) as compute:
-        answers = Answers(compute, kept, control)
+        answers = KeptAnswers(compute, kept, control)
         try:
             yield answers
         finally:
@@ -278,7 +278,7 @@ class _Found:
     problem: Problem
     density: PosteriorDensity
     draws: Draws
-    answers: Answers
+    answers: KeptAnswers
     places: Ints
 
     def result(self) -> Result:

@@ -95,7 +95,7 @@ def readable(model: CaseModel, case: Case) -> Ints:
 
 
 @dataclass
-class Answers:
+class KeptAnswers:
     """The answers of a model, each computed once.
 
     Args:

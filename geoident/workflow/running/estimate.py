@@ -53,9 +53,13 @@ from geoident.workflow.running.model_error import (
     of_result,
     reading_steps,
 )
-from geoident.workflow.running.open_bounds import Bends, follow_open_bound
 from geoident.workflow.running.outputs import Standing, Target
-from geoident.workflow.running.predictions import KnownErrors, predict_stages
+from geoident.workflow.running.predictions import (
+    Bends,
+    KnownErrors,
+    follow_open_bound,
+    predict_stages,
+)
 from geoident.workflow.running.readings import (
     accuracies,
     reading_table,

@@ -1,0 +1,236 @@
+"""The error of the model: what it is made of, how large it is, and what follows from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoident.api import fit, load_case, predict
+from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
+from geoident.model.gauges import Channel
+from geoident.workflow.running import model_error
+from geoident.workflow.running.jobs import inputs_of_result
+from geoident.workflow.running.model_error import ReadingSteps, shared_columns
+from geoident.workflow.simulate import simulate
+from tests.support.trench import CASE, write_case, write_mesh
+
+LENGTH = 8.0
+
+
+def channel(name, point, direction=(1.0, 0.0), first=None):
+    return Channel(name, name, "displacement", first, point, direction, 1e-3, "virgin")
+
+
+def covariance(channels, steps, floors):
+    states = tuple(f"s{j}" for j in range(len(steps[0])))
+    rows = ReadingSteps(tuple(channels), states, np.array(steps), np.array(floors))
+    columns = shared_columns([rows], LENGTH).toarray()
+    return columns @ columns.T
+
+
+def test_two_readings_are_correlated_as_theory_says():
+    """By hand: two points 6 m apart that move along each other and across."""
+    one, other = channel("a", (0.0, 0.0)), channel("b", (6.0, 0.0), (0.0, 1.0))
+    steps, floors = [[2.0, 1.0], [0.0, -3.0]], [[0.5, 0.5], [0.0, 0.5]]
+    found = covariance([one, other], steps, floors)
+    near = np.exp(-6.0 / LENGTH)
+    own = 0.25 * (4.0 + 1.0) + 0.75 * 9.0
+    own_floor = 0.25 * 0.5 + 0.75 * 1.0
+    across = 0.5 * near * (0.25 * -3.0 + 0.75 * 3.0 * -3.0)  # directions across: half; no floor
+    assert found[0, 0] == pytest.approx(own + own_floor)
+    assert found[0, 1] == pytest.approx(across)
+    along = replace(other, direction=(1.0, 0.0))
+    found = covariance([one, along], steps, floors)
+    floor = near * (0.25 * 0.25 + 0.75 * 1.0 * 0.5)
+    assert found[0, 1] == pytest.approx(2.0 * across + floor)
+
+
+def test_what_counts_as_positive_does_not_matter():
+    generator = np.random.default_rng(1)
+    channels = [
+        channel(f"c{k}", tuple(second), first=tuple(first))
+        for k, (first, second) in enumerate(generator.uniform(0, 20, (5, 2, 2)))
+    ]
+    steps, floors = generator.normal(size=(5, 3)), np.abs(generator.normal(size=(5, 3)))
+    sign = np.array([1.0, -1.0, 1.0, -1.0, -1.0])
+    turned = [
+        replace(c, direction=tuple(s * np.array(c.direction)))
+        for c, s in zip(channels, sign, strict=True)
+    ]
+    plain = covariance(channels, steps, floors)
+    other = covariance(turned, sign[:, None] * steps, floors)
+    np.testing.assert_allclose(other, np.outer(sign, sign) * plain, atol=1e-12)
+    assert np.linalg.eigvalsh(plain).min() > 0.0
+
+
+def test_readings_of_one_place_have_one_error():
+    one = channel("a", (0.0, 0.0))
+    steps, floors = [[2.0]] * 3, [[0.1]] * 3
+    rows = ReadingSteps((one,) * 3, ("s",), np.array(steps), np.array(floors))
+    columns = shared_columns([rows], LENGTH).toarray()
+    assert columns.shape == (3, 1)
+    np.testing.assert_allclose(columns, columns[0, 0])
+
+
+# Through the commands ----------------------------------------------------------------------------
+
+GAUGES = """\
+gauges:
+  CV: {kind: convergence, between: [[2 m, 3.5 m], [4 m, 3.5 m]], accuracy: 5 um}
+  CW: {kind: convergence, between: [[2 m, 4 m], [4 m, 4 m]], accuracy: 5 um}
+  S1: {kind: settlement, point: [1 m, 4 m], accuracy: 5 um}
+  S2: {kind: settlement, point: [5 m, 4 m], accuracy: 5 um}
+  S3: {kind: settlement, point: [0.5 m, 4 m], accuracy: 5 um}
+  D1: {kind: displacement, point: [1 m, 4 m], component: x, accuracy: 5 um}
+  D2: {kind: displacement, point: [5 m, 4 m], component: x, accuracy: 5 um}
+  X:
+    kind: extensometer
+    head: [2 m, 3 m]
+    anchors: {a: [1 m, 3 m], b: [0.5 m, 3 m]}
+    accuracy: 5 um
+"""
+
+
+FACTORS = 1.0 + 0.2 * np.array([1.2, -0.4, 0.9, -1.3, 0.6, -0.8, 1.1, 0.3, -0.9])
+"""By which the readings of each channel differ from the model, alike in both stages."""
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A trench in ground that is not as the model says."""
+    monkeypatch.chdir(tmp_path)
+    write_mesh(tmp_path / "trench.inp")
+    path = tmp_path / "case.yaml"
+    head, _, _ = CASE.partition("gauges:")
+    path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first]}\n")
+    shown = simulate(str(path), overrides=["parameters.E.start=5 GPa"])
+    factor = dict(zip((c.name for c in shown.case.channels), FACTORS, strict=True))
+    rows = [
+        f"{r.channel},{r.stage},{float(r.value * factor[r.channel])!r},m" for r in shown.readings
+    ]
+    (tmp_path / "readings.csv").write_text("gauge,stage,value,unit\n" + "\n".join(rows) + "\n")
+    path.write_text(path.read_text().replace("readings: []", "readings: readings.csv"))
+
+    def run(changes=None):
+        return fit(load_case(path, changes), force=True)
+
+    return run
+
+
+def dense(found):
+    """Residuals, Jacobian and the covariances of used and later readings of a result, by hand."""
+    table, wide = found.gauges.readings, found.gauges
+    used, error = table.used, found.model_error
+    case = load_case_of(found)
+    channels = {c.name: c for c in case.channels}
+    later = [(i, 1) for i in range(len(wide.channels))]
+    first, second = wide.computed[:, 0], wide.computed[:, 1] - wide.computed[:, 0]
+    steps = np.column_stack([np.zeros(len(first)), first, second])
+    own = ReadingSteps(
+        tuple(channels[name] for name, u in zip(table.channel, used, strict=True) if u),
+        error.states, error.steps[used], error.floors[used],
+    )  # fmt: skip
+    floors = model_error._floors(case.channels, steps.T, error.length).T
+    every = tuple(channels[wide.channels[i]] for i, _ in later)
+    rest = ReadingSteps(every, error.states, steps, floors)
+    B = shared_columns([own, rest], error.length).toarray()
+    g = int(used.sum())
+    C = B @ B.T
+    gap = (table.value - table.computed)[used]
+    return gap, table.sensitivity[used], table.sd[used], C, g, found.sensitivity[:, 1], wide
+
+
+def load_case_of(found):
+    return inputs_of_result(found, "case.yaml").case
+
+
+def test_a_given_size_conditions_as_the_formulas_of_dense_matrices(site):
+    found = site({"fit.model_error": "15 %"}).result
+    assert found.model_error.kind == "given"
+    gap, J, sd, C, g, J_later, wide = dense(found)
+    eta = found.model_error.size
+    assert eta == 0.15
+    sigma = np.diag(sd**2) + eta**2 * C[:g, :g]
+    cross, own = eta**2 * C[g:, :g], eta**2 * np.diag(C[g:, g:]) + wide.accuracy**2
+    K = np.linalg.solve(sigma, cross.T).T
+    information = J.T @ np.linalg.solve(sigma, J)
+    covariance = np.linalg.inv(information)
+    gradient = J.T @ np.linalg.solve(sigma, gap) / np.sqrt(np.diag(information))
+    np.testing.assert_allclose(gradient, 0.0, atol=0.05)
+    mean = wide.computed[:, 1] + K @ gap
+    moved = J_later - K @ J
+    variance = np.einsum("li,ij,lj->l", moved, covariance, moved) + own - np.sum(K * cross, axis=1)
+    np.testing.assert_allclose(found.prediction.mean[:, 1], mean, rtol=2e-2)
+    np.testing.assert_allclose(found.prediction.sd[:, 1], np.sqrt(variance), rtol=2e-2)
+
+
+def test_the_size_is_estimated_and_bands_grow_with_it(site):
+    right = site({"fit.model_error": "none"}).result
+    found = site().result
+    error = found.model_error
+    assert 0.08 < error.lower95 < error.size < error.upper95 < 0.6
+    assert error.sentence.startswith("The model meets the readings within 0.005 mm and")
+    assert error.weights.sum() == pytest.approx(1.0)
+    inside = [inside_later(result) for result in (right, found)]
+    assert inside[0] < 0.5
+    assert inside[1] > 0.9
+    assert right.model_error is None
+
+
+def inside_later(found):
+    measured, band = found.gauges.measured[:, 1], found.prediction
+    return np.mean((band.lower95[:, 1] <= measured) & (measured <= band.upper95[:, 1]))
+
+
+def test_sizes_are_weighed_by_the_restricted_likelihood(site):
+    """-2 l by dense matrices."""
+    found = site().result
+    gap, J, sd, C, g, _, _ = dense(found)
+    J = J * np.where(np.array(found.parameters.names) == "E", found.parameters.values, 1.0)
+    minus = []
+    for eta in SIZES:
+        sigma = np.diag(sd**2) + eta**2 * C[:g, :g]
+        pull = np.linalg.solve(sigma, J)
+        M = J.T @ pull
+        left = gap - J @ np.linalg.solve(M, pull.T @ gap)
+        value = np.linalg.slogdet(sigma)[1] + np.linalg.slogdet(M)[1]
+        minus.append(value + left @ np.linalg.solve(sigma, left))
+    weights = np.exp(-0.5 * (np.array(minus) - min(minus)) - 0.5 * (SIZES / PRIOR_SD) ** 2)
+    weights *= np.gradient(SIZES)
+    weights /= weights.sum()
+    np.testing.assert_allclose(found.model_error.weights, weights, atol=0.02)
+    assert found.model_error.size == pytest.approx(mean_size(weights), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"fit.method": "simplex"}, {"fit.method": "condensation"}, {"fit.loss": "huber"},
+     {"fit.loss": "student-t"}],
+)  # fmt: skip
+def test_every_method_and_loss_takes_it_along(site, changes):
+    plain = site().result
+    found = site(changes).result
+    assert found.status == "converged"
+    assert found.model_error.size == pytest.approx(plain.model_error.size, rel=0.5)
+    np.testing.assert_allclose(found.parameters.values, plain.parameters.values, rtol=0.15)
+    assert inside_later(found) > 0.85
+
+
+def test_a_prediction_from_the_result_has_the_same_bands(site):
+    found = site()
+    again = predict(found, stages=("second",)).result
+    for name in ("mean", "sd", "lower95", "upper95"):
+        one, other = (getattr(r.prediction, name)[:, 1] for r in (found.result, again))
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def test_too_few_readings_say_so(tmp_path):
+    found = fit(write_case(tmp_path)).result
+    assert found.model_error is None
+    assert [n for n in found.notes if "readings are too few beside 2 parameters" in n]
+
+
+def test_a_model_error_of_some_readings_costs_a_descent_or_two(site):
+    plain = site({"fit.model_error": "none", "fit.backtest": "false"}).result
+    found = site({"fit.backtest": "false"}).result
+    assert found.counts.factorizations <= 4 * plain.counts.factorizations
