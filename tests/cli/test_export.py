@@ -19,7 +19,10 @@ def fitted(trench, run):
     return trench
 
 
-MISSING = ("accuracies", "grid", "structures", "backtest", "backtest-parameters")
+MISSING = (
+    *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
+    *("posterior", "draws", "fields"),
+)
 """Tables of which a plain fit has nothing to say."""
 
 

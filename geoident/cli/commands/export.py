@@ -17,10 +17,23 @@ if TYPE_CHECKING:
 
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (
-    "parameters", "gauges", "diagnostics", "prediction", "history", "correlation", "sensitivity",
-    "structures", "grid", "readings", "accuracies", "backtest", "backtest-parameters",
-    "posterior", "draws",
-)  # fmt: skip
+    "parameters",
+    "gauges",
+    "diagnostics",
+    "prediction",
+    "history",
+    "correlation",
+    "sensitivity",
+    "structures",
+    "grid",
+    "readings",
+    "accuracies",
+    "posterior",
+    "draws",
+    "fields",
+    "backtest",
+    "backtest-parameters",
+)
 
 EPILOG = """\b
 Examples:
