@@ -220,7 +220,7 @@ class _UnitMatrices:
 
 
 class PointwiseStiffness:
-    """What moduli that vary from point to point add to K (theory 9).
+    """What moduli that vary from point to point add to K (theory 10.6).
 
     The sums over elements of `stiffness` are of no use then: K is the sum over the elements of
     C_q^T V_q E_q C_q. Where all points have the same matrix but for a factor, the matrices of the

@@ -84,7 +84,10 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     case = inputs.case
     staged = model if isinstance(model, StagedModel) else None
     virgin = staged.virgin_notes() if staged else ()
-    notes = (*case.notes, *model.notes, *virgin, *bad_notes(readings))
+    solves = _right_hand_sides(model, readings)
+    costs = () if solves is None else (_field_cost(model, *solves),)
+    notes = (*case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
+    columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -101,9 +104,25 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=int(np.count_nonzero(readings.used)),
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
-        cost=estimate_cost(staged, solver=staged.solver_name) if staged else None,
+        cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
+    )
+
+
+def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:
+    """Those of an evaluation with derivatives, and the way; None where there are no fields."""
+    if not isinstance(model, StagedModel) or not model.on_mesh.fields or not readings.used.any():
+        return None
+    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
+    return model.response(pairs).adjoints.columns(len(model.names))
+
+
+def _field_cost(model: CaseModel, count: int, way: str) -> str:
+    """What the modes of fields cost, in words."""
+    return (
+        f"with the modes of its fields an evaluation with derivatives by {len(model.names)} "
+        f"parameters solves {count} right-hand sides, by {way}"
     )
 
 

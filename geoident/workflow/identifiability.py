@@ -60,7 +60,9 @@ def identifiability(
     )
     known = assess(problem, p, survey.sensitivity[*rows.T])
     table = parameter_table(case.parameters, p, known)
-    return Identifiability(table, known.findings, known.singular_values, len(rows))
+    return Identifiability(
+        table.picked(table.named), known.findings, known.singular_values, len(rows)
+    )
 
 
 def planned_readings(case: Case, computed: Floats) -> Ints:

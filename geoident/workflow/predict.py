@@ -15,6 +15,7 @@ from geoident.io.result.file import read_result
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.ground import Field
 from geoident.model.result import ParameterTable, Provenance, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import at_used
@@ -162,6 +163,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     inputs = _inputs(request, origin, fit)
     _require_stages(request.stages, inputs.case)
     require_identified(fit, inputs)
+    _require_same_fields(fit, origin.case, inputs)
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.provenance.identity} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
@@ -240,6 +242,35 @@ def require_identified(fit: Result, inputs: Inputs) -> None:
     ]
     if faults:
         raise InputError(faults)
+
+
+def _require_same_fields(fit: Result, origin: Case, inputs: Inputs) -> None:
+    """Refuse another case whose fields, or their modes, are not those of the fit.
+
+    Raises:
+        InputError: with those fields.
+    """
+    known = {_unplaced(field) for field in origin.fields}
+    same_mesh = inputs.mesh_sha256 == fit.provenance.mesh_sha256
+    faults = [
+        inputs.case.source.fault(
+            field.path,
+            code="other-field",
+            message=f"the modes of {field.name} are not those of the fit"
+            + ("" if same_mesh else ", which was made on another mesh"),
+            hint="Modes are of one mesh, covariance and set of tests: keep these as they were.",
+        )
+        for field in inputs.case.fields
+        if not same_mesh or _unplaced(field) not in known
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def _unplaced(field: Field) -> Field:
+    """A field without where it is written."""
+    measured = tuple(replace(test, path=(), origin="") for test in field.measured)
+    return replace(field, path=(), measured=measured)
 
 
 def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Known:

@@ -200,3 +200,28 @@ def test_the_ensemble_smoother_finds_the_field_of_gauss_newton(tmp_path):
     apart = np.log(other.values / one.values)
     assert np.all(np.abs(apart) <= 4 * one.sd * np.sqrt(5 / 500))
     assert other.sd == pytest.approx(one.sd, rel=0.05)
+
+
+def test_another_field_cannot_be_predicted_from_a_fit(tmp_path):
+    """Modes are of one covariance: another length, other modes."""
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace(ALL, "stages: [first]"))
+    fitted(path)
+    out, other = path.with_name("case.fit.h5"), tmp_path / "other.yaml"
+    other.write_text(path.read_text())
+    same = run_command("predict", out, "--case", other, "-o", tmp_path / "same.h5")
+    assert same.exit_code == 0, same.output
+    other.write_text(path.read_text().replace("length: 3 m", "length: 4 m"))
+    refused = run_command("predict", out, "--case", other, "-o", tmp_path / "other.h5")
+    assert refused.exit_code == 3
+    assert "the modes of rock.E are not those of the fit" in " ".join(refused.output.split())
+
+
+def test_a_scan_and_a_plan_speak_of_the_parameters_of_the_case(tmp_path):
+    path = write(tmp_path)
+    scanned = run_command("scan", path, "--set", "fit.scan.points=3", "--json", "-q")
+    assert scanned.exit_code == 0, scanned.output
+    assert "mode-" not in scanned.stdout
+    planned = run_command("check", path, "--identifiability")
+    assert planned.exit_code == 0, planned.output
+    assert "mode-" not in planned.output

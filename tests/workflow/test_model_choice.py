@@ -11,14 +11,14 @@ from support.jacking import LADDER, LYING, TRUTHS, write_case, write_readings
 
 from geoident.io.result.file import read_result
 
-FIT = f"{{ladder: {LADDER}}}"
+FIT = f"{{ladder: {LADDER}, model_error: none}}"
 
 
-def _ladder(folder, rung, seed, **changes):
+def _ladder(folder, rung, seed, fit=FIT, **changes):
     """The comparison of a ladder on readings of one of its models."""
     truth = write_case(folder, rock=rung, name="truth.yaml", **changes)
     write_readings(truth, TRUTHS[rung], seed)
-    case = write_case(folder, fit=FIT, **changes)
+    case = write_case(folder, fit=fit, **changes)
     ended = run_command("fit", str(case), "--force", "--json")
     return ended, json.loads(ended.stdout)
 
@@ -35,6 +35,14 @@ def test_the_model_that_made_the_readings_is_chosen(tmp_path, rung):
     for name, truth in TRUTHS[rung].items():
         known = told["parameters"][name]
         assert abs(known["value"] - truth) < 4.0 * known["sd"]
+
+
+def test_a_model_error_does_not_swallow_the_difference(tmp_path):
+    """Its size is estimated for each model: of the too simple one it explains part, not all."""
+    told = _ladder(tmp_path, "transversely-isotropic", 3, fit=f"{{ladder: {LADDER}}}")[1]
+    assert told["model_error"]["kind"] == "estimated"
+    assert told["comparison"]["chosen"] == "transversely-isotropic"
+    assert told["comparison"]["decided"]
 
 
 def test_with_few_readings_the_simpler_is_preferred_and_it_is_said_why(tmp_path):

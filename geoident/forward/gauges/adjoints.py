@@ -79,6 +79,12 @@ class ReadingAdjoints:
         weights = np.array([seeds.at(n) for n in range(len(states))])
         return int(reach([state.base for state in states], weights).sum())
 
+    def columns(self, n: int) -> tuple[int, str]:
+        """Right-hand sides of an evaluation with derivatives by n parameters, and by which way."""
+        if self.cost_less(n):
+            return self.last + 1 + self._columns, "adjoints"
+        return (self.last + 1) * (1 + n), "tangents"
+
     def cost_less(self, n: int) -> bool:
         """Whether they cost less than tangents by n parameters."""
         if not self.rows.size or not n:

@@ -1,4 +1,4 @@
-"""Derivatives of readings by adjoints: the elastic stages backwards (theory 2 and 10).
+"""Derivatives of readings by adjoints: the elastic stages backwards (theory 2 and 10.6).
 
 The tangents of `stage` carry one column for every parameter through the stages. The adjoint carries
 one for every reading, from the last stage to the first: what costs less is a matter of numbers.

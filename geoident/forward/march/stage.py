@@ -284,7 +284,14 @@ class LastFactor:
     def keep(
         self, state: ConstructionState, factor: Factor, analysis: SymbolicFactorization, size: int
     ) -> None:
-        """A factorization that was made for a state, of a matrix with so many entries."""
+        """Hold a factorization.
+
+        Args:
+            state: for which it was made.
+            factor: of K there.
+            analysis: of which it is the last factor.
+            size: entries of K.
+        """
         self._held.append((_what_stands(state), factor, analysis, size))
 
 

@@ -590,7 +590,8 @@ class _Table:
         before = len(faults.found)
         if len(row) > len(columns):
             message = f"found {len(row)} cells; {len(columns)} expected"
-            self._fault(faults, line, row[len(columns)][1], "bad-row", message)
+            hint = "Remove what is too much; a decimal comma is written as a point."
+            self._fault(faults, line, row[len(columns)][1], "bad-row", message, hint)
         for name, (n, unit) in columns.items():
             text, at = row[n] if n < len(row) else ("", 1)
             if name == "accuracy" and not text:
@@ -603,7 +604,8 @@ class _Table:
                 written[name] = f"{text} {unit}"
             except UnitError:
                 what = f"'{shorten(text)}' is no number" if text else "the cell is empty"
-                self._fault(faults, line, at, "bad-number", f"{what} ({name})")
+                hint = f"Write the {name} in {unit} as a number, or remove the row."
+                self._fault(faults, line, at, "bad-number", f"{what} ({name})", hint)
         if len(faults.found) > before:
             return None
         entry: dict[str, Node] = {

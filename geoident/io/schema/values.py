@@ -171,6 +171,9 @@ class Of:
         """
         if isinstance(value, Given):
             return value
+        if isinstance(value, dict) and "field" in value:
+            message = f"found a field; {self.words()} is expected"
+            raise Refusal("no-field", message, "Moduli and strengths of materials may be fields.")
         text = require_text(value, self.words())
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:

@@ -22,14 +22,20 @@ _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of ne
 _PROGRAM = 120e6  # bytes of Python and its libraries
 
 
-def estimate_cost(model: StagedModel, *, solver: str) -> CostEstimate:
+def estimate_cost(model: StagedModel, *, solver: str, columns: float | None = None) -> CostEstimate:
     """The cost of one evaluation: all stages with the derivatives, and the memory for it.
 
     The entries of the factors and the operations are exact counts, the seconds are those of the
     computer on which the rates were measured. Where ground yields, the Newton steps are a guess.
+
+    Args:
+        model: of the case.
+        solver: name of the sparse solver.
+        columns: right-hand sides of a stage; None for one more than there are parameters.
     """
     costs = _stage_costs(model)
-    columns, points = 1 + len(model.names), model.discretization.points.n_points
+    columns = 1 + len(model.names) if columns is None else columns
+    points = model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
     flops, entries = steps * sum(c.flops for c in costs), sum(c.entries for c in costs)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS

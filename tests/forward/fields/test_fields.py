@@ -1,4 +1,4 @@
-"""Material constants that vary from strain point to strain point (theory 9)."""
+"""Material constants that vary from strain point to strain point (theory 10.6)."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def test_what_cannot_be_is_refused_where_it_stands(tmp_path, changes, code, word
 
 def test_a_constant_that_cannot_vary_says_so(tmp_path):
     rock = "{E: $E, nu: {field: {mean: 0.2, sd: 5 %, length: 3 m}}}"
-    assert faults(tmp_path, rock)[0][2] == "wrong-kind"
+    assert faults(tmp_path, rock)[0][2] == "no-field"
 
 
 def test_uniform_ground_is_asked_of_a_case_without_mesh(tmp_path):
