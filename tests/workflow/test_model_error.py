@@ -102,7 +102,7 @@ def site(tmp_path, monkeypatch):
     write_mesh(tmp_path / "trench.inp")
     path = tmp_path / "case.yaml"
     head, _, _ = CASE.partition("gauges:")
-    path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first]}\n")
+    path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first], mesh_error: false}\n")
     shown = simulate(str(path), overrides=["parameters.E.start=5 GPa"])
     factor = dict(zip((c.name for c in shown.case.channels), FACTORS, strict=True))
     rows = [
