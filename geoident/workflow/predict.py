@@ -16,10 +16,9 @@ from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.ground import Field
-from geoident.model.result import ParameterTable, Provenance, Result
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import at_used
-from geoident.workflow.running.estimate import (
+from geoident.model.results.result import ParameterTable, Provenance, Result
+from geoident.workflow.estimating.diagnosis import at_used
+from geoident.workflow.estimating.estimate import (
     Finished,
     keep,
     later_errors,
@@ -28,18 +27,8 @@ from geoident.workflow.running.estimate import (
     used_rows,
     write,
 )
-from geoident.workflow.running.jobs import (
-    Inputs,
-    build_model,
-    case_path,
-    files_of_result,
-    inputs_of_result,
-    load_inputs,
-    provenance,
-)
-from geoident.workflow.running.model_error import FittedModelError
-from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
-from geoident.workflow.running.predictions import (
+from geoident.workflow.estimating.model_error import FittedModelError
+from geoident.workflow.estimating.predictions import (
     Bends,
     KnownErrors,
     chosen_stages,
@@ -49,6 +38,17 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import (
+    Inputs,
+    build_model,
+    case_path,
+    files_of_result,
+    inputs_of_result,
+    load_inputs,
+    provenance,
+)
+from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.readings import (
     accuracies,
     bad_notes,
