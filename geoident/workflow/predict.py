@@ -11,19 +11,23 @@ from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.problem.problem import Outcome
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Ints
+from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.ground import Field
-from geoident.model.result import ParameterTable, Provenance, Result
+from geoident.model.result import ParameterTable, Prediction, Provenance, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.diagnosis import at_used
 from geoident.workflow.running.estimate import (
     Finished,
+    Setup,
     keep,
     later_errors,
+    look,
     model_error_of_result,
+    predicted,
     problem_of_result,
     used_rows,
     write,
@@ -57,6 +61,7 @@ from geoident.workflow.running.readings import (
     why_useless,
     with_computed,
 )
+from geoident.workflow.running.rivals import mixed_prediction
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
@@ -324,6 +329,26 @@ def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Kno
     return replace(known, assessment=assessment, bends=bends)
 
 
+def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> list[Prediction]:
+    """What the other minima of a fit predict, in their order, as the fit has it.
+
+    Args:
+        task: the prediction.
+        known: what the fit knows.
+        model: of its case.
+        stages: (n_stages,) which to predict.
+    """
+    rivals, case = task.fit.rivals, task.inputs.case
+    assert rivals is not None
+    setup = Setup(model, case, known.readings, model_error=known.model_error)
+    problem = problem_of_result(task.fit, case, model.response(()))
+    found = []
+    for values, phi in zip(rivals.values[1:], rivals.objectives[1:], strict=True):
+        there = Outcome(values, float(phi), task.fit.status, "", ())
+        found.append(predicted(setup, look(setup, problem, there, fields=False), stages))
+    return found
+
+
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
@@ -373,6 +398,9 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
+    if fit.rivals is not None and task.request.case is None:
+        others = _at_rivals(task, known, model, stages)
+        prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
     return Result(
         kind="predict",
         status="poor-fit" if poor else "done",

@@ -104,23 +104,35 @@ def least(jobs, turns=TURNS):
     return best
 
 
-def main(counts):
+def table(counts):
+    """Lines of the table in markdown."""
     inputs = load_inputs(str(CASE))
     case, mesh = of_two_parameters(inputs.case), load_mesh(inputs, inputs.loaded.mesh_path)
-    print(f"{'':22}{'2 parameters':>14}{'modes':>8}{'field':>10}{'ratio':>8}")
+    yield "| seconds of | 2 parameters | modes | field | ratio |"
+    yield "|---|---|---|---|---|"
     for count in counts:
         plain, field = Fit(case, mesh), Fit(with_field(case, count), mesh)
         for name, turns in (("evaluate", TURNS), ("survey", 3), ("fit", 2)):
             one, other = least([getattr(plain, name), getattr(field, name)], turns)
-            print(f"{name:22}{one:13.3f}s{count:8d}{other:9.3f}s{other / one:8.2f}")
+            yield f"| {name} | {one:.3f} | {count} | {other:.3f} | {other / one:.2f} |"
         tangents = least([field.tangents], 1)[0]
-        print(f"{'evaluate by tangents':22}{'':14}{count:8d}{tangents:9.3f}s")
+        yield f"| evaluate by tangents | | {count} | {tangents:.3f} | |"
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"{'largest memory':22}{'':14}{'':8}{peak:8.2f} GB")
+        yield f"| (largest memory so far, GB) | | {count} | {peak:.2f} | |"
+
+
+def show_profile(count):
+    """Which functions take the time of an evaluation."""
+    inputs = load_inputs(str(CASE))
+    case, mesh = of_two_parameters(inputs.case), load_mesh(inputs, inputs.loaded.mesh_path)
+    field = Fit(with_field(case, count), mesh)
     profile = cProfile.Profile(time.process_time)
     profile.runcall(field.evaluate)
     pstats.Stats(profile).sort_stats("tottime").print_stats(8)
 
 
 if __name__ == "__main__":
-    main([int(argument) for argument in sys.argv[1:]] or [100, 200])
+    MODES = [int(argument) for argument in sys.argv[1:]] or [100, 200]
+    for line in table(MODES):
+        print(line, flush=True)
+    show_profile(MODES[-1])

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,21 +37,33 @@ def chosen(rung: str, accuracy: str, seed: int, fit: str) -> tuple[str, bool]:
         return found.models[found.chosen].name, found.decided
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add what the table can be told."""
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--accuracy", action="append")
     parser.add_argument("--fit", default="", help="more keys of fit, such as 'loss: huber'")
-    options = parser.parse_args()
-    print("| accuracy | readings of | " + " | ".join(TRUTHS) + " | could tell |")
-    print("|---" * (len(TRUTHS) + 3) + "|")
-    for accuracy in options.accuracy or ["0.03 mm", "0.06 mm", "0.2 mm"]:
+    parser.add_argument("--seed", type=int, default=0, help="of the first run")
+
+
+def table(given: argparse.Namespace) -> Iterator[str]:
+    """Lines of the table in markdown."""
+    yield ("| accuracy | readings of | " + " | ".join(TRUTHS) + " | could tell |")
+    yield "|---" * (len(TRUTHS) + 3) + "|"
+    seeds = range(given.seed, given.seed + given.runs)
+    for accuracy in given.accuracy or ["0.03 mm", "0.06 mm", "0.2 mm"]:
         for rung in TRUTHS:
-            found = [chosen(rung, accuracy, seed, options.fit) for seed in range(options.runs)]
+            found = [chosen(rung, accuracy, seed, given.fit) for seed in seeds]
             counts = [sum(name == other for name, _ in found) for other in TRUTHS]
             told = sum(decided for _, decided in found)
-            print(f"| {accuracy} | {rung} | {' | '.join(map(str, counts))} | {told} |", flush=True)
+            yield f"| {accuracy} | {rung} | {' | '.join(map(str, counts))} | {told} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    options(parser)
+    for line in table(parser.parse_args(arguments)):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

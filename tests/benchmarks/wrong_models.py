@@ -28,18 +28,21 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 
 import gmsh  # noqa: E402
 import numpy as np  # noqa: E402
+from scipy.spatial import cKDTree  # noqa: E402
 
 from geoident.api import fit, load_case  # noqa: E402
 from geoident.fem.solvers import pick_solver  # noqa: E402
@@ -56,10 +59,11 @@ from geoident.model.yielding import MohrCoulomb  # noqa: E402
 E, K0, VERTICAL, ACCURACY = 20e9, 1.6, 8e6, 0.12e-3
 FLOORS = {"pilot": (20.0, 24.0, 3.0), "heading": (16.0, 24.0, 10.0)}
 HALF, TOP = 10.0, 24.0
-FITTED, LATER = ("heading", "bench 1"), "bench 2"
 LENGTH, CLASSES = 20.0, 31
 ZERO, DAYS = 3.0, 20
 COHESION, FRICTION = 3.5e6, 40.0
+NORMAL95 = 1.959964
+CAVERN = Path(__file__).resolve().parents[2] / "cases" / "cavern"
 
 CASE = """\
 format: geoident-case/1
@@ -83,10 +87,17 @@ gauges:
 readings: {readings}
 fit: {{stages: [heading, bench 1]}}
 """
-WORDS = (
-    "residuals are", "tell a model error", "explain the residuals better", "The model meets",
-)  # fmt: skip
-"""Of findings on a misfit: its size, what may be behind it, a model error larger than usual."""
+WORDS = {
+    "misfit": (
+        "times as large as the stated accuracies",
+        "tell a model error",
+        "explain the residuals better",
+        "The model meets",
+    ),
+    "backtest": ("Backtest of",),
+    "extrapolation": ("an elastic model has not been tested there",),
+}
+"""Of findings: a misfit, its size, what may be behind it; bands that did not hold; more stress."""
 
 K0_FREE = "  K0: {start: 1.0, bounds: [0.3, 4]}"
 
@@ -210,7 +221,7 @@ def write_case(
     return path
 
 
-# Truths ------------------------------------------------------------------------------------------
+# Sites -------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -223,16 +234,19 @@ class Site:
     """
 
     folder: Path
-    many: bool
+    many: bool = False
     kept: dict[str, Any] = field(default_factory=dict)
+
+    fitted: ClassVar[tuple[str, ...]] = ("heading", "bench 1")
+    later: ClassVar[tuple[str, ...]] = ("bench 2",)
+    true: ClassVar[Mapping[str, float]] = {"E": E, "K0": K0}
 
     @cached_property
     def truth(self) -> tuple[Case, Mesh]:
         """The true case and its mesh, homogeneous and elastic."""
         path = self.folder / "truth.msh"
         write_mesh(path, size=1.2, order=2)
-        case = read_case(str(write_case(self.folder, path, "[]", many=self.many, fixed_k0=None)))
-        return case.case, read_mesh(str(path), dim=2)
+        return self.read(path)
 
     @cached_property
     def model_mesh(self) -> Path:
@@ -249,22 +263,48 @@ class Site:
         return path
 
     @cached_property
+    def places(self) -> np.ndarray:
+        """(m, 2) where a random modulus is drawn; each element has the value of the nearest, m."""
+        return self.centres
+
+    @cached_property
     def centres(self) -> np.ndarray:
         """(n_elements, 2) of the truth's elements, m."""
-        mesh = self.truth[1]
-        return np.concatenate([mesh.points[b.nodes[:, :3]].mean(axis=1) for b in mesh.blocks])
+        return _centres(self.truth[1])
 
     @cached_property
     def root(self) -> np.ndarray:
-        """Root of the exponential correlation of the elements."""
-        x = self.centres
+        """(m, m) root of the exponential correlation of the places."""
+        x = self.places
         distance = np.linalg.norm(x[:, None] - x[None], axis=2)
         return np.linalg.cholesky(np.exp(-distance / LENGTH) + 1e-9 * np.eye(len(x)))
+
+    @cached_property
+    def nearest(self) -> np.ndarray:
+        """(n_elements,) the place of each element."""
+        return np.asarray(cKDTree(self.places).query(self.centres)[1])
+
+    def write(self, folder: Path, mesh: Path, readings: str, fixed_k0: float | None) -> Path:
+        """The case in a folder: see `write_case`."""
+        return write_case(folder, mesh, readings, many=self.many, fixed_k0=fixed_k0)
+
+    def read(self, mesh: Path, fixed_k0: float | None = None) -> tuple[Case, Mesh]:
+        """The case without readings on a mesh."""
+        path = self.write(self.folder, mesh, "[]", fixed_k0)
+        return read_case(str(path)).case, read_mesh(str(mesh), dim=2)
 
     def homogeneous(self, edit: Callable[[Case], Case] = lambda case: case) -> np.ndarray:
         """(n_channels, n_stages) true readings of an edited case."""
         case, mesh = self.truth
-        return _readings(staged_model(mesh, edit(case), solver=pick_solver("auto")))
+        return self.readings(staged_model(mesh, edit(case), solver=pick_solver("auto")))
+
+    def readings(
+        self, model: StagedModel, changed: Mapping[str, float] | None = None
+    ) -> np.ndarray:
+        """(n_channels, n_stages) of a model at the true parameters, but for those changed."""
+        values = {**self.true, **(changed or {})}
+        p = np.array([values[name] for name in model.names])
+        return model.survey(p, fields=False, partial=True).computed
 
     def heterogeneous(self, log_factor: np.ndarray) -> np.ndarray:
         """(n_channels, n_stages) true readings where log E differs from the mean, (n_elements,)."""
@@ -272,8 +312,11 @@ class Site:
         edges = np.linspace(log_factor.min(), log_factor.max() + 1e-9, CLASSES + 1)
         number = np.digitize(log_factor, edges) - 1
         parts: dict[str, list[str]] = {}
-        groups, materials, of_group = {}, {}, {}
+        groups, materials, of_group = {}, dict(case.materials), {}
         for name, members in mesh.groups.items():
+            if case.groups[name] != "rock":
+                groups[name], of_group[name], parts[name] = members, case.groups[name], [name]
+                continue
             for k in np.unique(number[members]):
                 part = f"{name}.{k}"
                 groups[part] = members[number[members] == k]
@@ -284,22 +327,78 @@ class Site:
             factor = float(np.exp(log_factor[number == k].mean()))
             materials[f"rock.{k}"] = _softer(rock, factor)
         stages = tuple(
-            replace(s, excavate=tuple(part for name in s.excavate for part in parts[name]))
+            replace(
+                s,
+                excavate=tuple(part for name in s.excavate for part in parts[name]),
+                install={part: new for name, new in s.install.items() for part in parts[name]},
+            )
             for s in case.stages
         )
         there = replace(case, materials=materials, groups=of_group, stages=stages)
-        return _readings(staged_model(replace(mesh, groups=groups), there, solver=pick_solver()))
+        model = staged_model(replace(mesh, groups=groups), there, solver=pick_solver())
+        return self.readings(model)
+
+
+class Cavern(Site):
+    """`cases/cavern`: its truth.yaml on a mesh of quadratic elements, three later benches."""
+
+    fitted = ("heading", "bench 1", "bench 2")
+    later = ("bench 3", "bench 4", "bench 5")
+    true: ClassVar[Mapping[str, float]] = {
+        "E_rock": 12e9,
+        "E_fault": 1.5e9,
+        "sigma_v": 8.4e6,
+        "K0": 1.4,
+    }
+
+    @cached_property
+    def truth(self) -> tuple[Case, Mesh]:
+        """The case on a mesh with twice the element sizes, quadratic ones."""
+        return self.read(self.meshed(2.0, order=2))
+
+    @cached_property
+    def model_mesh(self) -> Path:
+        """The shipped one."""
+        return CAVERN / "cavern.msh"
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """The centres of a mesh with four times the element sizes."""
+        return _centres(read_mesh(str(self.meshed(4.0, order=1)), dim=2))
+
+    def meshed(self, size: float, *, order: int) -> Path:
+        """A mesh of the case's own script."""
+        path = self.folder / f"cavern-{size:g}.msh"
+        words = ["--size", str(size), "--order", str(order), "--output", str(path)]
+        subprocess.run(
+            [sys.executable, str(CAVERN / "make_mesh.py"), *words], check=True, capture_output=True
+        )
+        return path
+
+    def write(self, folder: Path, mesh: Path, readings: str, fixed_k0: float | None) -> Path:
+        """The shipped case with another mesh and other readings."""
+        text = (CAVERN / "case.yaml").read_text(encoding="utf-8")
+        for old, new in (("file: cavern.msh", f"file: {mesh}"), ("readings.csv", readings)):
+            if text.count(old) != 1:
+                raise ValueError(f"cases/cavern/case.yaml has not one '{old}'")
+            text = text.replace(old, new)
+        path = folder / "case.yaml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+
+def _centres(mesh: Mesh) -> np.ndarray:
+    return np.concatenate([mesh.points[b.nodes[:, :3]].mean(axis=1) for b in mesh.blocks])
+
+
+# Truths ------------------------------------------------------------------------------------------
 
 
 def _softer(rock: Material, factor: float) -> Material:
     elastic = rock.elastic
     assert isinstance(elastic, Isotropic)
-    return replace(rock, elastic=replace(elastic, E=Scalar(factor, "E")))
-
-
-def _readings(model: StagedModel) -> np.ndarray:
-    p = np.array([{"E": E, "K0": K0}[name] for name in model.names])
-    return model.survey(p, fields=False, partial=True).computed
+    modulus = replace(elastic.E, factor=factor * elastic.E.factor)
+    return replace(rock, elastic=replace(elastic, E=modulus))
 
 
 def _yielding(case: Case) -> Case:
@@ -317,7 +416,7 @@ def _fault(site: Site) -> np.ndarray:
 
 def _drawn(sd: float, site: Site, generator: np.random.Generator) -> np.ndarray:
     size = np.sqrt(np.log(1.0 + sd**2))
-    return size * (site.root @ generator.normal(size=len(site.centres)))
+    return size * (site.root @ generator.normal(size=len(site.places)))[site.nearest]
 
 
 @dataclass(frozen=True)
@@ -356,16 +455,86 @@ TRUTHS: Mapping[str, Truth] = {
     "zeros": Truth(_plain, zero=ZERO),
     "coarse": Truth(_plain, coarse=True),
 }
+OF_CAVERN = ("right", "field-15", "field-30")
 
 
 def true_readings(site: Site, name: str, run: int) -> np.ndarray:
     """Those of a run, (n_channels, n_stages); kept, so that settings meet the same truths."""
     truth = TRUTHS[name]
-    key = f"{name} {run if truth.drawn else 0}"
+    same = name if truth.drawn or truth.readings is not _plain else "right"
+    key = f"{same} {run if truth.drawn else 0}"
     if key not in site.kept:
         number = sorted(TRUTHS).index(name)
         site.kept[key] = truth.readings(site, np.random.default_rng([number, run, 1]))
     return np.asarray(site.kept[key])
+
+
+# The oracle --------------------------------------------------------------------------------------
+
+
+def oracle(site: Site, name: str, truths: Sequence[int]) -> np.ndarray:
+    """Half widths (m,) of the 95 % bands of one who knows how this truth differs from the model.
+
+    Generalized least squares by linearization at the true parameters. The covariance of the
+    readings is that of the noise as it is, plus the mean over the truths of d d^T with d what they
+    read less what the model computes. Of a truth that is one and the same in all runs the oracle
+    so knows the shape and the size of the difference, not its sign. Places that are later read are
+    predicted from the others (kriging with the parameters as unknown trend).
+
+    Args:
+        site: meshes and truths.
+        name: of the truth.
+        truths: numbers of the runs whose truths make the covariance.
+
+    Returns:
+        Half widths at the places of `later_places`, m.
+    """
+    truth, case = TRUTHS[name], site.truth[0]
+    mesh = site.coarse_mesh if truth.coarse else site.model_mesh
+    there, of_model = site.read(mesh, truth.fixed_k0)
+    model = staged_model(of_model, there, solver=pick_solver("auto"))
+    base = site.readings(model)
+    used, later = read_places(site, site.fitted), read_places(site, site.later)
+    rows, columns = (np.concatenate([used[k], later[k]]) for k in (0, 1))
+    left = np.array([(true_readings(site, name, run) - base)[rows, columns] for run in truths])
+    sd = np.array([channel.accuracy for channel in case.channels])[rows]
+    days = np.where(np.arange(len(rows)) < len(used[0]), DAYS if truth.zero else 1, 1)
+    covariance = left.T @ left / len(left) + np.diag((truth.noise * sd) ** 2 / days)
+    covariance += (truth.zero * sd) ** 2 * (rows[:, None] == rows)
+    jacobian = []
+    for parameter in model.names:
+        step = 1e-3 * site.true[parameter]
+        up, down = (
+            site.readings(model, {parameter: site.true[parameter] + s}) for s in (step, -step)
+        )
+        jacobian.append(((up - down) / (2 * step) * site.true[parameter])[rows, columns])
+    precision = np.diag(
+        [
+            0.0 if p.prior is None else (site.true[p.name] / p.prior.sd) ** 2
+            for p in model.case.parameters
+        ]
+    )
+    n, slopes = len(used[0]), np.array(jacobian).T
+    weights = np.linalg.solve(covariance[:n, :n], covariance[:n, n:])
+    trend = slopes[n:] - weights.T @ slopes[:n]
+    known = slopes[:n].T @ np.linalg.solve(covariance[:n, :n], slopes[:n]) + precision
+    variance = covariance[n:, n:] - covariance[n:, :n] @ weights
+    variance = variance + trend @ np.linalg.solve(known, trend.T)
+    return NORMAL95 * np.sqrt(np.diag(variance))
+
+
+def read_places(site: Site, stages: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Channel and stage (m,), (m,) of what is read in some stages."""
+    case = site.truth[0]
+    exact, names = true_readings(site, "right", 0), [s.name for s in case.stages]
+    found = [
+        (i, names.index(stage))
+        for i, channel in enumerate(case.channels)
+        for stage in stages
+        if np.isfinite(exact[i, names.index(stage)]) and channel.zero != stage
+    ]
+    rows, columns = np.array(found).T
+    return rows, columns
 
 
 # Runs --------------------------------------------------------------------------------------------
@@ -376,20 +545,29 @@ class Run:
     """What came of one run.
 
     Args:
-        inside: (l,) later readings in their band.
-        width: (l,) half width of the bands, m.
-        error: (l,) of the prediction against the truth without noise, m.
+        inside: (m,) later readings in their band.
+        width: (m,) half width of the bands, m.
+        accuracy: (m,) of these readings, m.
+        error: (m,) of the prediction against the truth without noise, m.
         covered: (n,) true parameters in their intervals.
-        said: the exit code is not 0, or a finding speaks of a misfit.
+        exit_code: of the fit.
+        said: which kinds of `WORDS` its findings have.
         size: of the model error; 0 for none.
     """
 
     inside: np.ndarray
     width: np.ndarray
+    accuracy: np.ndarray
     error: np.ndarray
     covered: np.ndarray
-    said: bool
+    exit_code: int
+    said: frozenset[str]
     size: float
+
+    @property
+    def silent(self) -> bool:
+        """Whether it ended with exit 0 and without any of the words."""
+        return self.exit_code == 0 and not self.said
 
 
 def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
@@ -406,89 +584,158 @@ def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
     exact = true_readings(site, name, run)
     generator = np.random.default_rng([run, 2])
     channels, stages = site.truth[0].channels, [s.name for s in site.truth[0].stages]
-    noisy = exact + truth.noise * ACCURACY * generator.normal(size=exact.shape)
-    offset = truth.zero * ACCURACY * generator.normal(size=len(exact))
+    sd = np.array([channel.accuracy for channel in channels])
+    noisy = exact + truth.noise * sd[:, None] * generator.normal(size=exact.shape)
+    offset = truth.zero * sd * generator.normal(size=len(exact))
     lines = ["gauge,stage,value,unit"]
-    for i, channel in enumerate(channels):
-        for stage in FITTED:
-            j = stages.index(stage)
-            if not np.isfinite(exact[i, j]) or channel.zero == stage:
-                continue
-            days = DAYS if truth.zero else 1
-            values = exact[i, j] + offset[i] + ACCURACY * generator.normal(size=days)
-            values = values if truth.zero else noisy[i, j : j + 1]
-            lines += [f"{channel.name},{stage},{1e3 * v!r},mm" for v in values.tolist()]
+    for i, j in zip(*read_places(site, site.fitted), strict=True):
+        days = DAYS if truth.zero else 1
+        values = exact[i, j] + offset[i] + sd[i] * generator.normal(size=days)
+        values = values if truth.zero else noisy[i, j : j + 1]
+        lines += [f"{channels[i].name},{stages[j]},{1e3 * v!r},mm" for v in values.tolist()]
     (folder / "readings.csv").write_text("\n".join(lines) + "\n")
     mesh = site.coarse_mesh if truth.coarse else site.model_mesh
     file = "{file: readings.csv, several: all}" if truth.zero else "readings.csv"
-    path = write_case(folder, mesh, file, many=site.many, fixed_k0=truth.fixed_k0)
+    path = site.write(folder, mesh, file, truth.fixed_k0)
     overrides: dict[str, object] = {"fit.model_error": setting} if setting else {}
     found = fit(load_case(path, overrides), output=folder / "found.h5", force=True, fresh=True)
-    return _judged(found.result, exact, noisy + offset[:, None])
+    return _judged(site, found.result, exact, noisy + offset[:, None])
 
 
-def _judged(result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
+def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
     assert result.prediction is not None
-    j = result.gauges.stages.index(LATER)
+    assert result.gauges.stages == tuple(s.name for s in site.truth[0].stages)
+    there = read_places(site, site.later)
     mean, lower, upper = (
-        getattr(result.prediction, part)[:, j] for part in ("mean", "lower95", "upper95")
+        getattr(result.prediction, part)[there] for part in ("mean", "lower95", "upper95")
     )
     table = result.parameters
-    true = np.array([{"E": E, "K0": K0}[name] for name in table.names])
-    found = getattr(result, "model_error", None)
-    told = any(words in text for text in result.findings for words in WORDS)
-    said = result.exit_code != 0 or told
+    true = np.array([site.true[name] for name in table.names])
+    found = result.model_error
+    said = {
+        kind
+        for kind, words in WORDS.items()
+        if any(word in text for text in result.findings for word in words)
+    }
     return Run(
-        (later[:, j] >= lower) & (later[:, j] <= upper),
+        (later[there] >= lower) & (later[there] <= upper),
         0.5 * (upper - lower),
-        mean - exact[:, j],
+        np.array([channel.accuracy for channel in site.truth[0].channels])[there[0]],
+        mean - exact[there],
         (true >= table.lower95) & (true <= table.upper95),
-        said,
+        result.exit_code,
+        frozenset(said),
         0.0 if found is None else float(found.size),
     )
 
 
-def report(name: str, setting: str, runs: Sequence[Run]) -> str:
-    """One line of the table."""
-    inside = np.concatenate([run.inside for run in runs])
-    width = np.median([np.median(run.width) for run in runs])
+# Tables ------------------------------------------------------------------------------------------
+
+COLUMNS = (
+    "truth", "model error", "runs", "inside", "width, accuracies", "width, oracles", "error, mm",
+    "parameters", "exit 4", "misfit", "backtest", "extrapolation", "silent", "inside, silent",
+    "size",
+)  # fmt: skip
+
+
+def cells(name: str, setting: str, runs: Sequence[Run], known: np.ndarray | None) -> list[str]:
+    """One row of the table, one text for each of `COLUMNS`.
+
+    Args:
+        name: of the truth.
+        setting: of the model error.
+        runs: what came of them.
+        known: (m,) half widths of the oracle's bands, m; None where there is none.
+    """
+    silent = [run for run in runs if run.silent]
     error = np.sqrt(np.mean(np.concatenate([run.error for run in runs]) ** 2))
-    covered = np.mean(np.concatenate([run.covered for run in runs]))
-    said = sum(run.said for run in runs)
-    size = np.median([run.size for run in runs])
-    return (
-        f"{name:12s} {setting or 'default':10s} {100 * inside.mean():6.1f} %"
-        f" {width / ACCURACY:8.2f} {1e3 * error:8.3f} mm {100 * covered:7.0f} %"
-        f" {said:4d}/{len(runs)} {100 * size:7.1f} %"
-    )
+    against = "-"
+    if known is not None:
+        against = f"{np.median([np.median(run.width / known) for run in runs]):.2f}"
+    return [
+        name,
+        setting or "default",
+        str(len(runs)),
+        _percent([run.inside for run in runs]),
+        f"{np.median([np.median(run.width / run.accuracy) for run in runs]):.1f}",
+        against,
+        f"{1e3 * error:.2f}",
+        _percent([run.covered for run in runs]),
+        str(sum(run.exit_code != 0 for run in runs)),
+        *(str(sum(kind in run.said for run in runs)) for kind in WORDS),
+        str(len(silent)),
+        _percent([run.inside for run in silent]),
+        f"{100 * np.median([run.size for run in runs]):.0f} %",
+    ]
 
 
-HEAD = "truth        setting    coverage  width/s  RMS error  parameters   said  model error"
+def _percent(flags: Sequence[np.ndarray]) -> str:
+    return f"{100 * np.concatenate(flags).mean():.0f} %" if flags else "-"
 
 
-def all_runs(
-    site: Site, names: Sequence[str], settings: Sequence[str], count: int
-) -> Iterator[str]:
-    """Lines of the table."""
+def all_rows(
+    site: Site, names: Sequence[str], settings: Sequence[str], count: int, *, seed: int, truths: int
+) -> Iterator[list[str]]:
+    """Rows of the table.
+
+    Args:
+        site: meshes and truths.
+        names: of the truths.
+        settings: of the model error.
+        count: runs of each.
+        seed: number of the first run.
+        truths: drawn for the covariance of the oracle; 0 for no oracle.
+    """
     for name in names:
+        known = None
+        if truths:
+            drawn = truths if TRUTHS[name].drawn else 1
+            known = oracle(site, name, range(seed, seed + drawn))
         for setting in settings:
-            runs = [one_run(site, name, run, setting, site.folder) for run in range(count)]
-            yield report(name, setting, runs)
+            numbers = range(seed, seed + count)
+            runs = [one_run(site, name, run, setting, site.folder) for run in numbers]
+            yield cells(name, setting, runs, known)
+
+
+def tables(given: argparse.Namespace, *, cavern: bool) -> Iterator[str]:
+    """Lines of the table in markdown.
+
+    Args:
+        given: options of `options`.
+        cavern: of cases/cavern.
+    """
+    yield f"| {' | '.join(COLUMNS)} |"
+    yield "|---" * len(COLUMNS) + "|"
+    with tempfile.TemporaryDirectory() as folder:
+        many = given.gauges == "many"
+        site = Cavern(Path(folder)) if cavern else Site(Path(folder), many)
+        names = [name for name in given.truths if not cavern or name in OF_CAVERN]
+        truths = 0 if cavern or many else given.oracle
+        count = given.cavern_runs if cavern else given.runs
+        rows = all_rows(site, names, given.settings, count, seed=given.seed, truths=truths)
+        for row in rows:
+            yield f"| {' | '.join(row)} |"
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Add what the tables can be told."""
+    parser.add_argument("--runs", type=int, default=50, help="of each row")
+    parser.add_argument("--cavern-runs", type=int, default=10, help="of each row of cases/cavern")
+    parser.add_argument("--truths", nargs="+", choices=list(TRUTHS), default=list(TRUTHS))
+    parser.add_argument("--set", nargs="+", default=["estimate", "none"], dest="settings")
+    parser.add_argument("--gauges", choices=("few", "many"), default="few")
+    parser.add_argument("--oracle", type=int, default=100, help="truths drawn for it; 0: without")
+    parser.add_argument("--seed", type=int, default=0, help="number of the first run")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--truths", nargs="+", choices=sorted(TRUTHS), default=list(TRUTHS))
-    parser.add_argument("--set", nargs="+", default=["none", "estimate"], dest="settings")
-    parser.add_argument("--gauges", choices=("few", "many"), default="few")
+    options(parser)
+    parser.add_argument("--cavern", action="store_true", help="cases/cavern")
     given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        site = Site(Path(folder), given.gauges == "many")
-        print(HEAD)
-        for line in all_runs(site, given.truths, given.settings, given.runs):
-            print(line, flush=True)
+    for line in tables(given, cavern=given.cavern):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

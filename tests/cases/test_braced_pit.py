@@ -80,7 +80,7 @@ def test_load_cells_determine_the_stress_that_displacements_hardly_see(found, as
 def test_counted_as_independent_the_same_readings_promise_too_much(found, as_shipped):
     """Unless the model error takes what they do not explain."""
     changes = {"gauges.I1.accuracy": "0.3 mm", "gauges.L1.accuracy": "0.5 mm"}
-    given = {"fit.model_error": "none"}
+    given = {"fit.model_error": "none", "fit.mesh_error": "false"}
     independent = found("independent", **changes, **given)
     assert width(independent, "E_clay") < 0.5 * width(found("no-error", **given), "E_clay")
     assert inside(as_shipped, "dig 4") >= 0.95

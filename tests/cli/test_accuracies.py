@@ -32,7 +32,7 @@ def site(trench, run):
 
     def write(accuracy, *, read="readings: readings.csv", fit=""):
         head, _, _ = CASE.partition("gauges:")
-        end = f"{read}\nfit: {{method: gauss-newton, stages: [first]{fit}}}\n"
+        end = f"{read}\nfit: {{method: gauss-newton, stages: [first], mesh_error: false{fit}}}\n"
         (trench / "case.yaml").write_text(head + GAUGES.replace("y: A", f"y: {accuracy}") + end)
 
     write(ROOMY, read="readings: []")

@@ -75,9 +75,13 @@ class TooSlow(Exception):
     """A limit of time was passed."""
 
 
+WAITING = 30.0
+"""Seconds on the clock for each one of the processor, until a wait counts as one without end."""
+
+
 @contextlib.contextmanager
 def within(seconds):
-    """Stop what takes longer."""
+    """Stop what computes longer, however busy the machine is, or waits without end."""
     if not hasattr(signal, "setitimer"):
         yield
         return
@@ -85,13 +89,19 @@ def within(seconds):
     def stop(number, frame):
         raise TooSlow
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    timers = [
+        (signal.SIGPROF, signal.ITIMER_PROF, seconds),
+        (signal.SIGALRM, signal.ITIMER_REAL, WAITING * seconds),
+    ]
+    before = [signal.signal(number, stop) for number, _, _ in timers]
+    for _, timer, limit in timers:
+        signal.setitimer(timer, limit)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for (number, timer, _), handler in zip(timers, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(number, handler)
 
 
 def places(node, path=()):

@@ -264,6 +264,26 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
         assert (unseen.findings, unseen.notes) == ((), ())
 
 
+def test_gauges_better_than_stated_notice_the_mesh(coarse):
+    """Stated as 100 mm, read to 0.05 mm ten times: only the estimate tells that the mesh counts."""
+    path = coarse.with_name("readings.csv")
+    head, *rows = path.read_text().splitlines()
+    random = np.random.default_rng(1)
+    parts = [row.split(",") for row in rows for _ in range(10)]
+    several = [f"{c},{s},{float(v) + 0.05 * random.normal()!r},{u}" for c, s, v, u in parts]
+    path.write_text("\n".join([head, *several]) + "\n")
+    rough = tuple(f"gauges.{name}.accuracy=100 mm" for name in ("CV", "R", "S"))
+    text = coarse.read_text().replace("readings.csv", "{file: readings.csv, several: all}")
+    coarse.write_text(text.replace("stages: [heading]", "stages: [heading], accuracies: estimate"))
+    overrides = (*rough, "fit.model_error=none")
+    blind = fitted(coarse, overrides=(*overrides, "fit.mesh_error=false")).parameters
+    assert not blind.lower95[0] < 10e9 < blind.upper95[0]
+    found = fitted(coarse, overrides=overrides)
+    E = found.parameters
+    assert E.lower95[0] < 10e9 < E.upper95[0]
+    assert any("The mesh is too coarse for these readings" in said for said in found.findings)
+
+
 def test_check_says_it_before_any_reading(coarse):
     run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error"])
     assert run.exit_code == 0

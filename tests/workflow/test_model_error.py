@@ -1,15 +1,18 @@
 """The error of the model: what it is made of, how large it is, and what follows from it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from geoident.api import fit, load_case, predict
 from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
+from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.gauges import Channel
 from geoident.workflow.running import model_error
-from geoident.workflow.running.jobs import inputs_of_result
+from geoident.workflow.running.estimate import problem_of_result
+from geoident.workflow.running.jobs import build_model, inputs_of_result
 from geoident.workflow.running.model_error import ReadingSteps, shared_columns
 from geoident.workflow.simulate import simulate
 from tests.support.trench import CASE, write_case, write_mesh
@@ -102,7 +105,7 @@ def site(tmp_path, monkeypatch):
     write_mesh(tmp_path / "trench.inp")
     path = tmp_path / "case.yaml"
     head, _, _ = CASE.partition("gauges:")
-    path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first]}\n")
+    path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first], mesh_error: false}\n")
     shown = simulate(str(path), overrides=["parameters.E.start=5 GPa"])
     factor = dict(zip((c.name for c in shown.case.channels), FACTORS, strict=True))
     rows = [
@@ -222,6 +225,24 @@ def test_a_prediction_from_the_result_has_the_same_bands(site):
     for name in ("mean", "sd", "lower95", "upper95"):
         one, other = (getattr(r.prediction, name)[:, 1] for r in (found.result, again))
         np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+@pytest.mark.parametrize("part", ["reading: estimate, zero: 3 um", "reading: 5 um, zero: estimate"])
+def test_accuracies_estimated_along_are_those_of_the_posterior(site, part):
+    """What predict and sample rebuild from the result is the problem that was solved."""
+    text = Path("case.yaml").read_text()
+    Path("case.yaml").write_text(text.replace("accuracy: 5 um", f"accuracy: {{{part}}}"))
+    found = site()
+    result = found.result
+    inputs = inputs_of_result(result, "case.yaml")
+    table = result.gauges.readings
+    pairs = [pair for pair, used in zip(table.pairs, table.used, strict=True) if used]
+    response = build_model(inputs).response(pairs)
+    problem = problem_of_result(result, inputs.case, response)
+    phi = Discrepancy(problem).linearize(result.parameters.values).objective
+    assert phi == pytest.approx(result.objective, rel=1e-9)
+    again = predict(found, stages=("second",)).result
+    np.testing.assert_allclose(again.prediction.sd, result.prediction.sd, rtol=1e-9)
 
 
 def test_too_few_readings_say_so(tmp_path):

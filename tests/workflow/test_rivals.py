@@ -61,6 +61,15 @@ def test_predictions_hold_what_each_of_the_minima_lets_expect(torn):
     assert inside[:, second].mean() >= 0.8
 
 
+def test_a_prediction_from_the_result_holds_the_minima_too(torn):
+    path, _, _ = torn
+    ended = run_command("predict", str(path), "--force")
+    assert ended.exit_code == 0, ended.output
+    one, other = (read_result(p).prediction for p in (path, path.with_name("case.predict.h5")))
+    for name in ("mean", "sd", "lower95", "upper95"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6)
+
+
 def test_with_more_gauges_the_answer_is_settled(tmp_path):
     case = write_case(tmp_path)
     write_readings(case, SECOND, seed=5)

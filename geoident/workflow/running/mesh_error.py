@@ -281,9 +281,26 @@ def fitted_mesh(
     patience = cost.seconds * max(problem.response.counts.evaluations, 1)
     try:
         found = mesh_error(model, plain, outcome.values, patience=patience)
-        _, jacobian = problem.response.evaluate(outcome.values)
+        return judged_mesh(found, problem, pairs, outcome)
     except ModelError:
         return None
+
+
+def judged_mesh(
+    found: MeshError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+) -> FittedMesh:
+    """Whether errors of the mesh count beside those of the readings.
+
+    Args:
+        found: by channel and stage, with the accuracies of the channels.
+        problem: the g used readings, without errors of mesh and model.
+        pairs: channel and stage of each.
+        outcome: of a search.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    _, jacobian = problem.response.evaluate(outcome.values)
     i = np.array([found.channels.index(channel) for channel, _ in pairs], dtype=np.int64)
     j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
     used = np.zeros(found.error.shape, dtype=np.bool_)

@@ -426,7 +426,16 @@ _NONE = 0.01
 
 
 def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %"
+    """A part in words.
+
+    >>> _percent(0.0123), _percent(0.997), _percent(2.0)
+    ('1.2 %', '100 %', '200 %')
+    """
+    return f"{100.0 * part:.2g} %" if part < _WHOLE else f"{100.0 * part:.0f} %"
+
+
+_WHOLE = 0.995
+"""From here on two digits would be 1e+02."""
 
 
 def _accuracies(channels: Sequence[Channel]) -> str:
@@ -561,7 +570,9 @@ class ModelErrorSearch:
             weighed = self._weighed(problem, outcome, now, t, size if given else None)
             known = FittedModelError(used, size, self.length, None if given else weighed)
             known = replace(known, findings=explanations(problem, outcome, self, known))
-            found = WithModelError(problem, outcome, weighed.components, known)
+            # the accuracies of the problem, so that all that is said of it comes from one posterior
+            components = replace(weighed.components, log_factor=t)
+            found = WithModelError(problem, outcome, components, known)
             rest = given or _near(weighed.size, size)
             if outcome.status == STOPPED or (
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
@@ -692,7 +703,7 @@ def explanations(
     nothing, with_error = found.weighed.minus_two_l[0], float(found.weighed.minus_two_l.min())
     others = [e for e in search.others(problem, outcome) if e.minus_two_l < nothing - TELLS]
     best = min([with_error, *(e.minus_two_l for e in others)])
-    said = f"a model error of {100.0 * found.size:.2g} %"
+    said = f"a model error of {_percent(found.size)}"
     better = [e.words for e in others if e.minus_two_l < with_error - TELLS]
     alike = [e.words for e in others if abs(e.minus_two_l - with_error) <= TELLS]
     if better:
