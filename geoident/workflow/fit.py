@@ -112,7 +112,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             ),
             *last.findings,
             *_extrapolation(setup, found, gauges),
-            *(setup.mesh.sentences if setup.mesh is not None else ()),
+            *(setup.mesh.findings if setup.mesh is not None else ()),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
             *model_error_findings(setup.model_error),
         ),
@@ -143,6 +143,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,
+            *(setup.mesh.notes if setup.mesh is not None else ()),
         ),
     )
 

@@ -250,6 +250,20 @@ def test_a_fine_mesh_is_not_spoken_of(coarse):
     assert found.gauges.errors == (None,) * 3
 
 
+def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
+    staged, _ = excavated("tri3", 4)
+    found = mesh_error(staged, staged.case, NOTHING)
+    everything = np.ones(found.error.shape, dtype=bool)
+    for accuracy, acts in ((1e-6, True), (4e-4, False)):
+        one = replace(found, accuracy=np.full(len(found.channels), accuracy), how="recovery")
+        one = replace(one, notes=("How it was found.",))
+        fit = module.FittedMesh(one, everything, shift=1.0, counts=True)
+        assert fit.findings == ((fit.sentence,) if acts else ())
+        assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
+        unseen = replace(fit, counts=False)
+        assert (unseen.findings, unseen.notes) == ((), ())
+
+
 def test_gauges_better_than_stated_notice_the_mesh(coarse):
     """Stated as 100 mm, read to 0.05 mm ten times: only the estimate tells that the mesh counts."""
     path = coarse.with_name("readings.csv")

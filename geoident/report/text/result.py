@@ -76,7 +76,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         _parameters(result),
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
-        section(model_error.TITLE, model_error.model_error_text(result.model_error)),
+        section(model_error.TITLE, sentence(model_error.model_error_text(result.model_error))),
         section("Findings", bullets(result.findings)),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
@@ -102,7 +102,7 @@ def summary_text(result: Result) -> str:
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
-        _model_error(result),
+        sentence(_model_error(result)),
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)

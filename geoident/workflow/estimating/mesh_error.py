@@ -238,14 +238,30 @@ class FittedMesh:
     counts: bool
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """What it means for the fit, with what else is to be known; nothing where it is small."""
+    def sentence(self) -> str:
+        """What it means for the fit; nothing where it is small."""
+        if not self.counts:
+            return ""
+        said = mesh_sentence(self.found, self.used)
+        also = "Intervals and bands are widened by it. (`geoident check --mesh-error` shows it.)"
+        return f"{said} {also}"
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """The sentence, where the mesh is too coarse: the user should act."""
+        return (self.sentence,) if self.counts and self._coarse else ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence on a mesh that is fine enough, and how its error was found."""
         if not self.counts:
             return ()
-        also = " Intervals and bands are widened by it."
         how = () if self.found.how == "refinement" else self.found.notes
-        said = mesh_sentence(self.found, self.used)
-        return (f"{said}{also} (`geoident check --mesh-error` shows it.)", *how)
+        return how if self._coarse else (self.sentence, *how)
+
+    @property
+    def _coarse(self) -> bool:
+        return self.found.scatter(self.used) >= MATTERS
 
 
 def fitted_mesh(

@@ -143,7 +143,7 @@ def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
     structure = structure_of_used(case, readings.used)
     sizes = 0 if structure is None else len(structure.names)
     used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
-    if used - n >= SPARE * sizes:
+    if not sizes or used - n >= SPARE * sizes:
         return
     message = (
         f"{used} usable readings say too little of {sizes} accuracies that are to be estimated "
