@@ -204,7 +204,9 @@ class TestPredict:
 class TestShow:
     def test_it_speaks_the_units_of_the_case_and_fits_a_terminal(self, trench, run):
         run("fit", "case.yaml")
-        told = run("show", "case.fit.h5").stdout
+        run("fit", "case.yaml", "--set", "fit.model_error=15 %", "-o", "error.fit.h5")
+        assert "computed motion" in " ".join(run("show", "error.fit.h5").stdout.split())
+        told = run("show", "case.fit.h5").stdout + run("show", "error.fit.h5").stdout
         assert "GPa" in told
         assert max(len(line) for line in told.splitlines()) <= 80
 

@@ -7,6 +7,7 @@ import pytest
 
 from geoident.errors import ExitCode, InputError, Interrupted
 from geoident.io.result.file import read_result
+from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import backtest
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
@@ -243,6 +244,21 @@ class TestAccuraciesEstimated:
         found = run("fit.accuracies=estimate")
         assert [one.stage for one in found.backtest.skipped] == ["lift 1"]
         assert "say too little of 1 accuracies" in found.backtest.skipped[0].why
+
+
+def test_given_accuracies_and_a_prior_make_up_for_few_readings(pit):
+    rows = readings_of(pit / "case.yaml", SAME, seed=1)
+    few = [row for row in rows if row[1] == "lift 1"][:2]
+    write_readings(pit, [*few, *(row for row in rows if row[1] != "lift 1")])
+    free = (
+        "parameters.sv={start: 1 MPa, bounds: [0.1 MPa, 10 MPa], prior: {mean: 1 MPa, sd: 50 kPa}}",
+        "in_situ.vertical=$sv",
+    )
+    found = run(*free)
+    assert not found.backtest.skipped
+    table = fits_table(found)
+    column = next(i for i, name in enumerate(table.header) if name.startswith("sv"))
+    assert [row[column] for row in table.rows] == ["as its prior"] * 4
 
 
 class TestInterrupted:

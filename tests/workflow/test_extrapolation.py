@@ -8,13 +8,13 @@ import pytest
 from geoident.model.gauges import Channel
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.extrapolation import (
+from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
+from geoident.workflow.scoring.extrapolation import (
     StressLevels,
     extrapolation_findings,
     near_gauges,
     stress_levels,
 )
-from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 from tests.support.lifts import SAME, readings_of, write_case, write_readings
 
 

@@ -14,14 +14,14 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
+from geoident.workflow.estimating import mesh_error as module
+from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
+from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict
-from geoident.workflow.running import mesh_error as module
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit
-from geoident.workflow.running.mesh_error import mesh_error, mesh_sentence
-from geoident.workflow.running.recovery import energy_error
 from geoident.workflow.simulate import simulate
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.closed_forms import kirsch, lame_cylinder
@@ -248,6 +248,40 @@ def test_a_fine_mesh_is_not_spoken_of(coarse):
     found = fitted(coarse, overrides=("mesh.file=fine.inp", *rough))
     assert not any("mesh" in said for said in found.findings)
     assert found.gauges.errors == (None,) * 3
+
+
+def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
+    staged, _ = excavated("tri3", 4)
+    found = mesh_error(staged, staged.case, NOTHING)
+    everything = np.ones(found.error.shape, dtype=bool)
+    for accuracy, acts in ((1e-6, True), (4e-4, False)):
+        one = replace(found, accuracy=np.full(len(found.channels), accuracy), how="recovery")
+        one = replace(one, notes=("How it was found.",))
+        fit = module.FittedMesh(one, everything, shift=1.0, counts=True)
+        assert fit.findings == ((fit.sentence,) if acts else ())
+        assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
+        unseen = replace(fit, counts=False)
+        assert (unseen.findings, unseen.notes) == ((), ())
+
+
+def test_gauges_better_than_stated_notice_the_mesh(coarse):
+    """Stated as 100 mm, read to 0.05 mm ten times: only the estimate tells that the mesh counts."""
+    path = coarse.with_name("readings.csv")
+    head, *rows = path.read_text().splitlines()
+    random = np.random.default_rng(1)
+    parts = [row.split(",") for row in rows for _ in range(10)]
+    several = [f"{c},{s},{float(v) + 0.05 * random.normal()!r},{u}" for c, s, v, u in parts]
+    path.write_text("\n".join([head, *several]) + "\n")
+    rough = tuple(f"gauges.{name}.accuracy=100 mm" for name in ("CV", "R", "S"))
+    text = coarse.read_text().replace("readings.csv", "{file: readings.csv, several: all}")
+    coarse.write_text(text.replace("stages: [heading]", "stages: [heading], accuracies: estimate"))
+    overrides = (*rough, "fit.model_error=none")
+    blind = fitted(coarse, overrides=(*overrides, "fit.mesh_error=false")).parameters
+    assert not blind.lower95[0] < 10e9 < blind.upper95[0]
+    found = fitted(coarse, overrides=overrides)
+    E = found.parameters
+    assert E.lower95[0] < 10e9 < E.upper95[0]
+    assert any("The mesh is too coarse for these readings" in said for said in found.findings)
 
 
 def test_check_says_it_before_any_reading(coarse):

@@ -84,6 +84,14 @@ _STALLED = (
 )
 
 
+def _tried(descents: int) -> str:
+    """What further descents have shown, a sentence with a space before it; empty without any."""
+    if not descents:
+        return ""
+    count = "One further descent" if descents == 1 else f"{descents} further descents"
+    return f" {count} found nothing better."
+
+
 def implicit(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
     """Minimises the discrepancy over the parameters, the stages solved for every trial.
 
@@ -382,4 +390,4 @@ class ImplicitSearch:
             )
         if proof.kind == NONE:
             return "not-converged", _STALLED
-        return "converged", f"{best.reason} {self.tried} further descents found nothing better."
+        return "converged", f"{best.reason}{_tried(self.tried)}"

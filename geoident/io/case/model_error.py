@@ -12,14 +12,20 @@ from pydantic_core import CoreSchema
 
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import Given, GivenSize, Of, require_text
-from geoident.io.text.wording import Refusal, shorten
-from geoident.model.model_error import ModelErrorOptions
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
+from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS, UnitError
 
 ESTIMATE, NONE = "estimate", "none"
 
+_NO = ("no", "off", "false")
 _LARGEST = 2.0
 """A model that is wrong by twice its own motion is no model."""
+
+
+def _hint(text: str) -> str:
+    near = did_you_mean(text, (ESTIMATE, NONE))
+    return near if near.startswith("Did") else "Write it such as 15 %."
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,13 @@ class RelativeError(Of):
             given = super().parse(text)
         except (UnitError, Refusal) as error:
             message = f"'{shorten(text)}' is not {self.words()}"
-            raise Refusal("bad-model-error", message, "Write it such as 15 %.") from error
+            hint = f"Did you mean '{NONE}'?" if text.strip() in _NO else _hint(text.strip())
+            raise Refusal("bad-model-error", message, hint) from error
         if not 0.0 <= given.factor <= _LARGEST:
             message = f"'{shorten(text)}': it must be between 0 and {100 * _LARGEST:g} %"
-            raise Refusal("out-of-range", message, "10 to 30 % of the motion are usual.")
+            bare = given.unit == "" and given.factor > _LARGEST
+            hint = f"Did you mean '{text} %'?" if bare else "10 to 30 % of the motion are usual."
+            raise Refusal("out-of-range", message, hint)
         return given
 
     def words(self) -> str:

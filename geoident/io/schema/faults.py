@@ -31,12 +31,15 @@ _KINDS = {
     "dict_type": "a mapping",
     "model_type": "a mapping",
     "model_attributes_type": "a mapping",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
     "string_pattern_mismatch": "a name of letters, digits and underscores",
 }
 _HINTS = {
     "a text": "Write one word or a text in quotes.",
     "a list": "Write it in brackets, [A, B], or one entry a line with '- ' before it.",
     "a mapping": "Write {KEY: VALUE}, or one 'KEY: VALUE' a line, indented.",
+    "true or false": "Write true or false, without quotes.",
     "a name of letters, digits and underscores": "Begin it with a letter; write 'E_rock'.",
 }
 

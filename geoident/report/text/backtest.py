@@ -14,11 +14,11 @@ import numpy as np
 
 from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Floats
-from geoident.model.backtest import Backtest, BacktestStep, Scores
-from geoident.model.result import Result
+from geoident.model.results.backtest import Backtest, BacktestStep, Scores
+from geoident.model.results.result import Result
 from geoident.report.text.gauges import by_stage, reading_text
 from geoident.report.text.layout import TextTable, decimals, number, section, sections
-from geoident.report.text.parameters import NOT_DETERMINED
+from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.units import in_unit, shown_unit, si_unit
 
 TITLE = "Backtest"
@@ -64,9 +64,9 @@ def fits_table(result: Result) -> TextTable:
 
 
 def _interval(result: Result, step: BacktestStep, i: int) -> str:
-    """Value and 95 % interval of a parameter in its unit."""
+    """Value and 95 % interval of a parameter in its unit; in words where it is not determined."""
     if not step.determined[i]:
-        return NOT_DETERMINED
+        return AS_PRIOR if result.parameters.priors[i] else NOT_DETERMINED
     unit = result.parameters.units[i], result.parameters.dimensions[i]
     value, low, high = (
         number(in_unit(float(column[i]), *unit), 3)

@@ -251,3 +251,18 @@ def test_where_no_start_has_a_solution_the_first_says_why():
         search.run()
     assert notes == ["start: no solution", *["rescue: no solution"] * 9]
     assert certificate_at(problem, np.array([1.0]), History("test", bars, lambda e: None)) is None
+
+
+@pytest.mark.parametrize(
+    ("tried", "said"),
+    [
+        (0, "Done."),
+        (1, "Done. One further descent found nothing better."),
+        (3, "Done. 3 further descents found nothing better."),
+    ],
+)
+def test_further_descents_are_told_where_there_are_any(tried, said):
+    search = searching()
+    search.tried = tried
+    best, proof = Ending(of_phi(1.0), "converged", "Done."), SimpleNamespace(kind="stationary")
+    assert search.ending(best, proof) == ("converged", said)

@@ -25,10 +25,10 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel, ErrorParts
-from geoident.model.mesh_error import MATTERS, NOTICED, MeshError
+from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.units import in_unit, shown_unit
+from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.running.cost import estimate_cost, refinement_cost
-from geoident.workflow.running.recovery import energy_error
 
 SHARE_OF_MEMORY = 0.6
 """Of what is free, that a refined model may take."""
@@ -238,14 +238,30 @@ class FittedMesh:
     counts: bool
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """What it means for the fit, with what else is to be known; nothing where it is small."""
+    def sentence(self) -> str:
+        """What it means for the fit; nothing where it is small."""
+        if not self.counts:
+            return ""
+        said = mesh_sentence(self.found, self.used)
+        also = "Intervals and bands are widened by it. (`geoident check --mesh-error` shows it.)"
+        return f"{said} {also}"
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """The sentence, where the mesh is too coarse: the user should act."""
+        return (self.sentence,) if self.counts and self._coarse else ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence on a mesh that is fine enough, and how its error was found."""
         if not self.counts:
             return ()
-        also = " Intervals and bands are widened by it."
         how = () if self.found.how == "refinement" else self.found.notes
-        said = mesh_sentence(self.found, self.used)
-        return (f"{said}{also} (`geoident check --mesh-error` shows it.)", *how)
+        return how if self._coarse else (self.sentence, *how)
+
+    @property
+    def _coarse(self) -> bool:
+        return self.found.scatter(self.used) >= MATTERS
 
 
 def fitted_mesh(
@@ -265,9 +281,26 @@ def fitted_mesh(
     patience = cost.seconds * max(problem.response.counts.evaluations, 1)
     try:
         found = mesh_error(model, plain, outcome.values, patience=patience)
-        _, jacobian = problem.response.evaluate(outcome.values)
+        return judged_mesh(found, problem, pairs, outcome)
     except ModelError:
         return None
+
+
+def judged_mesh(
+    found: MeshError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+) -> FittedMesh:
+    """Whether errors of the mesh count beside those of the readings.
+
+    Args:
+        found: by channel and stage, with the accuracies of the channels.
+        problem: the g used readings, without errors of mesh and model.
+        pairs: channel and stage of each.
+        outcome: of a search.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    _, jacobian = problem.response.evaluate(outcome.values)
     i = np.array([found.channels.index(channel) for channel, _ in pairs], dtype=np.int64)
     j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
     used = np.zeros(found.error.shape, dtype=np.bool_)

@@ -27,23 +27,24 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
-from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
-from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
-from geoident.model.rivals import Evidence, Rivals
-from geoident.workflow.running.accuracies import (
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
+from geoident.model.results.rivals import Evidence, Rivals
+from geoident.workflow.estimating.accuracies import (
     accuracy_table,
     after,
     weighed,
     with_accuracies,
 )
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
-from geoident.workflow.running.evaluation_log import Log, Remembered
-from geoident.workflow.running.jobs import Job, build_model
-from geoident.workflow.running.mesh_error import FittedMesh, fitted_mesh, with_mesh_error
-from geoident.workflow.running.model_error import (
+from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
+from geoident.workflow.estimating.mesh_error import (
+    FittedMesh,
+    fitted_mesh,
+    judged_mesh,
+    with_mesh_error,
+)
+from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
     ModelErrorSearch,
@@ -53,13 +54,18 @@ from geoident.workflow.running.model_error import (
     of_result,
     reading_steps,
 )
-from geoident.workflow.running.outputs import Standing, Target
-from geoident.workflow.running.predictions import (
+from geoident.workflow.estimating.predictions import (
     Bends,
     KnownErrors,
     follow_open_bound,
     predict_stages,
 )
+from geoident.workflow.estimating.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
+from geoident.workflow.running.evaluation_log import Log, Remembered
+from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     accuracies,
     reading_table,
@@ -69,7 +75,6 @@ from geoident.workflow.running.readings import (
     unused_by_stage,
     with_computed,
 )
-from geoident.workflow.running.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
 
 
 @dataclass(frozen=True)
@@ -531,6 +536,10 @@ def estimated(
     first = _search(problem, methods, control)
     setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
     found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
+    mesh = _mesh_beside_accuracies(found, problem, outcome)
+    if mesh is not None:
+        setup, weighted, begun = _counted(setup, mesh, problem, begun, methods, control)
+        found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
@@ -562,21 +571,57 @@ def _with_mesh(
     plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
     if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
         return setup, problem, outcome
-    pairs = [
-        pair for pair, used in zip(setup.readings.pairs, setup.readings.used, strict=True) if used
-    ]
-    found = fitted_mesh(model, problem, pairs, outcome)
-    setup = replace(setup, mesh=found)
+    found = fitted_mesh(model, problem, _used_pairs(setup), outcome)
     if found is None or not found.counts:
-        return setup, problem, outcome
-    case = with_mesh_error(case, found.found)
+        return replace(setup, mesh=found), problem, outcome
+    return _counted(setup, found, problem, outcome, methods, control)
+
+
+def _used_pairs(setup: Setup) -> list[tuple[str, str]]:
+    """Channel and stage of the used readings (g)."""
+    readings = setup.readings
+    return [pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used]
+
+
+def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
+    """The mesh, where it counts beside the accuracies that were estimated and not before.
+
+    Gauges that turn out to be better than stated notice a mesh that was fine enough before.
+
+    Args:
+        found: with the accuracies that were estimated.
+        problem: the readings, without errors of mesh and model.
+        outcome: of the search.
+    """
+    mesh, case = found.mesh, found.case
+    if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
+        return None
+    structure = gauge_errors(used_rows(case, found.readings.used))
+    sd, shared = structure.at(np.zeros(len(structure.names)))
+    accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
+    estimated = replace(mesh.found, accuracy=accuracy)
+    again = replace(problem, sd=sd, shared=shared)
+    judged = judged_mesh(estimated, again, _used_pairs(found), outcome)
+    return judged if judged.counts else None
+
+
+def _counted(
+    setup: Setup,
+    found: FittedMesh,
+    problem: Problem,
+    outcome: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with the error of the mesh among those of the readings."""
+    case = with_mesh_error(setup.case, found.found)
     structure = structure_of_used(case, setup.readings.used)
     assert structure is not None  # the mesh is in it
     sd, shared = structure.at(np.zeros(len(structure.names)))
     problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
     again = after(outcome, _descent(problem, methods, control))
     table = reading_table(case, setup.readings.reason)
-    return replace(setup, case=case, readings=table), problem, again
+    return replace(setup, case=case, readings=table, mesh=found), problem, again
 
 
 def _proves(options: MethodOptions) -> bool:

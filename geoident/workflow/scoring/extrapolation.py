@@ -17,7 +17,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
-from geoident.model.result import FieldSeries
+from geoident.model.results.result import FieldSeries
 
 WORTH_SAYING = 0.1
 """Excess of the stresses of a predicted stage over those of the fitted ones that is said.
