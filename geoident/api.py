@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.model.case import Case
-from geoident.model.result import Iteration, Result
+from geoident.model.results.result import Iteration, Result
 from geoident.units import DIMENSIONS
+from geoident.workflow.estimating.estimate import Finished
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control, Silent
-from geoident.workflow.running.estimate import Finished
 from geoident.workflow.running.jobs import Request, load_inputs, plan_fit
 from geoident.workflow.sample import SampleRequest, plan_sample
 from geoident.workflow.sample import sample as run_sample

@@ -21,7 +21,7 @@ from geoident.cli.options import Options
 
 if TYPE_CHECKING:
     from geoident.model.parameter import Parameter
-    from geoident.model.result import Iteration
+    from geoident.model.results.result import Iteration
 
 
 _EYE = 0.1

@@ -12,7 +12,7 @@ from geoident.fem.kinematics import Kinematics, block_geometry
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, nodes_in
-from geoident.model.summary import MeshSummary, PartSummary
+from geoident.model.results.summary import MeshSummary, PartSummary
 
 
 def element_volumes(mesh: Mesh, kinematics: Kinematics) -> Floats:

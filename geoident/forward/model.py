@@ -41,7 +41,7 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
 from geoident.model.response import BilinearSystem, Condensed
-from geoident.model.result import Counts
+from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
 _DEPENDENT = 1e-10

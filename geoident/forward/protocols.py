@@ -13,7 +13,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
-from geoident.model.result import Counts, FieldSeries, MemberForces
+from geoident.model.results.result import Counts, FieldSeries, MemberForces
 from geoident.model.yielding import Activity
 
 

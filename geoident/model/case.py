@@ -11,8 +11,13 @@ from geoident.model.actions import Load, Temperature, Water
 from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field
 from geoident.model.in_situ import InSitu
-from geoident.model.methods import ClosedFormOptions, LossOptions, MethodOptions, SquaredOptions
-from geoident.model.model_error import ModelErrorOptions
+from geoident.model.methods import (
+    ClosedFormOptions,
+    LossOptions,
+    MethodOptions,
+    ModelErrorOptions,
+    SquaredOptions,
+)
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Structure
 from geoident.model.yielding import YieldSurface

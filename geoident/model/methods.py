@@ -7,6 +7,8 @@ Losses: how much a large residual counts, as users write them.
 
 One table, `LOSS_OPTIONS`, maps the names to the option types; the schema and the messages are made
 from it. The formulas are in `geoident.identify.objective.discrepancy`.
+
+Model error: what is assumed of it.
 """
 
 from __future__ import annotations
@@ -234,3 +236,23 @@ def loss_text(options: LossOptions) -> str:
             return f"student-t (nu {nu:g})"
         case _:
             return "squared"
+
+
+ModelErrorKind = Literal["estimate", "none", "given"]
+
+
+@dataclass(frozen=True)
+class ModelErrorOptions:
+    """What a case says of the model error.
+
+    Args:
+        kind: ``estimate`` it from the residuals, ``none``, or ``given``.
+        size: relative to the computed motion, where it is given.
+        length: over which it is correlated, m; None: as far as the gauges are spread.
+        written: the case says so; else this is what happens by default.
+    """
+
+    kind: ModelErrorKind = "estimate"
+    size: float = 0.0
+    length: float | None = None
+    written: bool = False

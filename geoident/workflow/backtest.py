@@ -15,15 +15,14 @@ import numpy as np
 
 from geoident.errors import ExitCode, InputError, ModelError
 from geoident.identify.problem.problem import STOPPED
-from geoident.model.backtest import Backtest, Skipped
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions, method_name
-from geoident.model.result import Result
-from geoident.workflow.running.accuracies import accuracy_findings
-from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.diagnosis import bare_parameter_table, opened, parameter_table
-from geoident.workflow.running.estimate import (
+from geoident.model.results.backtest import Backtest, Skipped
+from geoident.model.results.result import Result
+from geoident.workflow.estimating.accuracies import accuracy_findings
+from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
+from geoident.workflow.estimating.estimate import (
     Finished,
     Setup,
     evaluation_log,
@@ -31,16 +30,17 @@ from geoident.workflow.running.estimate import (
     require_possible,
     write,
 )
+from geoident.workflow.estimating.predictions import collapse_findings
+from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
-from geoident.workflow.running.predictions import collapse_findings
 from geoident.workflow.running.readings import (
     gauge_table,
     reading_table,
     select_readings,
     unused_notes,
 )
-from geoident.workflow.running.trials import (
+from geoident.workflow.scoring.trials import (
     FitLog,
     PartialFit,
     added,
@@ -50,7 +50,7 @@ from geoident.workflow.running.trials import (
     tried,
     variances,
 )
-from geoident.workflow.running.verdict import Verdict, settling_sentences, verdict
+from geoident.workflow.scoring.verdict import Verdict, settling_sentences, verdict
 
 LEFT_OUT = "the stage is left out of fit.stages"
 """Why a backtest does not use a reading of a stage before the last one of fit.stages."""

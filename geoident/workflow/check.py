@@ -15,7 +15,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
-from geoident.model.summary import (
+from geoident.model.results.summary import (
     CaseSummary,
     GaugeSummary,
     GroupSummary,
@@ -23,11 +23,11 @@ from geoident.model.summary import (
     ReadingSummary,
     StageSummary,
 )
+from geoident.workflow.estimating.estimate import require_possible
 from geoident.workflow.running.cost import estimate_cost
-from geoident.workflow.running.estimate import require_possible
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
-from geoident.workflow.running.ladder import require_sound
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
+from geoident.workflow.scoring.ladder import require_sound
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from geoident.io.result.file import read_result
-from geoident.model.rivals import ModelComparison
-from geoident.workflow.running.comparison import Candidate, compared
+from geoident.model.results.rivals import ModelComparison
+from geoident.workflow.scoring.comparison import Candidate, compared
 
 
 def compare(paths: Sequence[str]) -> ModelComparison:

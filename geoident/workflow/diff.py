@@ -14,9 +14,9 @@ import numpy as np
 
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
-from geoident.model.backtest import Backtest
-from geoident.model.comparison import Amount, Comparison, Difference, Place, Tolerance
-from geoident.model.result import GaugeTable, ParameterTable, Prediction, Result
+from geoident.model.results.backtest import Backtest
+from geoident.model.results.comparison import Amount, Comparison, Difference, Place, Tolerance
+from geoident.model.results.result import GaugeTable, ParameterTable, Prediction, Result
 from geoident.units import DIMENSIONLESS
 
 NamedAmounts = Iterator[tuple[Place, Amount]]

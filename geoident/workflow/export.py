@@ -19,7 +19,7 @@ from geoident.io.result.vtkhdf import (
 )
 from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
-from geoident.model.result import FieldSeries, Result
+from geoident.model.results.result import FieldSeries, Result
 from geoident.workflow.running.jobs import files_of_result
 
 Writer = Callable[[str], None]

@@ -12,10 +12,9 @@ from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
-from geoident.model.result import GaugeTable, Result
-from geoident.workflow.running.accuracies import accuracy_findings
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import (
+from geoident.model.results.result import GaugeTable, Result
+from geoident.workflow.estimating.accuracies import accuracy_findings
+from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     gross_findings,
     gross_readings,
@@ -25,7 +24,7 @@ from geoident.workflow.running.diagnosis import (
     remarks,
     why_poor,
 )
-from geoident.workflow.running.estimate import (
+from geoident.workflow.estimating.estimate import (
     Estimate,
     Finished,
     Setup,
@@ -33,20 +32,21 @@ from geoident.workflow.running.estimate import (
     predicted,
     searched,
 )
-from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.extrapolation import extrapolation_findings, stress_levels
-from geoident.workflow.running.fields import field_estimates
-from geoident.workflow.running.jobs import Job, job_provenance
-from geoident.workflow.running.ladder import climb
-from geoident.workflow.running.model_error import model_error_findings, model_error_notes
-from geoident.workflow.running.predictions import (
+from geoident.workflow.estimating.fields import field_estimates
+from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
+from geoident.workflow.estimating.predictions import (
     collapse_findings,
     predicted_stages,
     score,
 )
+from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
-from geoident.workflow.running.rivals import not_settled, rival_findings, with_rivals
-from geoident.workflow.running.trials import LastStage, added, last_stage
+from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
+from geoident.workflow.scoring.ladder import climb
+from geoident.workflow.scoring.trials import LastStage, added, last_stage
 
 
 def fit(job: Job, control: Control) -> Finished:

@@ -16,8 +16,8 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.model.summary import Identifiability
-from geoident.workflow.running.diagnosis import parameter_table
+from geoident.model.results.summary import Identifiability
+from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
 

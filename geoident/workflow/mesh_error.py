@@ -10,7 +10,8 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
-from geoident.model.mesh_error import MeshError
+from geoident.model.results.mesh_error import MeshError
+from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.running.jobs import (
     build_model,
     case_path,
@@ -18,7 +19,6 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     start_values,
 )
-from geoident.workflow.running.mesh_error import mesh_error, mesh_sentence
 
 RESULT = ".h5"
 """Ending of result files, of which the parameters are taken."""

@@ -17,10 +17,9 @@ from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.ground import Field
-from geoident.model.result import ParameterTable, Prediction, Provenance, Result
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import at_used
-from geoident.workflow.running.estimate import (
+from geoident.model.results.result import ParameterTable, Prediction, Provenance, Result
+from geoident.workflow.estimating.diagnosis import at_used
+from geoident.workflow.estimating.estimate import (
     Finished,
     Setup,
     keep,
@@ -32,18 +31,8 @@ from geoident.workflow.running.estimate import (
     used_rows,
     write,
 )
-from geoident.workflow.running.jobs import (
-    Inputs,
-    build_model,
-    case_path,
-    files_of_result,
-    inputs_of_result,
-    load_inputs,
-    provenance,
-)
-from geoident.workflow.running.model_error import FittedModelError
-from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
-from geoident.workflow.running.predictions import (
+from geoident.workflow.estimating.model_error import FittedModelError
+from geoident.workflow.estimating.predictions import (
     Bends,
     KnownErrors,
     chosen_stages,
@@ -53,6 +42,18 @@ from geoident.workflow.running.predictions import (
     predicted_stages,
     score,
 )
+from geoident.workflow.estimating.rivals import mixed_prediction
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import (
+    Inputs,
+    build_model,
+    case_path,
+    files_of_result,
+    inputs_of_result,
+    load_inputs,
+    provenance,
+)
+from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.readings import (
     accuracies,
     bad_notes,
@@ -61,7 +62,6 @@ from geoident.workflow.running.readings import (
     why_useless,
     with_computed,
 )
-from geoident.workflow.running.rivals import mixed_prediction
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""

@@ -9,7 +9,7 @@ from geoident.errors import UsageError
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import make_folder, refuse_inputs
 from geoident.io.text.text_file import STDIN
-from geoident.model.result import Labelled
+from geoident.model.results.result import Labelled
 from geoident.workflow.running.jobs import files_of_result
 from geoident.workflow.running.outputs import write_bytes
 

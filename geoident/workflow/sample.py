@@ -22,11 +22,9 @@ from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
-from geoident.model.posterior import LEVELS, PosteriorDraws
-from geoident.model.result import Counts, ParameterTable, Prediction, Result
-from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import (
+from geoident.model.results.posterior import LEVELS, PosteriorDraws
+from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
+from geoident.workflow.estimating.estimate import (
     Finished,
     Setup,
     evaluation_log,
@@ -37,6 +35,9 @@ from geoident.workflow.running.estimate import (
     problem_of_result,
     write,
 )
+from geoident.workflow.estimating.predictions import KnownErrors
+from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
+from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
     Job,
@@ -48,7 +49,6 @@ from geoident.workflow.running.jobs import (
     provenance,
 )
 from geoident.workflow.running.outputs import require_free, standing, target
-from geoident.workflow.running.predictions import KnownErrors
 from geoident.workflow.running.readings import accuracies
 
 EFFECTIVE = 1000

@@ -5,10 +5,10 @@ from __future__ import annotations
 from geoident.errors import ExitCode
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
-from geoident.model.result import Counts, GaugeTable, Result
+from geoident.model.results.result import Counts, GaugeTable, Result
+from geoident.workflow.estimating.diagnosis import bare_parameter_table
+from geoident.workflow.estimating.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import bare_parameter_table
-from geoident.workflow.running.estimate import Finished, Setup, searched, surveyed
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes

@@ -20,9 +20,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import Delaunay
 
-from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers import pick_solver, solver_report
 from geoident.fem.solvers.direct import LowerPattern
+from geoident.fem.solvers.ordering import nested_dissection
 
 
 def box(n):

@@ -53,7 +53,7 @@ from geoident.model.case import Case, Material  # noqa: E402
 from geoident.model.ground import Isotropic  # noqa: E402
 from geoident.model.mesh import Mesh  # noqa: E402
 from geoident.model.parameter import Scalar  # noqa: E402
-from geoident.model.result import Result  # noqa: E402
+from geoident.model.results.result import Result  # noqa: E402
 from geoident.model.yielding import MohrCoulomb  # noqa: E402
 
 E, K0, VERTICAL, ACCURACY = 20e9, 1.6, 8e6, 0.12e-3

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from geoident.workflow.running import estimate as fit_workflow
+from geoident.workflow.estimating import estimate as fit_workflow
 
 E_UNKNOWN_STRESS = [
     "--set",

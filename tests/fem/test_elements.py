@@ -14,7 +14,7 @@ from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
 from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
-from geoident.fem.ordering import nested_dissection
+from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.fem.ordering import LEAF, nested_dissection
+from geoident.fem.solvers.ordering import LEAF, nested_dissection
 
 
 def grid(*counts):

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from support.meshes import box, mixed_box
 
 from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
-from geoident.fem.ordering import nested_dissection
+from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.fem.tangent import PointBlocks, TangentPattern
 

@@ -22,7 +22,7 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.full_space import full_space
 from geoident.model.methods import ComplementarityOptions, HuberOptions
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 FOUNDATION = np.array([125.0, 1.6, 125.0, 0.0, 171.5, 0.08, 171.5, 0.0])
 """Behind the published readings: k of beam and spring, up and down, then H."""

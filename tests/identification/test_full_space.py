@@ -32,7 +32,7 @@ from geoident.model.methods import (
     StudentOptions,
 )
 from geoident.model.parameter import Parameter, Prior, Scalar
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 FULL = ComplementarityOptions(formulation="full-space")
 

@@ -24,7 +24,7 @@ from geoident.identify.yield_limits.parameter_boxes import (
 )
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, HuberOptions
 from geoident.model.parameter import Prior
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 GLOBAL = ComplementarityOptions(formulation="global")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import ReadingTable
-from geoident.model.result import Diagnostics, GaugeTable
+from geoident.model.results.result import Diagnostics, GaugeTable
 
 VALUE = np.array([1.0, 3.0, np.nan, 9.0, 5.0, 7.0])
 SD = np.array([0.1, 0.2, 0.1, 0.1, 0.1, 0.3])

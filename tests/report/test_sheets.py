@@ -9,7 +9,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from geoident.fem.faces import face_table
 from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.result import FieldSeries
+from geoident.model.results.result import FieldSeries
 from geoident.report.drawing.case import _solid_figure
 from geoident.report.drawing.scene import Scene, gauge_planes, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker

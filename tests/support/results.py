@@ -9,7 +9,7 @@ import numpy as np
 from geoident.io.result.reading_tables import long_table
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
-from geoident.model.result import (
+from geoident.model.results.result import (
     Counts,
     Diagnostics,
     FieldSeries,

@@ -12,7 +12,7 @@ from geoident.model.case import Analysis
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
-from geoident.model.result import FieldSeries
+from geoident.model.results.result import FieldSeries
 from support.cases import model
 from support.meshes import box
 

@@ -19,10 +19,10 @@ from geoident.io.mesh.file import read_mesh
 from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
-from geoident.model.result import Counts
-from geoident.workflow.running.accuracies import weighed
+from geoident.model.results.result import Counts
+from geoident.workflow.estimating.accuracies import weighed
+from geoident.workflow.estimating.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.errors import error_structure
-from geoident.workflow.running.predictions import KnownErrors, predict_stages
 from geoident.workflow.simulate import with_noise
 from tests.support.trench import CASE, write_case
 

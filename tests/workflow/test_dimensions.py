@@ -26,7 +26,7 @@ from geoident.io.schema.section import Section
 from geoident.io.schema.values import AxialStiffness, Of
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
-from geoident.model.summary import CaseSummary, GaugeSummary
+from geoident.model.results.summary import CaseSummary, GaugeSummary
 from geoident.report.drawing.gauges import instruments, readings_figure
 from geoident.report.drawing.quality import one_to_one_figure
 from geoident.report.text.case import case_text, gauge_quantity

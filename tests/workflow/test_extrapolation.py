@@ -8,13 +8,13 @@ import pytest
 from geoident.model.gauges import Channel
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.extrapolation import (
+from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
+from geoident.workflow.scoring.extrapolation import (
     StressLevels,
     extrapolation_findings,
     near_gauges,
     stress_levels,
 )
-from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 from tests.support.lifts import SAME, readings_of, write_case, write_readings
 
 
@@ -38,12 +38,12 @@ class TestNearGauges:
 
 
 class TestExcess:
-    levels = StressLevels(np.array([1.0, 2.0, 1.5, 2.8]), np.array([5.0, 6.0, 7.0, 6.3]))
+    levels = StressLevels(np.array([1.0, 2.0, 1.5, 2.8]), np.array([5.0, 6.0, 6.5, 6.3]))
 
     def test_is_relative_to_the_largest_before(self):
         deviatoric, compression = self.levels.excess(1)
         assert deviatoric == pytest.approx([np.nan, np.nan, -0.25, 0.4], nan_ok=True)
-        assert compression == pytest.approx([np.nan, np.nan, 1 / 6, 0.05], nan_ok=True)
+        assert compression == pytest.approx([np.nan, np.nan, 1 / 12, 0.05], nan_ok=True)
 
     def test_the_stage_and_the_measure_are_named(self, pit):
         case = load_inputs("case.yaml").case
@@ -55,6 +55,16 @@ class TestExcess:
         )
         assert "deviatoric stress" in said
         assert extrapolation_findings(self.levels, case, 1, states & (np.arange(4) < 3)) == ()
+
+    @pytest.mark.parametrize(("excess", "said"), [(0.09, 0), (0.12, 1)])
+    def test_a_tenth_more_stress_is_said(self, pit, excess, said):
+        """Rock that yields at 12 % more moved readings by ten accuracies without any word."""
+        case = load_inputs("case.yaml").case
+        case = replace(case, stages=case.stages[:3])
+        level = np.array([1.0, 2.0, 2.0, 2.0 * (1.0 + excess)])
+        states = np.array([False, False, True, True])
+        found = extrapolation_findings(StressLevels(level, level), case, 1, states)
+        assert len(found) == said
 
     def test_nothing_is_said_without_levels(self, pit):
         case = load_inputs("case.yaml").case

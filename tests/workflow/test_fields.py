@@ -9,7 +9,7 @@ from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
 
 from geoident.io.result.file import read_result
-from geoident.workflow.running.estimate import prepare
+from geoident.workflow.estimating.estimate import prepare
 from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 
 ROCK = "rock: {elastic: isotropic, E: $E, nu: 0.25}"

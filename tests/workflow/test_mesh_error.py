@@ -14,14 +14,14 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
+from geoident.workflow.estimating import mesh_error as module
+from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
+from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict
-from geoident.workflow.running import mesh_error as module
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit
-from geoident.workflow.running.mesh_error import mesh_error, mesh_sentence
-from geoident.workflow.running.recovery import energy_error
 from geoident.workflow.simulate import simulate
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.closed_forms import kirsch, lame_cylinder

@@ -10,10 +10,10 @@ from geoident.api import fit, load_case, predict
 from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.gauges import Channel
-from geoident.workflow.running import model_error
-from geoident.workflow.running.estimate import problem_of_result
+from geoident.workflow.estimating import model_error
+from geoident.workflow.estimating.estimate import problem_of_result
+from geoident.workflow.estimating.model_error import ReadingSteps, shared_columns
 from geoident.workflow.running.jobs import build_model, inputs_of_result
-from geoident.workflow.running.model_error import ReadingSteps, shared_columns
 from geoident.workflow.simulate import simulate
 from tests.support.trench import CASE, write_case, write_mesh
 

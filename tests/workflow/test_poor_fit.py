@@ -10,7 +10,7 @@ import pytest
 from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
 
-from geoident.workflow.running.diagnosis import why_poor
+from geoident.workflow.estimating.diagnosis import why_poor
 
 LOSSES = ["squared", "huber", "student-t"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from geoident.model.parameter import Parameter
 from geoident.model.yielding import Activity, Certificate
-from geoident.workflow.running.diagnosis import bare_parameter_table, bound_findings, opened
+from geoident.workflow.estimating.diagnosis import bare_parameter_table, bound_findings, opened
 
 PARAMETERS = (
     Parameter("c", 1e6, 0.05e6, 5e6, dimension="pressure", unit="MPa"),

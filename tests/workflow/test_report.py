@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.model.parameter import Prior
-from geoident.model.result import (
+from geoident.model.results.result import (
     Counts,
     ParameterTable,
     Prediction,

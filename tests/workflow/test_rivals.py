@@ -10,7 +10,7 @@ from support.commands import run_command
 from support.strata import TRUTH, write_case, write_readings
 
 from geoident.io.result.file import read_result
-from geoident.model.rivals import Rivals
+from geoident.model.results.rivals import Rivals
 from geoident.report.text.result import result_text
 
 FEW = ("h", "v", "d1", "d2", "d3")

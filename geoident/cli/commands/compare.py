@@ -32,7 +32,7 @@ def command(results: tuple[str, ...], options: Options) -> int:
     only where the readings clearly ask for it. `fit.ladder` of a case does all fits at once.
     """
     from geoident.report.text.json import dumps
-    from geoident.report.text.models import models_object, models_text
+    from geoident.report.text.rivals import models_object, models_text
     from geoident.workflow.compare import compare
 
     if len(results) < 2:

@@ -18,7 +18,7 @@ from geoident.cli.options import Options, always, takes
 from geoident.errors import ExitCode
 
 if TYPE_CHECKING:
-    from geoident.model.comparison import Tolerance
+    from geoident.model.results.comparison import Tolerance
 
 DIFFERENT = 1
 BUG = 70
@@ -67,7 +67,7 @@ def command(
 
 
 def _tolerance(rtol: float, absolute: tuple[str, ...]) -> Tolerance:
-    from geoident.model.comparison import Tolerance
+    from geoident.model.results.comparison import Tolerance
     from geoident.units import UnitError, read_quantity
 
     try:

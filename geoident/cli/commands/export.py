@@ -13,7 +13,7 @@ from geoident.cli.options import Options, always, takes
 from geoident.errors import UsageError
 
 if TYPE_CHECKING:
-    from geoident.model.result import Result
+    from geoident.model.results.result import Result
 
 FORMATS = ("csv", "vtu", "vtkhdf")
 TABLES = (

@@ -2,9 +2,9 @@
 
 A symmetric positive definite matrix is given by its lower triangle in compressed columns, rows
 ascending and the diagonal first in every column, already in a fill-reducing order (see
-`geoident.fem.ordering`): solvers must not reorder it. The three steps are separate because their
-costs are: `Solver.analyse` once per pattern, `SymbolicFactorization.factorize` once per stage and
-parameter vector, `Factor.solve` for many right-hand sides at once.
+`geoident.fem.solvers.ordering`): solvers must not reorder it. The three steps are separate because
+their costs are: `Solver.analyse` once per pattern, `SymbolicFactorization.factorize` once per stage
+and parameter vector, `Factor.solve` for many right-hand sides at once.
 
 Shared are checks, counts, the lifetime of a factor and a test of its pivots.
 """

@@ -7,7 +7,7 @@ import numpy as np
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import FieldSeries
+from geoident.model.results.result import FieldSeries
 
 
 class FieldRecorder:

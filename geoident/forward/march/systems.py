@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
-from geoident.fem.ordering import nested_dissection
 from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,

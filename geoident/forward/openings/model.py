@@ -15,7 +15,7 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
-from geoident.model.result import Counts
+from geoident.model.results.result import Counts
 
 _NO_MESH = Mesh(np.empty((0, 2)), ())
 

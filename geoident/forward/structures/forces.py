@@ -10,7 +10,7 @@ from geoident.forward.structures.members import StructureMembers, Structures, ba
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
-from geoident.model.result import MemberForces
+from geoident.model.results.result import MemberForces
 from geoident.model.structures import Bars, Beam
 
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.backtest import Backtest, BacktestStep, Scores
-from geoident.model.result import NORMAL_95
+from geoident.model.results.backtest import Backtest, BacktestStep, Scores
+from geoident.model.results.result import NORMAL_95
 
 DRAWS = 20000
 """Draws by which the chance of a coverage is found: 1 % is known within 0.15 %."""

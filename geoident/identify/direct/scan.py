@@ -21,7 +21,7 @@ from geoident.identify.problem.problem import History, Observer, Outcome, Proble
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter
-from geoident.model.result import Grid
+from geoident.model.results.result import Grid
 
 MOST_POINTS = 1_000_000
 """More are a slip of the pen: they would take days, and their history more memory than there is."""

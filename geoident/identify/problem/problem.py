@@ -37,7 +37,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import BilinearSystem, Condensed, Response
-from geoident.model.result import Grid, Iteration
+from geoident.model.results.result import Grid, Iteration
 from geoident.model.yielding import Activity, Certificate
 
 

@@ -50,7 +50,7 @@ from geoident.identify.yield_limits.parameter_boxes import (
 from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
 from geoident.model.response import BilinearSystem
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 MOST_PAIRS = 2000
 """Planes times strain points times stages: the condensed system is dense."""

@@ -13,7 +13,7 @@ from pydantic_core import CoreSchema
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import Given, GivenSize, Of, require_text
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
-from geoident.model.model_error import ModelErrorOptions
+from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS, UnitError
 
 ESTIMATE, NONE = "estimate", "none"

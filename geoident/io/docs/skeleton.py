@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 
 from geoident.io.case.file import BLANK
-from geoident.model.summary import MeshSummary, PartSummary
+from geoident.model.results.summary import MeshSummary, PartSummary
 
 _PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "~"}

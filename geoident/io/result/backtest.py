@@ -16,8 +16,8 @@ from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.io.result.reading_tables import reading_unit
 from geoident.io.result.tables import COUNTS
 from geoident.model.arrays import Floats
-from geoident.model.backtest import Backtest, BacktestStep, Scores, Skipped
-from geoident.model.result import Counts, GaugeTable, Prediction
+from geoident.model.results.backtest import Backtest, BacktestStep, Scores, Skipped
+from geoident.model.results.result import Counts, GaugeTable, Prediction
 
 GROUP = "backtest"
 _HORIZONS = ("next", "further")

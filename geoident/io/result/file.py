@@ -23,7 +23,7 @@ from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
-from geoident.model.result import Counts, Diagnostics, GaugeTable, Provenance, Result
+from geoident.model.results.result import Counts, Diagnostics, GaugeTable, Provenance, Result
 
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"

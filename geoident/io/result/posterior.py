@@ -16,8 +16,8 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
 from geoident.model.arrays import Floats, Ints
-from geoident.model.posterior import LEVELS, PosteriorDraws
-from geoident.model.result import ParameterTable
+from geoident.model.results.posterior import LEVELS, PosteriorDraws
+from geoident.model.results.result import ParameterTable
 from geoident.units import DIMENSIONS
 
 GROUP = "posterior"

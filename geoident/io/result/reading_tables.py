@@ -22,7 +22,7 @@ import numpy as np
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import PARTS, ErrorParts, ReadingTable
-from geoident.model.result import DIAGNOSTIC_COLUMNS, AccuracyTable, Diagnostics, GaugeTable
+from geoident.model.results.result import DIAGNOSTIC_COLUMNS, AccuracyTable, Diagnostics, GaugeTable
 from geoident.units import DIMENSIONS
 
 ACCURACIES = "accuracies"

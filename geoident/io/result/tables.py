@@ -15,9 +15,9 @@ import numpy as np
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats
-from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
-from geoident.model.result import (
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.result import (
     Counts,
     GaugeTable,
     Grid,
@@ -26,7 +26,7 @@ from geoident.model.result import (
     ParameterTable,
     Prediction,
 )
-from geoident.model.rivals import Evidence, ModelComparison, ModelScore, Rivals
+from geoident.model.results.rivals import Evidence, ModelComparison, ModelScore, Rivals
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 

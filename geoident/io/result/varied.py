@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.varied import FieldEstimate
 from geoident.units import DIMENSIONS
 
 GROUP = "fields"

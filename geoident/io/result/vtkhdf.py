@@ -23,8 +23,8 @@ from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.result import FieldSeries
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.result import FieldSeries
+from geoident.model.results.varied import FieldEstimate
 
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"

@@ -25,8 +25,8 @@ from geoident.io.result.vtkhdf import (
 from geoident.model.arrays import Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.result import FieldSeries
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.result import FieldSeries
+from geoident.model.results.varied import FieldEstimate
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _BLOCK = 1 << 20  # bytes of an array that are compressed together

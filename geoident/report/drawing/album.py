@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from geoident.model.result import Labelled, Result
+from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields import field_pictures
 from geoident.report.drawing.gauges import (

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Bools, Floats
-from geoident.model.backtest import Backtest
-from geoident.model.result import NORMAL_95, Result
+from geoident.model.results.backtest import Backtest
+from geoident.model.results.result import NORMAL_95, Result
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,

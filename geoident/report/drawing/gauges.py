@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import NORMAL_95, GaugeTable, Labelled, Result
+from geoident.model.results.result import NORMAL_95, GaugeTable, Labelled, Result
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
-from geoident.model.result import Result
+from geoident.model.results.result import Result
 from geoident.report.drawing.fields import (
     bands,
     displacement_size,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from geoident.model.result import Grid, Labelled, ParameterTable, Result
+from geoident.model.results.result import Grid, Labelled, ParameterTable, Result
 from geoident.report.drawing.fields import bands
 from geoident.report.drawing.style import FAINT, LENGTHS, SMALL, Picture, colour, key, marker, short
 from geoident.report.text.layout import number

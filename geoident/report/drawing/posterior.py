@@ -9,8 +9,8 @@ from scipy.ndimage import gaussian_filter
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
-from geoident.model.posterior import PosteriorDraws
-from geoident.model.result import ParameterTable, Result
+from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.result import ParameterTable, Result
 from geoident.report.drawing.style import FAINT, Picture, colour, key, short
 from geoident.report.text.parameters import Unit, unit_of
 from geoident.units import in_unit, shown_unit

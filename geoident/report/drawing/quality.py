@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.result import GaugeTable, Iteration, ParameterTable, Result
+from geoident.model.results.result import GaugeTable, Iteration, ParameterTable, Result
 from geoident.report.drawing.gauges import unknown
 from geoident.report.drawing.style import (
     COMPUTED,

@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.fem.location import Locator
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.result import FieldSeries, GaugeTable, Result
+from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
 from geoident.report.drawing.style import short
 from geoident.report.text.case import axis_names

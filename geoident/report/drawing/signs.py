@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from geoident.model.result import Result
+from geoident.model.results.result import Result
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,

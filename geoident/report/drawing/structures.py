@@ -16,7 +16,7 @@ from geoident.forward.structures.members import hinge_nodes, straight_pieces
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.result import MemberForces, Result
+from geoident.model.results.result import MemberForces, Result
 from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
 from geoident.report.drawing.style import FAINT, SMALL, Picture, colour, hide_unused, key, short
 

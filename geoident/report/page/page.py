@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from geoident.model.result import Labelled, Result
+from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.html import Html, joined, page, table, tag
@@ -18,7 +18,6 @@ from geoident.report.text import (
     accuracies,
     backtest,
     model_error,
-    models,
     posterior,
     rivals,
     structures,
@@ -92,7 +91,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
         _section(varied.TITLE, table(varied.varied_table(result.varied))),
         _section(posterior.TITLE, *_posterior(result)),
         _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
-        _section(models.TITLE, *_models(result)),
+        _section(rivals.MODELS_TITLE, *_models(result)),
         _section(model_error.TITLE, _model_error(result)),
         _section(rivals.TITLE, table(rivals.rivals_table(result))),
         _section("Gauges", _figures(pictures.readings)),
@@ -140,7 +139,7 @@ def _models(result: Result) -> tuple[Html, ...]:
     if found is None:
         return ()
     said = tag("ul", *(tag("li", text) for text in found.sentences))
-    return table(models.models_table(found)), said, tag("p", models.LEGEND)
+    return table(rivals.models_table(found)), said, tag("p", rivals.MODELS_LEGEND)
 
 
 def _figures(pictures: Sequence[Picture]) -> Html:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from geoident.model.result import AccuracyTable
+from geoident.model.results.result import AccuracyTable
 from geoident.report.text.layout import TextTable, number
 from geoident.units import DIMENSIONS, in_unit, shown_unit
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Floats
-from geoident.model.backtest import Backtest, BacktestStep, Scores
-from geoident.model.result import Result
+from geoident.model.results.backtest import Backtest, BacktestStep, Scores
+from geoident.model.results.result import Result
 from geoident.report.text.gauges import by_stage, reading_text
 from geoident.report.text.layout import TextTable, decimals, number, section, sections
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from geoident.model.result import GaugeTable, Result
-from geoident.model.summary import CaseSummary, CostEstimate, StageSummary
+from geoident.model.results.result import GaugeTable, Result
+from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.gauges import moment_text
 from geoident.report.text.layout import (
     TextTable,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from geoident.model.comparison import Amount, Comparison, Difference
+from geoident.model.results.comparison import Amount, Comparison, Difference
 from geoident.report.text.layout import TextTable, number, section, sections, sentence
 from geoident.units import in_unit, shown_unit, si_unit
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.posterior import LEVELS
-from geoident.model.result import Grid, ParameterTable, Result
+from geoident.model.results.posterior import LEVELS
+from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics

@@ -18,7 +18,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import Channel, Reading
-from geoident.model.result import Diagnostics, GaugeTable, Prediction, Result
+from geoident.model.results.result import Diagnostics, GaugeTable, Prediction, Result
 from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.parameters import NOT_DETERMINED
 from geoident.units import in_unit, shown_unit

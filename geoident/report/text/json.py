@@ -16,9 +16,9 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError
 from geoident.model.gauges import Channel, Reading
-from geoident.model.result import Grid, ParameterTable, Prediction, Result
-from geoident.model.rivals import Evidence
-from geoident.model.summary import CaseSummary, Identifiability
+from geoident.model.results.result import Grid, ParameterTable, Prediction, Result
+from geoident.model.results.rivals import Evidence
+from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
@@ -28,9 +28,8 @@ from geoident.report.text.gauges import (
     moment_text,
 )
 from geoident.report.text.model_error import model_error_object
-from geoident.report.text.models import models_object
 from geoident.report.text.posterior import posterior_object
-from geoident.report.text.rivals import rivals_list
+from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.structures import structures_list
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object

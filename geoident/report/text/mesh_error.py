@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.mesh_error import MeshError
+from geoident.model.results.mesh_error import MeshError
 from geoident.report.text.layout import TextTable, bullets, number, section, sections
 from geoident.units import DIMENSIONS, in_unit, shown_unit
 

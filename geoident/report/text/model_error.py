@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from geoident.model.model_error import ModelErrorTable
+from geoident.model.results.model_error import ModelErrorTable
 
 TITLE = "Model error"
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.posterior import LEVELS, PosteriorDraws
-from geoident.model.result import Result
+from geoident.model.results.posterior import LEVELS, PosteriorDraws
+from geoident.model.results.result import Result
 from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.parameters import AS_PRIOR, unit_of
 from geoident.units import in_unit, shown_unit, si_unit

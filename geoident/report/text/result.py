@@ -10,13 +10,12 @@ import math
 
 import numpy as np
 
-from geoident.model.result import Counts, Labelled, Result
-from geoident.model.summary import Identifiability
+from geoident.model.results.result import Counts, Labelled, Result
+from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
     backtest,
     model_error,
-    models,
     posterior,
     rivals,
     structures,
@@ -79,7 +78,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section(model_error.TITLE, sentence(model_error.model_error_text(result.model_error))),
         section("Findings", bullets(result.findings)),
-        section(models.TITLE, *models.models_parts(result.comparison)),
+        section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
         section(fit_title(result), fit_table(result).text),
@@ -100,7 +99,7 @@ def summary_text(result: Result) -> str:
         head(result),
         _told_parameters(result),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
-        section(f"{models.TITLE}:", *models.models_parts(result.comparison)),
+        section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         sentence(_model_error(result)),

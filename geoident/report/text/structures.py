@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.result import MemberForces
+from geoident.model.results.result import MemberForces
 from geoident.report.text.layout import TextTable, number
 
 TITLE = "Structures (kN, kNm; of walls and linings per metre; of bars each; tension positive)"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.varied import FieldEstimate
 from geoident.report.text.layout import TextTable, number, sentence
 from geoident.units import in_unit, shown_unit, si_unit
 

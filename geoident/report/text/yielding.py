@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.result import ParameterTable
+from geoident.model.results.result import ParameterTable
 from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, bullets, number
 from geoident.units import in_unit, shown_unit

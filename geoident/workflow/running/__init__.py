@@ -1,1 +1,1 @@
-"""What the commands share: inputs, outputs, jobs, logs of evaluations, tables."""
+"""What all jobs share: inputs and readings, outputs, control, cost, logs of evaluations."""

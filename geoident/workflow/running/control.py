@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from geoident.errors import ExitCode, Interrupted
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
-from geoident.model.summary import CostEstimate
+from geoident.model.results.summary import CostEstimate
 
 _FLOPS = {"cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""

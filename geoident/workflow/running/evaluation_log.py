@@ -28,7 +28,7 @@ from geoident.identify.problem.problem import (
 )
 from geoident.model.arrays import Floats
 from geoident.model.response import BilinearSystem, Condensed
-from geoident.model.result import Counts
+from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
 EvaluationArrays = Mapping[str, Floats]

@@ -29,7 +29,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
-from geoident.model.result import Provenance, Result
+from geoident.model.results.result import Provenance, Result
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.readings import readings_of
 

@@ -19,7 +19,7 @@ from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, Reading, ReadingTable
-from geoident.model.result import GaugeTable
+from geoident.model.results.result import GaugeTable
 from geoident.workflow.running.errors import own_sd, total_sd
 
 FLAGGED = "flagged as bad: "

@@ -18,7 +18,7 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.result import Iteration
+from geoident.model.results.result import Iteration
 
 THREE = chain([0, 0, 1, 1, 1, 2, 2], [(0, 2), (2, 3), (0, 4), (4, 6)])
 TRUTH = np.array([3.0, 1.0, 2.0])

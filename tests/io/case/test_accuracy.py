@@ -7,7 +7,7 @@ from geoident.errors import InputError
 from geoident.io.case.file import parse_case
 from geoident.io.case.gauges.accuracy import TYPICAL
 from geoident.model.gauges import Reading
-from geoident.workflow.running.accuracies import with_accuracies
+from geoident.workflow.estimating.accuracies import with_accuracies
 from geoident.workflow.running.errors import error_structure
 from tests.support.trench import CASE, write_case
 

@@ -9,7 +9,7 @@ import pytest
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
-from geoident.model.result import (
+from geoident.model.results.result import (
     Counts,
     Diagnostics,
     FieldSeries,

@@ -18,7 +18,7 @@ import pytest
 from geoident.errors import InputError, OutputError
 from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Result
+from geoident.model.results.result import DIAGNOSTIC_COLUMNS, Result
 from tests.support.results import changed_gauges
 
 Make = Callable[..., Result]

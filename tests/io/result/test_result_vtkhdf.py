@@ -12,7 +12,7 @@ import pytest
 
 from geoident.io.result.file import read_result, write_result
 from geoident.io.result.vtkhdf import sidecar_path
-from geoident.model.result import FieldSeries, Result
+from geoident.model.results.result import FieldSeries, Result
 
 vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402

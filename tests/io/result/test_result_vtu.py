@@ -7,7 +7,7 @@ import pytest
 
 from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.result import FieldSeries
+from geoident.model.results.result import FieldSeries
 
 xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402

@@ -2,7 +2,7 @@
 
 import pytest
 
-from geoident.model.summary import (
+from geoident.model.results.summary import (
     CaseSummary,
     CostEstimate,
     GaugeSummary,

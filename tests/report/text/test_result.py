@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoident.model.summary import Identifiability
+from geoident.model.results.summary import Identifiability
 from geoident.report.text.gauges import rms
 from geoident.report.text.result import (
     compared_outcomes,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from geoident.model.result import MemberForces
+from geoident.model.results.result import MemberForces
 from geoident.report.text.structures import force_table, structures_list
 
 NAN = np.nan

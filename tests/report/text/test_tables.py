@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from geoident.errors import Fault, InputError, Location
-from geoident.model.comparison import Amount, Comparison, Difference, Place
 from geoident.model.gauges import Reading
-from geoident.model.result import MemberForces
-from geoident.model.summary import Identifiability
+from geoident.model.results.comparison import Amount, Comparison, Difference, Place
+from geoident.model.results.result import MemberForces
+from geoident.model.results.summary import Identifiability
 from geoident.report.text.comparison import comparison_object, comparison_text
 from geoident.report.text.csv_tables import csv_tables, csv_text
 from geoident.report.text.json import (

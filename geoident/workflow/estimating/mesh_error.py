@@ -25,10 +25,10 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel, ErrorParts
-from geoident.model.mesh_error import MATTERS, NOTICED, MeshError
+from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.units import in_unit, shown_unit
+from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.running.cost import estimate_cost, refinement_cost
-from geoident.workflow.running.recovery import energy_error
 
 SHARE_OF_MEMORY = 0.6
 """Of what is free, that a refined model may take."""

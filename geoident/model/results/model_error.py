@@ -3,28 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from geoident.model.arrays import Floats
-
-ModelErrorKind = Literal["estimate", "none", "given"]
-
-
-@dataclass(frozen=True)
-class ModelErrorOptions:
-    """What a case says of the model error.
-
-    Args:
-        kind: ``estimate`` it from the residuals, ``none``, or ``given``.
-        size: relative to the computed motion, where it is given.
-        length: over which it is correlated, m; None: as far as the gauges are spread.
-        written: the case says so; else this is what happens by default.
-    """
-
-    kind: ModelErrorKind = "estimate"
-    size: float = 0.0
-    length: float | None = None
-    written: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,16 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
-from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Prior
-from geoident.model.posterior import PosteriorDraws
-from geoident.model.rivals import Evidence, ModelComparison, Rivals
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
+from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
 if TYPE_CHECKING:
-    from geoident.model.backtest import Backtest
+    from geoident.model.results.backtest import Backtest
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""

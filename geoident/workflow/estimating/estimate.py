@@ -27,28 +27,24 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
-from geoident.model.model_error import ModelErrorTable
 from geoident.model.response import Response
-from geoident.model.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
-from geoident.model.rivals import Evidence, Rivals
-from geoident.workflow.running.accuracies import (
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
+from geoident.model.results.rivals import Evidence, Rivals
+from geoident.workflow.estimating.accuracies import (
     accuracy_table,
     after,
     weighed,
     with_accuracies,
 )
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
-from geoident.workflow.running.evaluation_log import Log, Remembered
-from geoident.workflow.running.jobs import Job, build_model
-from geoident.workflow.running.mesh_error import (
+from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
+from geoident.workflow.estimating.mesh_error import (
     FittedMesh,
     fitted_mesh,
     judged_mesh,
     with_mesh_error,
 )
-from geoident.workflow.running.model_error import (
+from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
     ModelErrorSearch,
@@ -58,13 +54,18 @@ from geoident.workflow.running.model_error import (
     of_result,
     reading_steps,
 )
-from geoident.workflow.running.outputs import Standing, Target
-from geoident.workflow.running.predictions import (
+from geoident.workflow.estimating.predictions import (
     Bends,
     KnownErrors,
     follow_open_bound,
     predict_stages,
 )
+from geoident.workflow.estimating.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
+from geoident.workflow.running.evaluation_log import Log, Remembered
+from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.outputs import Standing, Target
 from geoident.workflow.running.readings import (
     accuracies,
     reading_table,
@@ -74,7 +75,6 @@ from geoident.workflow.running.readings import (
     unused_by_stage,
     with_computed,
 )
-from geoident.workflow.running.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
 
 
 @dataclass(frozen=True)

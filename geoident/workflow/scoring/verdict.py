@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f
+from scipy.special import fdtrc
 
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.scores import bands_of, changes
 from geoident.identify.problem.problem import Scaling
 from geoident.model.arrays import Floats
-from geoident.model.backtest import Backtest, BacktestStep
 from geoident.model.case import Case
 from geoident.model.parameter import Parameter
-from geoident.model.result import GaugeTable
+from geoident.model.results.backtest import Backtest, BacktestStep
+from geoident.model.results.result import GaugeTable
 from geoident.units import in_unit, shown_unit
 
 ALARM = 0.01
@@ -147,7 +147,7 @@ def settling_sentences(
         x = np.array([scaling.to_scaled(step.values)[i] for step in known])
         z = changes(x, variances[at, i])
         spare = known[0].readings - len(named_parameters(case)) if estimated else _GIVEN
-        if f.sf(float(z @ z) / len(z), len(z), max(spare, 1)) < ALARM:
+        if fdtrc(len(z), max(spare, 1), float(z @ z) / len(z)) < ALARM:
             restless.append(
                 f"{parameter.name} does not settle: {join(values)}; it changes by up to "
                 f"{np.abs(z).max():.1f} times what its intervals allow{_direction(z)}: the model "

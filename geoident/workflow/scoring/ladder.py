@@ -14,13 +14,13 @@ from pathlib import Path
 from geoident.errors import Fault, InputError, ModelError
 from geoident.io.text.text_file import STDIN
 from geoident.model.case import Case, Rung
-from geoident.model.result import Result
-from geoident.model.rivals import ModelComparison
+from geoident.model.results.result import Result
+from geoident.model.results.rivals import ModelComparison
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.running.comparison import Candidate, compared
+from geoident.workflow.estimating.estimate import Finished, keep, write
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.estimate import Finished, keep, write
 from geoident.workflow.running.jobs import Job, job_provenance, load_inputs, plan_fit
+from geoident.workflow.scoring.comparison import Candidate, compared
 
 _NO_LADDER = "fit.ladder="
 """Override for a rung: a case of its own."""

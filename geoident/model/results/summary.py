@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from geoident.model.arrays import Floats
 from geoident.model.gauges import StageReadings
-from geoident.model.result import ParameterTable
+from geoident.model.results.result import ParameterTable
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,13 @@ from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Bands, Innovations, chance, next_read, scores
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
-from geoident.model.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
-from geoident.model.result import Counts, GaugeTable
-from geoident.workflow.running.control import Control
-from geoident.workflow.running.diagnosis import assess_robustly, opened, parameter_table
-from geoident.workflow.running.estimate import (
+from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
+from geoident.model.results.result import Counts, GaugeTable
+from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
+from geoident.workflow.estimating.estimate import (
     Estimate,
     Setup,
     estimated,
@@ -30,19 +29,20 @@ from geoident.workflow.running.estimate import (
     predicted,
     structure_of_used,
 )
+from geoident.workflow.estimating.predictions import correlations
+from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import EvaluationArrays, Log
-from geoident.workflow.running.extrapolation import (
-    StressLevels,
-    extrapolation_findings,
-    stress_levels,
-)
-from geoident.workflow.running.predictions import correlations
 from geoident.workflow.running.readings import (
     gauge_table,
     reading_table,
     require_enough,
 )
-from geoident.workflow.running.verdict import verdict
+from geoident.workflow.scoring.extrapolation import (
+    StressLevels,
+    extrapolation_findings,
+    stress_levels,
+)
+from geoident.workflow.scoring.verdict import verdict
 
 SPARE = 4
 """Readings more than parameters, for each accuracy that is estimated, with which a fit of the first

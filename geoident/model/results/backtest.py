@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.result import Counts, Prediction
+from geoident.model.results.result import Counts, Prediction
 
 
 @dataclass(frozen=True)

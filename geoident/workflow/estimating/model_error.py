@@ -47,13 +47,14 @@ from geoident.model.gauges import Channel, ReadingTable
 from geoident.model.methods import (
     ComplementarityOptions,
     MethodOptions,
+    ModelErrorOptions,
     ScanOptions,
     SquaredOptions,
 )
-from geoident.model.model_error import USUAL, ModelErrorOptions, ModelErrorTable
+from geoident.model.results.model_error import USUAL, ModelErrorTable
 from geoident.model.structures import Bars
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.running.accuracies import after
+from geoident.workflow.estimating.accuracies import after
 
 PERSISTENT = 0.75
 """Part t of the variance of a relative error that is the same in all stages."""

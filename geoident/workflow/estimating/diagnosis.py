@@ -17,9 +17,14 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
-from geoident.model.model_error import ModelErrorTable
 from geoident.model.parameter import Parameter
-from geoident.model.result import DIAGNOSTIC_COLUMNS, Diagnostics, GaugeTable, ParameterTable
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.result import (
+    DIAGNOSTIC_COLUMNS,
+    Diagnostics,
+    GaugeTable,
+    ParameterTable,
+)
 from geoident.model.yielding import Certificate
 from geoident.units import in_unit, shown_unit
 

@@ -27,8 +27,8 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.result import ParameterTable, Prediction
-from geoident.model.rivals import SETTLED, Evidence, Rivals
+from geoident.model.results.result import ParameterTable, Prediction
+from geoident.model.results.rivals import SETTLED, Evidence, Rivals
 from geoident.units import in_unit, shown_unit
 
 APART = 2.0

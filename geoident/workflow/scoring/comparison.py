@@ -10,8 +10,8 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, Location
 from geoident.identify.assessment.findings import join
-from geoident.model.result import Result
-from geoident.model.rivals import CLEAR, ModelComparison, ModelScore
+from geoident.model.results.result import Result
+from geoident.model.results.rivals import CLEAR, ModelComparison, ModelScore
 
 _SHOWN = 4
 """Readings that differ and are named, of each kind."""

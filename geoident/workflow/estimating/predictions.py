@@ -18,10 +18,10 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
-from geoident.model.result import GaugeTable, Prediction
-from geoident.workflow.running.diagnosis import at_used
+from geoident.model.results.result import GaugeTable, Prediction
+from geoident.workflow.estimating.diagnosis import at_used
+from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.running.errors import ChannelReading, gauge_errors
-from geoident.workflow.running.model_error import LaterModelError
 from geoident.workflow.running.readings import with_computed
 
 

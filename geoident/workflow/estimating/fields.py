@@ -10,7 +10,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
 from geoident.model.ground import Field, PointField
-from geoident.model.varied import FieldEstimate
+from geoident.model.results.varied import FieldEstimate
 
 _NOTHING = 1e-6
 """Prior variance, in parts of the field's, below which there is nothing left to reduce."""

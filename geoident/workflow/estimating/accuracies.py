@@ -22,7 +22,7 @@ from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel
-from geoident.model.result import AccuracyTable
+from geoident.model.results.result import AccuracyTable
 from geoident.units import DIMENSIONLESS
 
 ROUNDS = 30
