@@ -262,6 +262,7 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
         assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
         unseen = replace(fit, counts=False)
         assert (unseen.findings, unseen.notes) == ((), ())
+        assert "check CASE.fit.h5 --mesh-error" in fit.sentence  # at the fit, not at the start
 
 
 def test_gauges_better_than_stated_notice_the_mesh(coarse):

@@ -243,8 +243,8 @@ class FittedMesh:
         if not self.counts:
             return ""
         said = mesh_sentence(self.found, self.used)
-        also = "Intervals and bands are widened by it. (`geoident check --mesh-error` shows it.)"
-        return f"{said} {also}"
+        shown = "(`geoident check CASE.fit.h5 --mesh-error` shows it.)"
+        return f"{said} Intervals and bands are widened by it. {shown}"
 
     @property
     def findings(self) -> tuple[str, ...]:
