@@ -1,6 +1,6 @@
 """All tables of measured numbers in the documents, as markdown.
 
-    python tests/benchmarks/manual_tables.py                       # all of them, about three hours
+    python tests/benchmarks/manual_tables.py                       # all of them, an hour or more
     python tests/benchmarks/manual_tables.py wrong-models --runs 30 --set estimate
     python tests/benchmarks/manual_tables.py cavern --cavern-runs 6
     python tests/benchmarks/manual_tables.py model-choice --runs 5 --accuracy "0.06 mm"
