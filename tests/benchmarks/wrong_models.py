@@ -1,18 +1,32 @@
 """Whether bands hold where the ground is not like its model: coverage by repetitions.
 
-    python tests/benchmarks/wrong_models.py --runs 40
+    python tests/benchmarks/wrong_models.py --runs 50
     python tests/benchmarks/wrong_models.py --runs 50 --truths right field-30 --set estimate none
+    python tests/benchmarks/wrong_models.py --cavern --cavern-runs 10
 
 A cavern in plane strain is excavated in a pilot drift, a heading and two benches. What the gauges
 read up to the first bench is fitted (two parameters, ten readings; a hundred with ``--gauges
 many``), the second bench is predicted with its 95 % bands. The readings come from a truth on a
 finer mesh that differs from the model as its name says, with noise of the size of the accuracies.
-Each run has its own noise and, where the truth is drawn, its own truth.
+Each run has its own noise and, where the truth is drawn, its own truth. ``--cavern`` does the same
+with cases/cavern, read up to bench 2, and its three later benches.
 
-The table has, for every truth and every setting of ``fit.model_error``, the later readings inside
-their band; the median half width of the bands in accuracies; the root mean square
-error of the prediction; the true parameters inside their intervals; the runs that end with an exit
-code or a sentence on the misfit; and the median of the model error that was estimated.
+The columns of the table, for every truth and every setting of ``fit.model_error``:
+
+    inside             later readings in their 95 % band
+    width, accuracies  median half width of these bands, in stated accuracies
+    width, oracles     the same, in widths of an oracle who knows the covariance of truth less model
+    error, mm          root mean square of prediction less truth without noise
+    parameters         true ones inside their 95 % interval
+    exit 4             runs that end so: poor fit, or not determined
+    misfit             runs with a finding on a misfit or a large model error
+    backtest           ... that the backtest of the last fitted stage went badly
+    extrapolation      ... that later stages load the ground beyond what was tested
+    silent             runs with exit 0 and none of these
+    inside, silent     later readings of those runs in their band
+    size               median of the estimated model error, of the computed motion
+
+The truths:
 
     right        nothing differs
     field-15     Young's modulus lognormal with sd 15 %, correlated over 20 m (field-30: 30 %)
