@@ -110,9 +110,10 @@ def implicit(problem: Problem, options: ComplementarityOptions, observe: Observe
 
 
 def descend(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
-    """One descent from the start, and what kind of point it ends at: no scan and no restarts.
+    """One descent from the start, and what kind of point it ends at: no scan.
 
-    For a problem that differs little from one that was solved: the start is its solution.
+    For a problem that differs little from one that was solved: the start is its solution. It
+    restarts only where it stalls at a kink near which points are better.
 
     Args:
         problem: readings, a `YieldSystem`, and parameters.
@@ -221,13 +222,7 @@ class ImplicitSearch:
         Raises:
             ModelError: no start has a solution.
         """
-        best = self.from_elsewhere(self.improve(self.begin()))
-        found = self.check(best)
-        for _ in range(_ROUNDS):
-            if found.lower is None or self.spent():
-                break
-            best = self.descent.run(found.lower, self.stuck)
-            found = self.check(best)
+        best, found = self.settled(self.from_elsewhere(self.improve(self.begin())))
         return self.outcome(best, found)
 
     def descend(self) -> Outcome:
@@ -238,8 +233,21 @@ class ImplicitSearch:
         """
         start = self.evaluator.evaluate(self.scaling.start)
         self.evaluator.record(self.scaling.start, start, 0.0, "start")
-        best = self.descents[1].run(start, self.stuck)
-        return self.outcome(best, self.check(best))
+        self.descent = self.descents[1]
+        best, found = self.settled(self.descent.run(start, self.stuck))
+        if found.lower is not None and not self.spent():  # changed weights make other kinks
+            best, found = self.settled(self.improve(found.lower))
+        return self.outcome(best, found)
+
+    def settled(self, best: Ending[YieldIterate]) -> tuple[Ending[YieldIterate], StationarityCheck]:
+        """An ending from which no side of a kink leads on, as far as a few rounds go."""
+        found = self.check(best)
+        for _ in range(_ROUNDS):
+            if found.lower is None or self.spent():
+                break
+            best = self.descent.run(found.lower, self.stuck)
+            found = self.check(best)
+        return best, found
 
     def begin(self) -> YieldIterate:
         """The given start or the best point of the scan, whichever is better.

@@ -68,10 +68,10 @@ FLOOR = 0.1
 ENOUGH = 5
 """Readings more than parameters that can tell how large the model error is."""
 
-ROUNDS = 8
+ROUNDS = 12
 """At most so many times parameters and size of the model error take turns."""
 
-AT_REST = 0.02
+AT_REST = 0.002
 """Change of the logarithm of the size that ends it."""
 
 NAME = "model error"
