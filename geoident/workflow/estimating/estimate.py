@@ -270,13 +270,7 @@ def surveyed(
     model, p = setup.model, outcome.values
     before = model.counts
     survey = model.survey(p, fields=fields, partial=True, last=last)
-    search, after = problem.response.counts, model.counts
-    counts = Counts(
-        evaluations=search.evaluations + after.evaluations - before.evaluations,
-        analyses=max(search.analyses, after.analyses),
-        factorizations=search.factorizations + after.factorizations - before.factorizations,
-        solves=search.solves + after.solves - before.solves,
-    )
+    counts = further(problem.response.counts, before, model.counts)
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
 
 
@@ -356,7 +350,7 @@ def further(counts: Counts, before: Counts, after: Counts) -> Counts:
     """Costs with those of a model between two moments.
 
     Args:
-        counts: of the search and the survey.
+        counts: so far, such as those of a search.
         before: of the model at the first moment.
         after: at the second.
     """
