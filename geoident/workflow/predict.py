@@ -80,6 +80,7 @@ class PredictRequest:
         solver: name of the sparse solver, or ``auto``.
         force: overwrite a prediction of other input.
         fresh: compute again what is up to date.
+        text: of that case where it stands in no file.
     """
 
     result: str
@@ -90,6 +91,7 @@ class PredictRequest:
     solver: str = "auto"
     force: bool = False
     fresh: bool = False
+    text: str | None = None
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ def _require_times(fit: Result, case: Case, path: str) -> None:
 
 def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
     if request.case is not None:
-        return load_inputs(request.case, overrides=request.overrides)
+        return load_inputs(request.case, overrides=request.overrides, text=request.text)
     if origin.mesh_sha256 == fit.provenance.mesh_sha256:
         return origin
     fault = Fault(
