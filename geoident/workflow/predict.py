@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
+from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -215,7 +215,7 @@ def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
     fault = Fault(
         "changed-mesh",
         "The mesh is not the one that the fit was made with.",
-        "Run the fit again, or give the case to predict with --case.",
+        f"Run the fit again, or give the case to predict with {Term.OTHER_CASE}.",
         Location(origin.loaded.mesh_path or origin.path),
     )
     raise InputError([fault])

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident import __version__
-from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
@@ -341,7 +341,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
 def _require_parameters(case: Case, command: str) -> None:
     if not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
-        hint = "Write what is unknown under 'parameters'; `geoident simulate` needs none."
+        hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
         place = case.source.locate(("parameters",))
         raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
 
