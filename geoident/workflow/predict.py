@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, UsageError
+from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -86,6 +86,7 @@ class PredictRequest:
         solver: name of the sparse solver, or ``auto``.
         force: overwrite a prediction of other input.
         fresh: compute again what is up to date.
+        text: of that case where it stands in no file.
     """
 
     result: str
@@ -96,6 +97,7 @@ class PredictRequest:
     solver: str = "auto"
     force: bool = False
     fresh: bool = False
+    text: str | None = None
 
 
 @dataclass(frozen=True)
@@ -215,13 +217,13 @@ def _require_times(fit: Result, case: Case, path: str) -> None:
 
 def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
     if request.case is not None:
-        return load_inputs(request.case, overrides=request.overrides)
+        return load_inputs(request.case, overrides=request.overrides, text=request.text)
     if origin.mesh_sha256 == fit.provenance.mesh_sha256:
         return origin
     fault = Fault(
         "changed-mesh",
         "The mesh is not the one that the fit was made with.",
-        "Run the fit again, or give the case to predict with --case.",
+        f"Run the fit again, or give the case to predict with {Term.OTHER_CASE}.",
         Location(origin.loaded.mesh_path or origin.path),
     )
     raise InputError([fault])

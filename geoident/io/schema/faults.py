@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
+from geoident.errors import Term
 from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
@@ -165,7 +166,7 @@ def _add_other(
         message = f"found {_entries(context['actual_length'])}; {limit} {_entries(number)} expected"
         hint = f"Write {limit} {number}, or remove the key if it need not be there."
     else:
-        message, hint = error["msg"], "`geoident schema` lists what is allowed here."
+        message, hint = error["msg"], f"{Term.KEYS} lists what is allowed here."
     faults.add(path, "wrong-kind", message, hint)
 
 
