@@ -162,7 +162,7 @@ class UsageError(GeoidentError):
     exit_code = ExitCode.USAGE
 
 
-class MissingExtra(UsageError, ImportError):  # type: ignore[misc]
+class MissingExtra(UsageError, ImportError):
     """A package is asked for that comes with an extra of the installation."""
 
 

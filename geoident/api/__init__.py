@@ -40,7 +40,7 @@ from geoident.api.results import (
 from geoident.api.runs import backtest, fit, predict, sample, scan
 from geoident.api.tables import (
     ChannelReadings,
-    Gauges,
+    GaugeReadings,
     ParameterEstimate,
     Parameters,
     ResultTable,
@@ -54,7 +54,7 @@ __all__ = [
     "CheckResult",
     "Drawing",
     "FitResult",
-    "Gauges",
+    "GaugeReadings",
     "ModelChoice",
     "ParameterEstimate",
     "Parameters",

@@ -1,4 +1,4 @@
-"""What all calls share: errors that speak Python, progress, packages that are installed on demand."""
+"""What all calls share: errors that speak Python, progress, packages installed on demand."""
 
 from __future__ import annotations
 

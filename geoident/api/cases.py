@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,6 +18,7 @@ from geoident.api.notebook import case_html, case_line
 from geoident.api.plots import Drawing
 from geoident.api.tables import ResultTable
 from geoident.errors import InputError, Location, UsageError
+from geoident.io.docs.templates import TEMPLATES
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.summary import CaseSummary
@@ -35,8 +37,8 @@ from geoident.workflow.simulate import simulate as run_simulation
 if TYPE_CHECKING:
     import pandas as pd
 
-Values = Mapping[str, object]
-"""Path of a key of a case to its value: a text as one would write it there, or a number, list, ..."""
+CaseValues = Mapping[str, object]
+"""Path of a key of a case to its value: a text, a number, a list, a mapping, or None."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,7 +78,7 @@ class CaseFile:
         return tuple(parameter.name for parameter in self.case.parameters)
 
     @spoken
-    def with_values(self, values: Values) -> CaseFile:
+    def with_values(self, values: CaseValues) -> CaseFile:
         """The same case with other values, such as ``{"materials.rock.nu": 0.3}``.
 
         The file stays as it is. Results of the varied case are other results: give each an
@@ -84,7 +86,8 @@ class CaseFile:
 
         Args:
             values: path of a key to its value, such as ``"parameters.E.start"`` to ``"20 GPa"``, or
-                ``"stages[1].name"``; a value with a dimension is a text with its unit.
+                ``"stages[1].name"``; a value with a dimension is a text with its unit. Texts,
+                numbers, lists and mappings are those of Python; None takes a parameter out.
 
         Raises:
             InputError: with all faults of the case with these values.
@@ -102,7 +105,7 @@ class CaseFile:
 @spoken
 def load_case(
     path: AnyPath,
-    overrides: Values | None = None,
+    overrides: CaseValues | None = None,
     *,
     content: str | Mapping[str, Any] | None = None,
 ) -> CaseFile:
@@ -118,10 +121,6 @@ def load_case(
 
     Raises:
         InputError: with all faults of the case.
-
-    Example:
-        >>> from geoident import init, load_case
-        >>> case = load_case(init("site").path, {"parameters.E_rock.start": "20 GPa"})  # doctest: +SKIP
     """
     text = content if isinstance(content, str) or content is None else _written(content)
     try:
@@ -147,9 +146,8 @@ def init(folder: AnyPath, template: str = "cavern", *, force: bool = False) -> C
         UsageError: there is no such template.
         OutputError: files of these names exist, or cannot be written.
     """
-    known = template_names()
-    if template not in known:
-        msg = f"There is no template {template!r}; there are {', '.join(known)}."
+    if template not in TEMPLATES:
+        msg = f"There is no template {template!r}; there are {', '.join(TEMPLATES)}."
         raise UsageError(msg)
     return load_case(init_template(template, os.fspath(folder), force=force)[0])
 
@@ -167,13 +165,23 @@ def _loaded(path: str, overrides: tuple[str, ...], text: str | None) -> CaseFile
     return CaseFile(path, overrides, load_inputs(path, overrides=overrides, text=text).case, text)
 
 
-def _overrides(values: Values) -> tuple[str, ...]:
+def _overrides(values: CaseValues) -> tuple[str, ...]:
     return tuple(f"{key}={_value(value)}" for key, value in values.items())
 
 
+_BARE = re.compile(r"(?!(?:null|Null|NULL|~)$)[\w$](?:[\w$ .,/%^*+-]*[\w%])?")
+"""Texts that stand in a case without quotes."""
+
+
 def _value(value: object) -> str:
-    """A value as it is written in a case: a text is taken as it is, all else is JSON."""
-    return value if isinstance(value, str) else json.dumps(value, default=_plain)
+    """A value as it may be written in a case.
+
+    >>> _value("20 GPa"), _value("a: b"), _value(None), _value((1, 2))
+    ('20 GPa', '"a: b"', 'null', '[1, 2]')
+    """
+    if isinstance(value, str) and _BARE.fullmatch(value):
+        return value
+    return json.dumps(value, default=_plain, ensure_ascii=False)
 
 
 def _written(content: Mapping[str, Any]) -> str:
@@ -222,7 +230,9 @@ class CheckResult:
     def __repr__(self) -> str:
         found = self.summary
         size = f"{found.nodes} nodes, {found.elements} elements" if found.nodes else "no mesh"
-        return f"CheckResult({found.title or found.case}: valid; {size}, {found.used} readings used)"
+        return (
+            f"CheckResult({found.title or found.case}: valid; {size}, {found.used} readings used)"
+        )
 
     def _repr_html_(self) -> str:
         return tag("pre", str(self))

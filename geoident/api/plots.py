@@ -79,9 +79,7 @@ def _image(figure: Figure, words: str) -> Html:
     with drawing_style():
         figure.savefig(buffer, format="png", dpi=_DPI)
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return tag(
-        "img", src=f"data:image/png;base64,{content}", alt=words, style="max-width: 100%"
-    )
+    return tag("img", src=f"data:image/png;base64,{content}", alt=words, style="max-width: 100%")
 
 
 class Plots:
@@ -211,7 +209,9 @@ class Plots:
 
     def _drawn(self, pictures: Sequence[Picture], what: str) -> Drawing:
         if not pictures:
-            msg = f"A {self._result.kind} has no {what}; it has {', '.join(self.names()) or 'none'}."
+            msg = (
+                f"A {self._result.kind} has no {what}; it has {', '.join(self.names()) or 'none'}."
+            )
             raise UsageError(msg)
         return Drawing.of(pictures)
 

@@ -12,9 +12,9 @@ from geoident.api.arrays import dataset
 from geoident.api.calling import spoken
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
-from geoident.api.tables import Gauges, Parameters, ResultTable, summary_of, tables_of
+from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_of, tables_of
 from geoident.model.arrays import Floats
-from geoident.model.results.backtest import Backtest
+from geoident.model.results.backtest import Scores
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
@@ -75,9 +75,9 @@ class ResultFile:
         return Parameters(self.data)
 
     @cached_property
-    def gauges(self) -> Gauges:
+    def gauges(self) -> GaugeReadings:
         """The channels of the gauges by name: measured, computed, predicted."""
-        return Gauges(self.data)
+        return GaugeReadings(self.data)
 
     @cached_property
     def tables(self) -> Mapping[str, ResultTable]:
@@ -107,7 +107,9 @@ class ResultFile:
 
     def __repr__(self) -> str:
         said = summary_of(self.parameters, most=_MOST)
-        return f"{type(self).__name__}({Path(self.path).name}: {self.status}{'; ' * bool(said)}{said})"
+        return (
+            f"{type(self).__name__}({Path(self.path).name}: {self.status}{'; ' * bool(said)}{said})"
+        )
 
     def _repr_html_(self) -> str:
         return result_html(self.data, title=f"{self.data.kind} of {self.path}", plots=self.plot)
@@ -189,10 +191,16 @@ class BacktestResult(ResultFile):
     """What `backtest` found: how predictions of stages that were read came true."""
 
     @property
-    def scores(self) -> Backtest:
-        """The fits, their predictions, and the scores of the next stages and of later ones."""
+    def scores(self) -> Scores:
+        """How well the next stages that were read were predicted, all together."""
         assert self.data.backtest is not None
-        return self.data.backtest
+        return self.data.backtest.next
+
+    @property
+    def later_scores(self) -> Scores:
+        """The same of all stages after the next ones."""
+        assert self.data.backtest is not None
+        return self.data.backtest.further
 
     @spoken
     def to_frame(self) -> pd.DataFrame:
@@ -254,7 +262,8 @@ class ModelChoice:
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{name} {100 * p:.2g} %" for name, p in self.probabilities.items())
-        return f"ModelChoice({self.chosen} is chosen, {'clearly' if self.decided else 'not clearly'}; {parts})"
+        how = "clearly" if self.decided else "not clearly"
+        return f"ModelChoice({self.chosen} is chosen, {how}; {parts})"
 
     def _repr_html_(self) -> str:
         said = tag("ul", *(tag("li", text) for text in self.sentences))

@@ -16,7 +16,6 @@ from geoident.report.page.html import table as html_table
 from geoident.report.text.csv_tables import CsvCell, CsvTable, csv_tables
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import (
-    NOT_DETERMINED,
     parameter_table,
     parameters_text,
     prior_in_unit,
@@ -134,11 +133,11 @@ class Parameters(Mapping[str, ParameterEstimate]):
     def __getitem__(self, name: str) -> ParameterEstimate:
         table = self._table
         i = table.names.index(_known(name, table.names, "parameter"))
-        columns = table.values, table.sd, table.lower95, table.upper95
-        value, *rest = (float(column[i]) for column in columns)
         return ParameterEstimate(
-            value if self._known[i] else math.nan,
-            *rest,
+            value=float(table.values[i]) if self._known[i] else math.nan,
+            sd=float(table.sd[i]),
+            lower95=float(table.lower95[i]),
+            upper95=float(table.upper95[i]),
             unit=si_unit(table.dimensions[i]),
             at_bound=bool(table.at_bound[i]),
             determined=bool(table.determined[i]),
@@ -174,7 +173,9 @@ class Parameters(Mapping[str, ParameterEstimate]):
             MissingExtra: pandas is not installed.
         """
         table = self._table
-        units = [si_unit(d) if si else u for u, d in zip(table.units, table.dimensions, strict=True)]
+        units = [
+            si_unit(d) if si else u for u, d in zip(table.units, table.dimensions, strict=True)
+        ]
         kinds = list(zip(units, table.dimensions, strict=True))
 
         def column(values: Floats) -> list[float]:
@@ -268,7 +269,7 @@ class ChannelReadings:
         return float(self.measured[j]), float(self.computed[j])
 
 
-class Gauges(Mapping[str, ChannelReadings]):
+class GaugeReadings(Mapping[str, ChannelReadings]):
     """The channels of all gauges by name: what was read of them, and what the model says.
 
     Args:
@@ -288,10 +289,9 @@ class Gauges(Mapping[str, ChannelReadings]):
         return self._table.stages
 
     def __getitem__(self, name: str) -> ChannelReadings:
-        table, prediction = self._table, self._result.prediction
+        table, found = self._table, self._result.prediction
         i = table.channels.index(_known(name, table.channels, "channel"))
         nothing = np.full(len(table.stages), np.nan)
-        known = prediction is not None
         return ChannelReadings(
             name,
             table.gauges[i],
@@ -301,11 +301,9 @@ class Gauges(Mapping[str, ChannelReadings]):
             table.computed[i],
             table.sd[i],
             table.used[i],
-            *(
-                (prediction.mean[i], prediction.lower95[i], prediction.upper95[i])
-                if prediction is not None and known
-                else (nothing, nothing, nothing)
-            ),
+            predicted=nothing if found is None else found.mean[i],
+            lower95=nothing if found is None else found.lower95[i],
+            upper95=nothing if found is None else found.upper95[i],
         )
 
     def __iter__(self) -> Iterator[str]:
