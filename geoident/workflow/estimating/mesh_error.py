@@ -38,7 +38,7 @@ LEAST_PATIENCE = 2.0
 
 
 def mesh_error(
-    model: StagedModel, case: Case, p: Floats, *, patience: float | None = None
+    model: StagedModel, case: Case, p: Floats, *, patience: int | None = None
 ) -> MeshError:
     """What the mesh does to all readings.
 
@@ -46,7 +46,8 @@ def mesh_error(
         model: of the case.
         case: as it was written, without the modes of fields.
         p: (n,) parameters of the model, SI.
-        patience: seconds that the refined model may take; None for as long as it needs.
+        patience: evaluations of the model for as long as which the refined one may take; None
+            for as long as it needs.
 
     Raises:
         ModelError: the model has no solution there.
@@ -62,16 +63,17 @@ def mesh_error(
     return _by_recovery(model, p, computed, why)
 
 
-def _too_large(model: StagedModel, patience: float | None) -> str | None:
+def _too_large(model: StagedModel, patience: int | None) -> str | None:
     """Why the refined model is not computed, a sentence; None if it can be."""
-    cost = refinement_cost(model)
+    plain = estimate_cost(model, solver=model.solver_name, rough=True)
+    cost = refinement_cost(model, plain)
     free = _free_memory()
     if free is not None and cost.memory > SHARE_OF_MEMORY * free:
         return (
             f"One refinement needs about {cost.memory / 1e9:.1f} GB of memory, of which "
             f"{free / 1e9:.1f} GB are free."
         )
-    if patience is not None and cost.seconds > max(patience, LEAST_PATIENCE):
+    if patience is not None and cost.seconds > max(patience * plain.seconds, LEAST_PATIENCE):
         return (
             f"One refinement takes about {cost.seconds:.0f} s, longer than the fit itself; "
             "'geoident check --mesh-error' makes it."
@@ -277,8 +279,7 @@ def fitted_mesh(
     """
     case = model.case
     plain = replace(case, parameters=tuple(q for q in case.parameters if not q.field))
-    cost = estimate_cost(model, solver=model.solver_name)
-    patience = cost.seconds * max(problem.response.counts.evaluations, 1)
+    patience = max(problem.response.counts.evaluations, 1)
     try:
         found = mesh_error(model, plain, outcome.values, patience=patience)
         return judged_mesh(found, problem, pairs, outcome)
