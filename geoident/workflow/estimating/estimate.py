@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from geoident.errors import InputError, Interrupted, ModelError
+from geoident.errors import InputError, Interrupted, ModelError, Term
 from geoident.forward.model import StagedModel, StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import descend, identify, refusals
@@ -174,7 +174,7 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
 
 
 def _how_to_go_on(job: Job) -> str:
-    same = "The same command without --fresh" if job.request.fresh else "The same command"
+    same = f"{Term.SAME_AGAIN} without {Term.FRESH}" if job.request.fresh else Term.SAME_AGAIN
     return (
         f"Interrupted. What was computed is kept in {job.place.checkpoint}.\n"
         f"    {same} goes on from there."
