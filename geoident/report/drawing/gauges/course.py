@@ -303,7 +303,13 @@ def face_pictures(result: Result) -> tuple[Picture, ...]:
 def face_figure(
     result: Result, shown: Sequence[Instrument], *, ways: Mapping[int, Floats]
 ) -> Figure:
-    """A panel for each instrument, over the distance of the face."""
+    """A panel for each instrument, over the distance of the face.
+
+    Args:
+        result: of a fit.
+        shown: the instruments.
+        ways: channel to how far (n_stages,) the face has passed its section, m.
+    """
     limits = value_limits(result, shown)
     figure, panels = panel_grid(len(shown), height=2.05, extra=0.8)
     every = np.concatenate([ways[one.rows[0]] for one in shown])
