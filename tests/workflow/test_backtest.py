@@ -161,13 +161,16 @@ class TestCost:
             assert more == getattr(step.counts, name)
         assert both.parameters.values == pytest.approx(plain.parameters.values, rel=1e-12)
 
-    def test_the_mesh_is_asked_twice_however_many_fits_there_are(self, pit, monkeypatch):
-        """By the first fit for its readings, and by the second for those of all stages."""
+    def test_the_mesh_is_asked_once_however_many_fits_there_are(self, pit, monkeypatch):
+        """Where it does not count, by the first fit for its stages and by the second for all."""
         made = []
         real = mesh_error.refined
         monkeypatch.setattr(mesh_error, "refined", lambda mesh: made.append(1) or real(mesh))
-        assert len(run().backtest.steps) == 4
-        assert len(made) == 2
+        rough = tuple(f"gauges.{g}.accuracy=2 mm" for g in ("CV", "SL", "SR", "XL", "XR"))
+        for overrides, asked in (((), 1), (rough, 2)):
+            made.clear()
+            assert len(run(*overrides, force=True).backtest.steps) == 4
+            assert len(made) == asked
         made.clear()
         fit(plan_fit(Request("case.yaml")), Control())  # with its own backtest
         assert len(made) == 1
