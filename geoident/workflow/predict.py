@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
+from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -65,6 +65,12 @@ from geoident.workflow.running.readings import (
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
+
+LEFT_OUT = (
+    "The fit has {} minima beside its answer that are nearly as low, which these bands leave out "
+    "({}): they are too narrow."
+)
+"""What is said where other minima cannot be asked."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,7 @@ class Task:
     Args:
         request: what was asked for.
         fit: the fit to predict from.
-        origin: the case of the fit.
+        origin: the case of the fit, with its mesh as it is now.
         inputs: the case to predict.
         place: of the result.
         identity: hash of everything that the result depends on.
@@ -133,7 +139,7 @@ class Task:
 
     request: PredictRequest
     fit: Result
-    origin: Case
+    origin: Inputs
     inputs: Inputs
     place: Target
     identity: str
@@ -174,7 +180,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.provenance.identity} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
-    return Task(request, fit, origin.case, inputs, place, identity, standing(place, identity))
+    return Task(request, fit, origin, inputs, place, identity, standing(place, identity))
 
 
 def predict(task: Task, control: Control) -> Finished:
@@ -184,7 +190,7 @@ def predict(task: Task, control: Control) -> Finished:
         return keep(place)
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
-    known = what_is_known(task.fit, task.origin, model, task.inputs.case)
+    known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -351,6 +357,76 @@ def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> lis
     return found
 
 
+def _others(
+    task: Task, known: Known, model: CaseModel, stages: Bools
+) -> tuple[list[Prediction], tuple[str, ...]]:
+    """What the other minima of a fit predict, and a note where they have to be left out.
+
+    Args:
+        task: the prediction.
+        known: what the fit knows.
+        model: of the case to predict.
+        stages: (n_stages,) which to predict.
+    """
+    if task.fit.rivals is None:
+        return [], ()
+    if task.request.case is None:
+        return _at_rivals(task, known, model, stages), ()
+    if task.origin.mesh_sha256 != task.fit.provenance.mesh_sha256:
+        why = "the mesh of the fit has changed"
+        return [], (LEFT_OUT.format(len(task.fit.rivals) - 1, why),)
+    try:
+        return _of_another_case(task, model, stages), ()
+    except ModelError as error:
+        why = f"with the values of one of them {error}"
+        return [], (LEFT_OUT.format(len(task.fit.rivals) - 1, why),)
+
+
+def _of_another_case(task: Task, model: CaseModel, stages: Bools) -> list[Prediction]:
+    """What the other minima predict of another case.
+
+    The model of the fit tells how well each knows its parameters and the errors that are shared.
+
+    Args:
+        task: the prediction.
+        model: of the case to predict.
+        stages: (n_stages,) which to predict.
+
+    Raises:
+        ModelError: a model has no solution at one of them.
+    """
+    fit, origin, case = task.fit, task.origin.case, task.inputs.case
+    rivals = fit.rivals
+    assert rivals is not None
+    fitted = build_model(task.origin, solver=task.request.solver)
+    found = []
+    for values in rivals.values[1:]:
+        there = fitted.survey(values, fields=False, partial=True)
+        readings = with_computed(fit.gauges.readings, origin, fitted, there, values)
+        known = what_is_known(
+            replace(
+                fit,
+                parameters=replace(fit.parameters, values=values),
+                gauges=replace(fit.gauges, readings=readings),
+            ),
+            origin,
+            model,
+            case,
+        )
+        survey = model.survey(known.parameters.values, fields=False, partial=True)
+        errors = _with_later(known, model, case, survey)
+        found.append(predict_stages(survey, known.assessment, accuracies(case), stages, errors))
+    return found
+
+
+def _with_later(known: Known, model: CaseModel, case: Case, survey: Survey) -> KnownErrors | None:
+    """What is known of shared errors, with the model error in the readings of a case."""
+    if known.errors is None:
+        return None
+    later = later_errors(model, case, survey, known.model_error)
+    return replace(known.errors, model_error=later)
+
+
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
@@ -393,15 +469,12 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     poor = fit.status == "poor-fit"
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
-    errors = known.errors
-    if errors is not None:
-        later = later_errors(model, case, survey, known.model_error)
-        errors = replace(errors, model_error=later)
+    errors = _with_later(known, model, case, survey)
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
-    if fit.rivals is not None and task.request.case is None:
-        others = _at_rivals(task, known, model, stages)
+    others, left_out = _others(task, known, model, stages)
+    if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
     return Result(
         kind="predict",
@@ -423,5 +496,5 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         members=survey.members,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
-        notes=(*bad_notes(readings), *score(gauges, prediction)),
+        notes=(*left_out, *bad_notes(readings), *score(gauges, prediction)),
     )

@@ -35,6 +35,7 @@ from geoident.workflow.estimating.estimate import (
     problem_of_result,
     write,
 )
+from geoident.workflow.estimating.fields import drawn_fields
 from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
@@ -296,7 +297,7 @@ class _Found:
             method=f"{posterior.sampler} sampling",
             reason=reason,
             findings=(*_findings(table), *fit.findings),
-            notes=(_flat_note(case.parameters), *case.notes),
+            notes=(*granted(fit, case.parameters), *case.notes),
             provenance=provenance(
                 self.task.job.inputs,
                 command="sample",
@@ -308,6 +309,7 @@ class _Found:
             counts=self._counts(),
             prediction=self._prediction(posterior),
             posterior=posterior,
+            varied=drawn_fields(self.setup.model, posterior.flat),
             history=(),
             fields=None,
             members=None,
@@ -456,12 +458,30 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
 
 
 def _findings(table: ParameterTable) -> list[str]:
-    loose = [name for name, known in zip(table.names, table.determined, strict=True) if not known]
+    loose = [table.names[i] for i in table.named if not table.determined[i]]
     if not loose:
         return []
     return [
         f"{', '.join(loose)}: the draws are as far apart as prior and bounds allow; the readings "
         "tell nothing of it alone."
+    ]
+
+
+def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:
+    """What was taken for granted of the density that is drawn from.
+
+    Args:
+        fit: whose posterior it is.
+        parameters: the n unknowns.
+    """
+    error = fit.model_error
+    if error is None or error.kind != "estimated":
+        return [_flat_note(parameters)]
+    return [
+        _flat_note(parameters),
+        f"The size of the model error is that of the fit in all draws ({_percent(error.size)} of "
+        f"the computed motion; its 95 % interval is {_percent(error.lower95)} to "
+        f"{_percent(error.upper95)}): what is not known of it is in no draw.",
     ]
 
 
@@ -476,3 +496,7 @@ def _flat_note(parameters: tuple[Parameter, ...]) -> str:
     if not parts:
         return "All parameters have priors."
     return f"Without a prior a density is flat within the bounds: {'; '.join(parts)}."
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g} %"
