@@ -177,6 +177,8 @@ def run_trials(
         if trial.step.status == STOPPED:
             break
         trials.append(trial)
+        if trial.setup.mesh is not None:
+            setup = replace(setup, mesh=trial.setup.mesh)  # the next need not ask the mesh again
         control.monitor.inform(_progress(trial, name))
     return trials, skipped
 

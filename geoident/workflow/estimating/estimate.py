@@ -40,8 +40,10 @@ from geoident.workflow.estimating.accuracies import (
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.estimating.mesh_error import (
     FittedMesh,
+    everywhere,
     fitted_mesh,
     judged_mesh,
+    used_pairs,
     with_mesh_error,
 )
 from geoident.workflow.estimating.model_error import (
@@ -87,7 +89,8 @@ class Setup:
         readings: all of them, and which take part.
         accuracies: those that were estimated; None where all are given.
         model_error: that of the fit; None where there is none.
-        mesh: what the mesh does to the readings; None where it was not asked.
+        mesh: what the mesh does to the readings, or did at the end of another fit; None where
+            it was not asked.
     """
 
     model: CaseModel
@@ -565,16 +568,10 @@ def _with_mesh(
     plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
     if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
         return setup, problem, outcome
-    found = fitted_mesh(model, problem, _used_pairs(setup), outcome)
+    found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
     if found is None or not found.counts:
         return replace(setup, mesh=found), problem, outcome
     return _counted(setup, found, problem, outcome, methods, control)
-
-
-def _used_pairs(setup: Setup) -> list[tuple[str, str]]:
-    """Channel and stage of the used readings (g)."""
-    readings = setup.readings
-    return [pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used]
 
 
 def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
@@ -595,8 +592,13 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)
-    judged = judged_mesh(estimated, again, _used_pairs(found), outcome)
-    return judged if judged.counts else None
+    judged = judged_mesh(estimated, again, used_pairs(found.readings), outcome)
+    if not judged.counts:
+        return None
+    if mesh.whole or not isinstance(found.model, StagedModel):
+        return judged
+    whole = everywhere(found.model, problem, outcome)
+    return replace(judged, found=replace(whole, accuracy=accuracy))
 
 
 def _counted(
