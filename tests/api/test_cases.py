@@ -100,6 +100,15 @@ def test_faults_are_raised_with_their_places(case):
     assert caught.value.faults[0].location.line > 1
 
 
+def test_errors_come_from_the_call_alone(case):
+    """Nobody has to read through the frames of geoident and of what it uses."""
+    with pytest.raises(InputError) as caught:
+        case.with_values({"materials.rock.mu": 0.3})
+    assert caught.value.__cause__ is None
+    assert caught.value.__suppress_context__
+    assert [Path(entry.path).name for entry in caught.traceback] == ["test_cases.py", "calling.py"]
+
+
 def test_faults_of_a_text_have_lines_and_those_of_a_mapping_keys(case):
     text = Path(case.path).read_text().replace("E: $E", "E: $F")
     for content, line in ((text, True), (yaml.safe_load(text), False)):
