@@ -31,6 +31,7 @@ from geoident.workflow.estimating.estimate import (
     used_rows,
     write,
 )
+from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.model_error import FittedModelError
 from geoident.workflow.estimating.predictions import (
     Bends,
@@ -191,6 +192,7 @@ def predict(task: Task, control: Control) -> Finished:
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
+    require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, _followed(task, known, survey, model), survey, model)

@@ -35,7 +35,7 @@ from geoident.workflow.estimating.estimate import (
     problem_of_result,
     write,
 )
-from geoident.workflow.estimating.fields import drawn_fields
+from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
 from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
@@ -181,6 +181,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
         return keep(job.place)
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
+    require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
     with evaluation_log(job, control) as log:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)

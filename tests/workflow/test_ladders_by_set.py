@@ -151,3 +151,36 @@ def test_the_richer_model_is_chosen_where_it_made_the_readings(tmp_path, what):
 def test_the_richer_model_is_not_chosen_without_need(tmp_path, what):
     comparison = chosen(tmp_path, what, rich=False)
     assert comparison["chosen"] == "simple"
+
+
+def test_the_ensemble_smoother_finds_a_strength_and_agrees_with_gauss_newton(tmp_path):
+    """Of ground that yields, without derivatives; the prior is 180 times as wide as the answer."""
+    write_mesh(tmp_path / "mesh.inp", PLANE)
+    surface = {"type": "tresca", "planes": 8, "cohesion": "$c"}
+    changes = {"materials.rock.yield": surface, "materials.rock.E": "5 GPa"}
+    prior = {"mean": "0.6 MPa", "sd": "0.1 MPa", "kind": "lognormal"}
+    strength = {"start": "0.5 MPa", "bounds": ["0.3 MPa", "2 MPa"], "scale": "log"}
+    changes["parameters"] = {"c": strength}
+    flags = [f"--set={key}={json.dumps(value)}" for key, value in changes.items()]
+    (tmp_path / "case.yaml").write_text(PLANE)
+    drawn = run_command("simulate", tmp_path / "case.yaml", *flags, "--noise", "--seed", 1)
+    assert drawn.exit_code == 0, drawn.output
+    (tmp_path / "readings.csv").write_text(drawn.stdout)
+    changes["parameters"] = {"c": {**strength, "start": "0.7 MPa", "prior": prior}}
+    flags = [f"--set={key}={json.dumps(value)}" for key, value in changes.items()]
+    found = {}
+    for method in ("ensemble-smoother", "gauss-newton"):
+        options = {"ensemble": 30, "assimilations": 3} if method == "ensemble-smoother" else {}
+        fit = {"method": method, method: options, "model_error": "none", "mesh_error": False}
+        last = (f"--set=fit={json.dumps(fit)}", "--set=readings=readings.csv")
+        output = tmp_path / f"{method}.fit.h5"
+        ended = run_command("fit", tmp_path / "case.yaml", *flags, *last, "-o", output)
+        assert ended.exit_code == 0, ended.output
+        found[method] = read_result(output)
+    smoothed, descended = found.values()
+    assert smoothed.method == "ensemble-smoother"
+    assert smoothed.fields.yielded.any()
+    (sd,) = descended.parameters.sd
+    assert sd < 0.1 * descended.parameters.values[0]  # the readings determine it
+    assert smoothed.parameters.values == pytest.approx(descended.parameters.values, abs=2.0 * sd)
+    assert descended.parameters.values == pytest.approx([0.5e6], abs=3.0 * sd)
