@@ -10,9 +10,9 @@ from geoident.api import fit, load_case, predict
 from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.gauges import Channel
-from geoident.workflow.estimating import model_error
+from geoident.workflow.estimating import model_error_covariance
 from geoident.workflow.estimating.estimate import problem_of_result
-from geoident.workflow.estimating.model_error import ReadingSteps, shared_columns
+from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
 from geoident.workflow.running.jobs import build_model, inputs_of_result
 from geoident.workflow.simulate import simulate
 from tests.support.trench import CASE, write_case, write_mesh
@@ -133,7 +133,7 @@ def dense(found):
         tuple(channels[name] for name, u in zip(table.channel, used, strict=True) if u),
         error.states, error.steps[used], error.floors[used],
     )  # fmt: skip
-    floors = model_error._floors(case.channels, steps.T, error.length).T
+    floors = model_error_covariance._floors(case.channels, steps.T, error.length).T
     every = tuple(channels[wide.channels[i]] for i, _ in later)
     rest = ReadingSteps(every, error.states, steps, floors)
     B = shared_columns([own, rest], error.length).toarray()
@@ -172,7 +172,9 @@ def test_the_size_is_estimated_and_bands_grow_with_it(site):
     found = site().result
     error = found.model_error
     assert 0.08 < error.lower95 < error.size < error.upper95 < 0.6
-    assert error.sentence.startswith("The model meets the readings within 0.005 mm and")
+    used = 5e-3 * error.factor
+    assert error.sentence.startswith(f"The model meets the readings within {used:.2g} mm and")
+    assert found.gauges.accuracy == pytest.approx(1e-3 * used)
     assert error.weights.sum() == pytest.approx(1.0)
     inside = [inside_later(result) for result in (right, found)]
     assert inside[0] < 0.5
@@ -186,8 +188,9 @@ def inside_later(found):
 
 
 def test_sizes_are_weighed_by_the_restricted_likelihood(site):
-    """-2 l by dense matrices."""
-    found = site().result
+    """-2 l by dense matrices; the loss, which plays no part in it, keeps accuracies as stated."""
+    found = site({"fit.loss": {"type": "huber", "delta": 1e6}}).result
+    assert found.model_error.factor == 1.0
     gap, J, sd, C, g, _, _ = dense(found)
     J = J * np.where(np.array(found.parameters.names) == "E", found.parameters.values, 1.0)
     minus = []

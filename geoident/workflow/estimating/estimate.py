@@ -26,7 +26,12 @@ from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
+from geoident.model.methods import (
+    ComplementarityOptions,
+    MethodOptions,
+    ScanOptions,
+    SquaredOptions,
+)
 from geoident.model.response import Response
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
@@ -36,6 +41,7 @@ from geoident.workflow.estimating.accuracies import (
     after,
     weighed,
     with_accuracies,
+    with_scatter,
 )
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.estimating.mesh_error import (
@@ -47,13 +53,15 @@ from geoident.workflow.estimating.mesh_error import (
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
-    ModelErrorSearch,
-    ReadingSteps,
-    correlation_length,
     no_model_error,
     of_result,
+)
+from geoident.workflow.estimating.model_error_covariance import (
+    ReadingSteps,
+    correlation_length,
     reading_steps,
 )
+from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.predictions import (
     Bends,
     KnownErrors,
@@ -88,6 +96,8 @@ class Setup:
         accuracies: those that were estimated; None where all are given.
         model_error: that of the fit; None where there is none.
         mesh: what the mesh does to the readings; None where it was not asked.
+        stated: the case before errors of gauges were found with the model error; None where none
+            were.
     """
 
     model: CaseModel
@@ -96,6 +106,14 @@ class Setup:
     accuracies: AccuracyTable | None = None
     model_error: FittedModelError | None = None
     mesh: FittedMesh | None = None
+    stated: Case | None = None
+
+    def as_stated(self) -> Setup:
+        """Without model error, with the errors of gauges as they were before it was found."""
+        if self.stated is None:
+            return replace(self, model_error=None)
+        table = reading_table(self.stated, self.readings.reason)
+        return replace(self, case=self.stated, readings=table, model_error=None, stated=None)
 
     @property
     def model_error_table(self) -> ModelErrorTable | None:
@@ -523,7 +541,7 @@ def estimated(
     Raises:
         Interrupted: a stop was asked for.
     """
-    setup = replace(setup, model_error=None)  # it may be that of other readings
+    setup = setup.as_stated()  # what was estimated may be of other readings
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
@@ -673,6 +691,7 @@ def _with_model_error(
         tuple(channel for channel, _ in rows),
         lambda increments: reading_steps(case, setup.model, increments, pairs, length),
         lambda again: _descent(again, methods, control),
+        isinstance(case.fit.loss, SquaredOptions),
     )
     found = search.run(problem, outcome)
     if found is None:
@@ -680,9 +699,18 @@ def _with_model_error(
     again = replace(setup, model_error=found.found)
     if structure.names:
         again = _sized(again, structure, found.components)
-        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
-        again = replace(again, model_error=found.found.of_channels(channels))
+    elif search.scatters:
+        again = _scattering(again, found.found)
+    channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
+    again = replace(again, model_error=found.found.of_channels(channels))
     return again, found.problem, found.outcome
+
+
+def _scattering(setup: Setup, found: FittedModelError) -> Setup:
+    """The setup with the errors of gauges that were found with the model error."""
+    case = with_scatter(setup.case, found.factor, found.zero)
+    table = reading_table(case, setup.readings.reason)
+    return replace(setup, case=case, readings=table, stated=setup.case)
 
 
 def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
