@@ -18,7 +18,7 @@ import numpy as np
 from geoident.model.case import Case
 from geoident.model.results.result import Iteration, Result
 from geoident.units import DIMENSIONS
-from geoident.workflow.estimating.estimate import Finished
+from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction

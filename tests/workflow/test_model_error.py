@@ -11,8 +11,8 @@ from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.gauges import Channel
 from geoident.workflow.estimating import model_error_covariance
-from geoident.workflow.estimating.estimate import problem_of_result
 from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
+from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.running.jobs import build_model, inputs_of_result
 from geoident.workflow.simulate import simulate
 from tests.support.trench import CASE, write_case, write_mesh

@@ -73,6 +73,17 @@ def album(result: Result, *, prefix: str = "") -> Album:
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
 
 
+def stage_pictures(result: Result, state: int) -> tuple[Picture, ...]:
+    """The figures of the fields after one stage; none where the result has no fields.
+
+    Args:
+        result: what to draw.
+        state: number of the state; 1 is that after the first stage.
+    """
+    scene = scene_of(result, only=state)
+    return () if scene is None else (*field_pictures(scene), *solid_pictures(scene))
+
+
 def comparison(results: Labelled) -> tuple[Picture, ...]:
     """The figures of several results together; none for a single one."""
     if len(results) < 2:
