@@ -10,9 +10,12 @@ from geoident.io.result.file import read_result
 from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import backtest
 from geoident.workflow.estimating import mesh_error
+from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
+from geoident.workflow.scoring.trials import up_to
 from tests.support.lifts import (
     CASE,
     LIFTS,
@@ -22,6 +25,16 @@ from tests.support.lifts import (
     write_case,
     write_readings,
 )
+
+
+class Kept(dict):
+    """A log in memory."""
+
+    def find(self, kind, p):
+        return self.get((kind, p.tobytes()))
+
+    def add(self, kind, p, arrays):
+        self[kind, p.tobytes()] = arrays
 
 
 @pytest.fixture
@@ -161,13 +174,32 @@ class TestCost:
             assert more == getattr(step.counts, name)
         assert both.parameters.values == pytest.approx(plain.parameters.values, rel=1e-12)
 
-    def test_the_mesh_is_asked_twice_however_many_fits_there_are(self, pit, monkeypatch):
-        """By the first fit for its readings, and by the second for those of all stages."""
+    def test_what_a_fit_carries_over_is_what_its_backtest_would_compute(self, pit):
+        job = plan_fit(Request("case.yaml"))
+        setup = prepare(job)
+        stages = np.array([LIFTS.index(s) for s in setup.readings.stage])
+        p, all_log, some_log = np.array([5e9, 1.5]), Kept(), Kept()
+        problem_of(setup, all_log, Control()).response.evaluate(p)
+        some = problem_of(up_to(setup, 2), some_log, Control()).response
+        carry_over(all_log, some_log, p, stages[setup.readings.used] <= 2, 4)
+        carried = some.evaluate(p), some.increments(p)
+        assert some.counts.evaluations == 0
+        fresh = problem_of(up_to(setup, 2), Kept(), Control()).response
+        (v, J), increments = fresh.evaluate(p), fresh.increments(p)
+        np.testing.assert_array_equal(carried[0][0], v)
+        np.testing.assert_array_equal(carried[0][1], J)
+        np.testing.assert_array_equal(carried[1], increments)
+
+    def test_the_mesh_is_asked_once_however_many_fits_there_are(self, pit, monkeypatch):
+        """Where it does not count, by the first fit for its stages and by the second for all."""
         made = []
         real = mesh_error.refined
         monkeypatch.setattr(mesh_error, "refined", lambda mesh: made.append(1) or real(mesh))
-        assert len(run().backtest.steps) == 4
-        assert len(made) == 2
+        rough = tuple(f"gauges.{g}.accuracy=2 mm" for g in ("CV", "SL", "SR", "XL", "XR"))
+        for overrides, asked in (((), 1), (rough, 2)):
+            made.clear()
+            assert len(run(*overrides, force=True).backtest.steps) == 4
+            assert len(made) == asked
         made.clear()
         fit(plan_fit(Request("case.yaml")), Control())  # with its own backtest
         assert len(made) == 1

@@ -67,8 +67,9 @@ def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> N
     if known is None or "increments" not in known:
         return
     some = {name: known[name][rows] for name in ("v", "dv_dp")}
-    arrays = {**some, "increments": known["increments"][:n_states], "cost": np.zeros(4)}
-    other.add("evaluate", p, arrays)
+    increments = np.array(known["increments"])
+    increments[n_states:] = 0.0
+    other.add("evaluate", p, {**some, "increments": increments, "cost": np.zeros(4)})
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
