@@ -24,19 +24,16 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
-from geoident.workflow.estimating.estimate import (
-    Finished,
+from geoident.workflow.estimating.estimate import known_errors
+from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
+from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.predictions import KnownErrors
+from geoident.workflow.estimating.setup import (
     Setup,
-    evaluation_log,
-    keep,
-    known_errors,
     model_error_of_result,
     problem_of,
     problem_of_result,
-    write,
 )
-from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
-from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (

@@ -13,8 +13,8 @@ from support.trench import CASE, READINGS, write_case
 from geoident.errors import InputError
 from geoident.io.result.file import read_result
 from geoident.model.results.model_error import ModelErrorTable
-from geoident.workflow.estimating.estimate import prepare
 from geoident.workflow.estimating.fields import require_same_modes
+from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.running.jobs import (
     Request,
     build_model,
