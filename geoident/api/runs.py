@@ -17,7 +17,7 @@ from geoident.api.results import (
 )
 from geoident.model.results.result import Result
 from geoident.workflow.backtest import backtest as run_backtest
-from geoident.workflow.estimating.estimate import Finished
+from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
