@@ -12,12 +12,12 @@ from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.overview import overview_pictures
-from geoident.report.drawing.parameters import (
+from geoident.report.drawing.parameters.corner import pair_pictures
+from geoident.report.drawing.parameters.intervals import (
     compared_parameter_pictures,
     parameter_pictures,
-    scan_pictures,
 )
-from geoident.report.drawing.posterior import posterior_pictures
+from geoident.report.drawing.parameters.scan import scan_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
@@ -61,7 +61,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
         overview_pictures(result, scene),
-        (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
+        (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
         (
             *profile_pictures(result),
             *reading_pictures(result),
