@@ -13,6 +13,7 @@ from geoident.report.drawing.gauges import (
     profile_pictures,
     reading_pictures,
 )
+from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.overview import overview_pictures
 from geoident.report.drawing.parameters import (
     compared_parameter_pictures,
@@ -62,7 +63,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
     if scene is not None:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
-        overview_pictures(result, scene),
+        (*model_pictures(result), *overview_pictures(result, scene)),
         (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
         (*reading_pictures(result), *profile_pictures(result), *sign_pictures(result)),
         fields,
