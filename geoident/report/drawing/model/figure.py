@@ -29,7 +29,12 @@ def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
         mesh: its mesh.
         suffix: of the file.
     """
-    return image(Picture("case", case.title, "", lambda: model_figure(case, mesh)), suffix)
+    return image(model_picture(case, mesh), suffix)
+
+
+def model_picture(case: Case, mesh: Mesh) -> Picture:
+    """The picture of a case, not drawn yet."""
+    return Picture("case", case.title, "", partial(model_figure, case, mesh))
 
 
 def model_pictures(result: Result) -> tuple[Picture, ...]:
