@@ -259,7 +259,7 @@ class CasePlots:
             UsageError: the case has no mesh.
         """
         needed("matplotlib", extra="report", what="a figure")
-        from geoident.report.drawing.case import model_picture  # noqa: PLC0415
+        from geoident.report.drawing.model.figure import model_picture  # noqa: PLC0415
 
         if self._checked.mesh is None:
             msg = "The case has no mesh, so there is nothing to draw."
