@@ -183,7 +183,7 @@ class TestCost:
         some = problem_of(up_to(setup, 2), some_log, Control()).response
         carry_over(all_log, some_log, p, stages[setup.readings.used] <= 2, 4)
         carried = some.evaluate(p), some.increments(p)
-        assert some.counts.evaluations == 0
+        assert setup.model.counts.evaluations == 1
         fresh = problem_of(up_to(setup, 2), Kept(), Control()).response
         (v, J), increments = fresh.evaluate(p), fresh.increments(p)
         np.testing.assert_array_equal(carried[0][0], v)
