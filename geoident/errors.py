@@ -162,6 +162,10 @@ class UsageError(GeoidentError):
     exit_code = ExitCode.USAGE
 
 
+class MissingExtra(UsageError, ImportError):
+    """A package is asked for that comes with an extra of the installation."""
+
+
 class InputError(GeoidentError):
     """The case, its mesh or its readings are wrong: carries all faults found at once."""
 

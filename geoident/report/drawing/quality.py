@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, Iteration, ParameterTable, Result
-from geoident.report.drawing.gauges import unknown
+from geoident.report.drawing.gauges.course import unknown
 from geoident.report.drawing.style import (
     COMPUTED,
     DIVERGING,

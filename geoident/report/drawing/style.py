@@ -22,7 +22,8 @@ from geoident.model.arrays import Floats
 from geoident.report.saving.figure_file import collector_paused, figure_file
 
 COMPUTED = "#1f4e79"
-MEASURED = "#d95f02"
+MEASURED = "#262626"
+ACCENT = "#d95f02"
 FAINT = "#8c8c8c"
 MM = 1e3  # mm in a metre
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
@@ -197,9 +198,13 @@ def paged(
     return tuple(
         Picture(
             f"{name}-{number}",
-            f"{title} ({label(part[0])} to {label(part[-1])})",
+            f"{title} ({_from_to(label(part[0]), label(part[-1]))})",
             caption,
             partial(draw, part),
         )
         for number, part in enumerate(parts, start=1)
     )
+
+
+def _from_to(first: str, last: str) -> str:
+    return first if first == last else f"{first} to {last}"
