@@ -13,7 +13,7 @@ from functools import reduce
 
 import numpy as np
 
-from geoident.errors import ExitCode, InputError, ModelError
+from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
 from geoident.identify.problem.problem import STOPPED
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -164,6 +164,8 @@ def run_trials(
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
             part = FitLog(log, f"to {last}:")
             trial = tried(setup, last, chain, part, control, start=start, until=until)
+        except TimeIsUp:
+            break
         except (InputError, ModelError) as error:
             skipped.append(Skipped(name, clause(error)))
             control.monitor.inform(f"up to {name}: skipped, {skipped[-1].why}")
