@@ -24,7 +24,7 @@ from geoident.model.results.summary import (
     ReadingSummary,
     StageSummary,
 )
-from geoident.workflow.estimating.estimate import require_possible
+from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings

@@ -10,7 +10,7 @@ from geoident.io.result.file import read_result
 from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import backtest
 from geoident.workflow.estimating import mesh_error
-from geoident.workflow.estimating.estimate import prepare, problem_of
+from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.evaluation_log import carry_over

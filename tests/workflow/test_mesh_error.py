@@ -15,9 +15,10 @@ from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
 from geoident.workflow.estimating import mesh_error as module
-from geoident.workflow.estimating.estimate import estimated, prepare
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.estimating.recovery import energy_error
+from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict

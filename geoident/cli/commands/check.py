@@ -126,7 +126,7 @@ def _check(case: str, picture: str | None, options: Options) -> int:
     elif not options.quiet:
         click.echo(case_text(checked.summary))
     if picture is not None:
-        from geoident.report.drawing.case import case_picture
+        from geoident.report.drawing.model.figure import case_picture
         from geoident.workflow.running.outputs import write_bytes
 
         if checked.mesh is None:

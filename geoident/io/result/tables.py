@@ -355,6 +355,9 @@ MODEL_ERROR = "model_error"
 """Group of the model error."""
 
 _MODEL_ERROR_NUMBERS = ("size", "lower95", "upper95", "length")
+_OF_GAUGES = tuple(
+    f"{name}{end}" for name in ("factor", "zero") for end in ("", "_lower95", "_upper95")
+)
 
 
 def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
@@ -369,7 +372,7 @@ def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
         MODEL_ERROR,
         {"eta": table.sizes, "state": table.states, "reading": np.arange(len(table.steps))},
     )
-    for name in _MODEL_ERROR_NUMBERS:
+    for name in (*_MODEL_ERROR_NUMBERS, *_OF_GAUGES):
         out.group.attrs[name] = np.float64(getattr(table, name))
     for name in ("kind", "sentence"):
         out.group.attrs[name] = plain_text(getattr(table, name))
@@ -397,6 +400,7 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
         steps=group.floats("steps", rows, len(states)),
         floors=group.floats("floors", rows, len(states)),
         findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
+        **{name: group.attribute(name, float) for name in _OF_GAUGES if name in group.group.attrs},
     )
 
 
@@ -476,7 +480,7 @@ def read_evidence(file: h5py.File) -> Evidence:
 
 MODELS = "models"
 _MODEL_NUMBERS = ("objective", "log_evidence", "log_likelihood", "backtest")
-_MODEL_COUNTS = ("parameters", "backtested")
+_MODEL_COUNTS = ("parameters", "backtested", "modes")
 
 
 def _write_models(file: h5py.File, found: ModelComparison) -> None:
@@ -502,7 +506,7 @@ def read_models(file: h5py.File) -> ModelComparison:
     k = len(names)
     paths, statuses = group.texts("path", k), group.texts("status", k)
     numbers = {name: group.floats(name, k).tolist() for name in _MODEL_NUMBERS}
-    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS}
+    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS if name in group}
     models = tuple(
         ModelScore(
             name=names[i],

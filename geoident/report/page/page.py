@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.report.drawing.album import album, comparison
+from geoident.report.drawing.album import Album, album, comparison
 from geoident.report.drawing.style import Picture, image
 from geoident.report.page.blocks import (
     Block,
@@ -177,7 +177,7 @@ def _parts(result: Result) -> tuple[Section, ...]:
             _warnings(result),
             Figures(pictures.overview),
         ),
-        _model(result, tuple(p for p in pictures.readings if p.name in _SIGNS)),
+        _model(result, pictures),
         section(
             "Parameters",
             Table("Parameters", parameter_table(result.parameters)),
@@ -230,13 +230,14 @@ def _parts(result: Result) -> tuple[Section, ...]:
     )
 
 
-def _model(result: Result, signs: tuple[Picture, ...]) -> Section:
+def _model(result: Result, pictures: Album) -> Section:
     """What was computed: ground, construction, structures, supports, and what is positive."""
     case = case_entries(result.case_resolved)
     numbers = Numbers(entries(case, "parameters"), result.parameters)
     said = [tag("p", text) for text in ground_sentences(case, numbers)]
     return section(
         "Model",
+        Figures(pictures.model),
         Table(
             "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
         ),
@@ -244,7 +245,7 @@ def _model(result: Result, signs: tuple[Picture, ...]) -> Section:
         Table("Construction", construction_table(case, numbers)),
         Table("Structures", structures_table(case, numbers)),
         Table("Supports", supports_table(case)),
-        Figures(signs),
+        Figures(tuple(p for p in pictures.readings if p.name in _SIGNS)),
     )
 
 

@@ -6,8 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import yaml
 
+from geoident.io.text.dates import DateError, read_date
+from geoident.model.arrays import Floats
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.gauges import moment_text
@@ -51,6 +54,24 @@ def axis_names(result: Result) -> tuple[str, str, str]:
 def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
     """What a key of the case holds, as texts; empty where it holds no mapping."""
     return _mapping(_case(result.case_resolved), key)
+
+
+def stage_dates(result: Result) -> Floats:
+    """When the stages end, from the case or else from their readings.
+
+    Returns:
+        (n_stages,) seconds since 1970; NaN where nobody says.
+    """
+    table, given = result.gauges.readings, case_mapping(result, "dates")
+    found = np.full(len(result.gauges.stages), np.nan)
+    names = np.array(table.stage)
+    for k, stage in enumerate(result.gauges.stages):
+        read = table.time[names == stage] if len(table) else np.empty(0)
+        try:
+            found[k] = read_date(str(given[stage]))
+        except (KeyError, DateError):
+            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
+    return found
 
 
 def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:

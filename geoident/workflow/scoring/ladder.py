@@ -17,7 +17,7 @@ from geoident.model.case import Case, Rung
 from geoident.model.results.result import Result
 from geoident.model.results.rivals import ModelComparison
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.estimating.estimate import Finished, keep, write
+from geoident.workflow.estimating.finished import Finished, keep, write
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, job_provenance, load_inputs, plan_fit
 from geoident.workflow.scoring.comparison import Candidate, compared
