@@ -20,8 +20,13 @@ Draw = Callable[[Sequence[Picture]], Sequence[bytes]]
 
 
 @dataclass(frozen=True)
-class Table:
-    """A table with its title."""
+class TitledTable:
+    """A table of a page.
+
+    Args:
+        title: what stands above it, behind its number.
+        table: its header and rows.
+    """
 
     title: str
     table: TextTable
@@ -32,7 +37,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Figures:
-    """Pictures beside each other, as far as there is room."""
+    """Pictures beside each other, as far as there is room.
+
+    Args:
+        pictures: in their order.
+    """
 
     pictures: tuple[Picture, ...]
 
@@ -40,11 +49,11 @@ class Figures:
         return bool(self.pictures)
 
 
-Block = Html | Table | Figures
+Block = Html | TitledTable | Figures
 
 
 @dataclass(frozen=True)
-class Section:
+class PagePart:
     """A part of a page.
 
     Args:
@@ -57,7 +66,7 @@ class Section:
 
     title: str
     blocks: tuple[Block, ...]
-    parts: tuple[Section, ...] = ()
+    parts: tuple[PagePart, ...] = ()
     closed: bool = False
     name: str = ""
 
@@ -68,29 +77,55 @@ class Section:
     def place(self) -> str:
         """Its id: letters and digits of its title.
 
-        >>> Section("How well it fits", ()).place
+        >>> PagePart("How well it fits", ()).place
         'section-how-well-it-fits'
         """
         words = re.sub(r"[^a-z0-9]+", "-", (self.name or self.title).lower()).strip("-")
         return f"section-{words}"
 
 
-def section(title: str, *blocks: Block, closed: bool = False) -> Section:
-    """A section of what stands in it; it is nothing if that is nothing."""
-    return Section(title, tuple(block for block in blocks if block), closed=closed)
+def section(title: str, *blocks: Block, closed: bool = False) -> PagePart:
+    """A section of what stands in it; it is nothing if that is nothing.
+
+    Args:
+        title: its heading.
+        blocks: what stands in it, empty ones among it.
+        closed: its contents are opened by a click.
+    """
+    return PagePart(title, tuple(block for block in blocks if block), closed=closed)
 
 
-def contents(sections: Sequence[Section]) -> Html:
-    """The list of sections with links."""
+def contents(sections: Sequence[PagePart]) -> Html:
+    """The list of sections with links.
+
+    Args:
+        sections: of the page.
+    """
     entries = [
-        tag("li", tag("a", f"{number}\u2002{one.title}", href=f"#{one.place}"))
-        for number, one in numbered(sections)
+        tag(
+            "li",
+            tag("a", f"{number}\u2002{one.title}", href=f"#{one.place}"),
+            class_="part" if "." in number else "",
+        )
+        for number, one in _listed(sections)
     ]
     return tag("nav", tag("b", "Contents"), tag("ol", *entries), aria_label="Contents")
 
 
-def numbered(sections: Sequence[Section]) -> Iterator[tuple[str, Section]]:
-    """Sections that are not empty, with their numbers; those that are closed have letters."""
+def _listed(sections: Sequence[PagePart]) -> Iterator[tuple[str, PagePart]]:
+    """Sections and, of those that are open, their parts."""
+    for number, one in numbered(sections):
+        yield number, one
+        if not one.closed:
+            yield from ((f"{number}.{k}", part) for k, part in numbered(one.parts))
+
+
+def numbered(sections: Sequence[PagePart]) -> Iterator[tuple[str, PagePart]]:
+    """Sections that are not empty, with their numbers; those that are closed have letters.
+
+    Args:
+        sections: of the page, or of a section.
+    """
     kept = [one for one in sections if one]
     numbers = iter(range(1, len(kept) + 1))
     letters = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
@@ -98,7 +133,7 @@ def numbered(sections: Sequence[Section]) -> Iterator[tuple[str, Section]]:
         yield (next(letters) if one.closed else str(next(numbers))), one
 
 
-def body(sections: Sequence[Section], draw: Draw) -> Html:
+def body(sections: Sequence[PagePart], draw: Draw) -> Html:
     """Sections as HTML, with figures and tables numbered through.
 
     Args:
@@ -111,7 +146,7 @@ def body(sections: Sequence[Section], draw: Draw) -> Html:
     )
 
 
-def _pictures(sections: Iterable[Section]) -> Iterator[Picture]:
+def _pictures(sections: Iterable[PagePart]) -> Iterator[Picture]:
     for one in sections:
         for block in one.blocks:
             if isinstance(block, Figures):
@@ -131,10 +166,10 @@ class _Writer:
         self._figures = 0
         self._tables = 0
 
-    def write(self, sections: Sequence[Section]) -> Html:
+    def write(self, sections: Sequence[PagePart]) -> Html:
         return joined([self._section(number, one, 2) for number, one in numbered(sections)], "\n")
 
-    def _section(self, number: str, one: Section, level: int) -> Html:
+    def _section(self, number: str, one: PagePart, level: int) -> Html:
         heading = tag(f"h{level}", tag("span", f"{number} ", class_="number"), one.title)
         blocks = [self._block(block) for block in one.blocks]
         parts = [self._section(f"{number}.{k}", part, level + 1) for k, part in numbered(one.parts)]
@@ -148,7 +183,7 @@ class _Writer:
         if isinstance(block, Figures):
             return tag("div", *(self._figure(picture) for picture in block.pictures),
                        class_="figures")  # fmt: skip
-        if isinstance(block, Table):
+        if isinstance(block, TitledTable):
             self._tables += 1
             return table(block.table, caption=f"Table {self._tables}: {block.title}")
         return block

@@ -107,9 +107,14 @@ _SIZES = "".join(
 """Figures by their own width in hundreds of pixels: they grow into the room that there is."""
 
 _PRINTED = "".join(
-    f"  .p{k} {{ flex: none; width: {k - 1}%; max-width: none; }}\n" for k in range(10, 105, 5)
+    f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
+    if k < 55 or k > 75
+    else f"  .p{k} {{ display: flex; max-width: none; width: 99%; gap: 3%; }}\n"
+    f"  .p{k} .drawing {{ flex: 0 0 {k - 3}%; }}\n"
+    for k in range(10, 105, 5)
 )
-"""Figures by their part of the width of a printed page, in per cent."""
+"""Figures by their part of the width of a printed page, in per cent: small ones side by side, those
+of middle size with their caption at the side."""
 
 STYLE = f"""
 :root {{ color: #1a1a1a; background: #fff; font: 15px/1.5 system-ui, "Segoe UI", Roboto,
@@ -156,6 +161,7 @@ summary {{ cursor: pointer; border-bottom: 1px solid #bbb; margin-top: 1.4em; }}
 summary h2 {{ display: inline-block; border: 0; margin: 0; }}
 nav {{ padding: 20px 20px 0; }}
 nav ol {{ list-style: none; padding: 0; margin: .5em 0; columns: 3 14em; }}
+nav .part {{ padding-left: 1.2em; }}
 nav li {{ padding: .12em 0; break-inside: avoid; }}
 a {{ color: #1f4e79; }}
 @media (min-width: 1240px) {{
@@ -186,7 +192,7 @@ a {{ color: #1f4e79; }}
   .lead {{ font-size: 1em; }}
   h2 {{ margin-top: 1em; }}
   h3 {{ margin-top: .9em; }}
-  .figures {{ display: block; margin: .4em 0; }}
+  .figures {{ display: block; margin: .4em 0; orphans: 1; widows: 1; }}
   figure {{ display: inline-block; vertical-align: top; margin: 0 1% .7em 0; }}
   figure, tr, .lead, .warn {{ break-inside: avoid; }}
   h2, h3, h4, caption {{ break-after: avoid; }}

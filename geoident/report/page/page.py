@@ -18,8 +18,8 @@ from geoident.report.page.blocks import (
     Block,
     Draw,
     Figures,
-    Section,
-    Table,
+    PagePart,
+    TitledTable,
     body,
     contents,
     section,
@@ -48,7 +48,7 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
-from geoident.report.text.inputs.numbers import Numbers, entries
+from geoident.report.text.inputs.numbers import SaidNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
@@ -125,25 +125,25 @@ def _head(title: str, head: ReportHead, results: Labelled, logo: bytes) -> Html:
     return tag("header", tag("div", words, picture, class_="head"))
 
 
-def _compared(results: Labelled) -> tuple[Section, ...]:
+def _compared(results: Labelled) -> tuple[PagePart, ...]:
     """What several results say side by side; of each alone, what is not said so."""
     few = len(results) <= _MOST_RUNS
     runs = tuple(
         _run(number, label, result, few=few) for number, (label, result) in enumerate(results, 1)
     )
     return (
-        section("Outcomes", Table("Outcomes", compared_outcomes(results))),
+        section("Outcomes", TitledTable("Outcomes", compared_outcomes(results))),
         section(
             "Parameters side by side",
-            Table("Parameters with their 95 % intervals", compared_parameters(results)),
+            TitledTable("Parameters with their 95 % intervals", compared_parameters(results)),
             Figures(comparison(results)),
         ),
-        Section("Each result", (), tuple(run for run in runs if run)),
-        Section("Provenance", (), _provenances(results), closed=True),
+        PagePart("Each result", (), tuple(run for run in runs if run)),
+        PagePart("Provenance", (), _provenances(results), closed=True),
     )
 
 
-def _run(number: int, label: str, result: Result, *, few: bool) -> Section:
+def _run(number: int, label: str, result: Result, *, few: bool) -> PagePart:
     """What one of several results says."""
     title = case_title(result)
     pictures = album(result, prefix=f"{number}-") if few else None
@@ -158,14 +158,14 @@ def _run(number: int, label: str, result: Result, *, few: bool) -> Section:
     return replace(found, name=f"result-{number}")
 
 
-def _provenances(results: Labelled) -> tuple[Section, ...]:
+def _provenances(results: Labelled) -> tuple[PagePart, ...]:
     return tuple(
         replace(section(label, _provenance(result)), name=f"provenance-{number}")
         for number, (label, result) in enumerate(results, start=1)
     )
 
 
-def _parts(result: Result) -> tuple[Section, ...]:
+def _parts(result: Result) -> tuple[PagePart, ...]:
     """All sections of one result."""
     pictures = album(result)
     fit = [p for p in pictures.quality if p.name not in _OF_THE_SEARCH]
@@ -180,18 +180,18 @@ def _parts(result: Result) -> tuple[Section, ...]:
         _model(result, pictures),
         section(
             "Parameters",
-            Table("Parameters", parameter_table(result.parameters)),
+            TitledTable("Parameters", parameter_table(result.parameters)),
             Figures(pictures.parameters),
         ),
-        section(varied.TITLE, Table(varied.TITLE, varied.varied_table(result.varied))),
+        section(varied.TITLE, TitledTable(varied.TITLE, varied.varied_table(result.varied))),
         section(posterior.TITLE, *_posterior(result)),
         section(
             accuracies.TITLE,
-            Table(accuracies.TITLE, accuracies.accuracies_table(result.accuracies)),
+            TitledTable(accuracies.TITLE, accuracies.accuracies_table(result.accuracies)),
         ),
         section(rivals.MODELS_TITLE, *_models(result)),
         section(model_error.TITLE, _model_error(result)),
-        section(rivals.TITLE, Table(rivals.TITLE, rivals.rivals_table(result))),
+        section(rivals.TITLE, TitledTable(rivals.TITLE, rivals.rivals_table(result))),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name not in _SIGNS))),
         section("Displacements and stresses", Figures(pictures.fields)),
         section(
@@ -210,7 +210,7 @@ def _parts(result: Result) -> tuple[Section, ...]:
         section("Notes", joined([tag("p", note) for note in result.notes if note])),
         section(
             "All readings",
-            Table(unit_title("Readings", result.gauges), reading_table(result)),
+            TitledTable(unit_title("Readings", result.gauges), reading_table(result)),
             _in_sd(result),
             closed=True,
         ),
@@ -222,7 +222,7 @@ def _parts(result: Result) -> tuple[Section, ...]:
         ),
         section(
             f"All {structures.TITLE.lower()}",
-            Table(structures.TITLE, structures.force_table(result.members)),
+            TitledTable(structures.TITLE, structures.force_table(result.members)),
             closed=True,
         ),
         section("Provenance", _provenance(result), closed=True),
@@ -230,22 +230,24 @@ def _parts(result: Result) -> tuple[Section, ...]:
     )
 
 
-def _model(result: Result, pictures: Album) -> Section:
-    """What was computed: ground, construction, structures, supports, and what is positive."""
+def _model(result: Result, pictures: Album) -> PagePart:
+    """What was computed: ground, construction, structures, supports, and what is positive.
+
+    Tables go before figures, since they fill what is left of a printed page.
+    """
     case = case_entries(result.case_resolved)
-    numbers = Numbers(entries(case, "parameters"), result.parameters)
+    numbers = SaidNumbers(entries(case, "parameters"), result.parameters)
     said = [tag("p", text) for text in ground_sentences(case, numbers)]
     return section(
         "Model",
-        Figures(pictures.model),
-        Table(
+        TitledTable(
             "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
         ),
         joined(said),
-        Table("Construction", construction_table(case, numbers)),
-        Table("Structures", structures_table(case, numbers)),
-        Table("Supports", supports_table(case)),
-        Figures(tuple(p for p in pictures.readings if p.name in _SIGNS)),
+        TitledTable("Construction", construction_table(case, numbers)),
+        TitledTable("Structures", structures_table(case, numbers)),
+        TitledTable("Supports", supports_table(case)),
+        Figures((*pictures.model, *(p for p in pictures.readings if p.name in _SIGNS))),
     )
 
 
@@ -265,7 +267,7 @@ def _posterior(result: Result) -> tuple[Block, ...]:
     if result.posterior is None:
         return ()
     said = tag("p", posterior.cost_sentence(result.posterior))
-    return said, Table("Posterior", posterior.posterior_table(result))
+    return said, TitledTable("Posterior", posterior.posterior_table(result))
 
 
 def _models(result: Result) -> tuple[Block, ...]:
@@ -273,7 +275,7 @@ def _models(result: Result) -> tuple[Block, ...]:
     if found is None:
         return ()
     said = tag("ul", *(tag("li", text) for text in found.sentences))
-    models = Table(rivals.MODELS_TITLE, rivals.models_table(found))
+    models = TitledTable(rivals.MODELS_TITLE, rivals.models_table(found))
     return models, said, tag("p", rivals.MODELS_LEGEND)
 
 
@@ -308,7 +310,7 @@ def _influence(result: Result) -> tuple[Block, ...]:
         "by sd: the parameter that the reading moves most, in standard deviations of the parameter."
     )
     title = influence_title(result.diagnostics).replace("\n", ". ")
-    return Table(title, found), tag("p", note, class_="note")
+    return TitledTable(title, found), tag("p", note, class_="note")
 
 
 def _yield_planes(result: Result) -> tuple[Block, ...]:
@@ -317,7 +319,7 @@ def _yield_planes(result: Result) -> tuple[Block, ...]:
     if found is None:
         return ()
     said = tag("p", " ".join(yielding.certificate_sentences(found)))
-    return said, Table(yielding.TITLE, yielding.plane_table(found))
+    return said, TitledTable(yielding.TITLE, yielding.plane_table(found))
 
 
 def _backtest(result: Result) -> tuple[Block, ...]:
@@ -327,13 +329,13 @@ def _backtest(result: Result) -> tuple[Block, ...]:
         return ()
     if result.kind != "backtest":
         words = "The last fitted stage, predicted from the readings of those before it."
-        return tag("p", words), Table("Predictions", backtest.prediction_table(result))
+        return tag("p", words), TitledTable("Predictions", backtest.prediction_table(result))
     ahead = f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage"
     return (
-        Table("Fits of the readings up to each stage", backtest.fits_table(result)),
-        Table("Predictions against later readings", backtest.scores_table(found)),
-        Table(f"{backtest.ERRORS_TITLE}: next stage", backtest.errors_table(result)),
-        Table(ahead, backtest.errors_table(result, ahead=False)),
+        TitledTable("Fits of the readings up to each stage", backtest.fits_table(result)),
+        TitledTable("Predictions against later readings", backtest.scores_table(found)),
+        TitledTable(f"{backtest.ERRORS_TITLE}: next stage", backtest.errors_table(result)),
+        TitledTable(ahead, backtest.errors_table(result, ahead=False)),
     )
 
 

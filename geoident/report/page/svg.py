@@ -24,7 +24,7 @@ _SIZE = re.compile(r' width="(\d+)" height="(\d+)"')
 _PRINT_SCALE = 0.64
 """Letters of 8.5 points are 5.5 points high on paper."""
 _PRINT_WIDTH = 680  # pixels of A4 without its margins
-_PRINT_HEIGHT = 350  # pixels of a figure at most, so that two and more find room on a page
+_PRINT_HEIGHT = 335  # pixels of a figure at most, so that two and more find room on a page
 _DROPPED = ("metadata", "style", "title", "desc")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 

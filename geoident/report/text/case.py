@@ -16,7 +16,7 @@ from geoident.model.results.summary import CaseSummary, CostEstimate, StageSumma
 from geoident.report.text.gauges import moment_text
 from geoident.report.text.inputs.construction import load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
-from geoident.report.text.inputs.numbers import Entry, Numbers, entries
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import (
     TextTable,
@@ -220,10 +220,10 @@ _LABELS = {"groups": "groups ", "held along": "held along "}
 """Columns whose cells do not say by themselves what they are."""
 
 
-def _inputs(summary: CaseSummary, table: Callable[[Entry, Numbers], TextTable]) -> str:
+def _inputs(summary: CaseSummary, table: Callable[[CaseTexts, SaidNumbers], TextTable]) -> str:
     """A table of what the case says, an entry a line: its cells are too long for columns."""
     case = _case(summary.resolved)
-    found = table(case, Numbers(entries(case, "parameters")))
+    found = table(case, SaidNumbers(entries(case, "parameters")))
     lines = []
     for first, *rest in found.rows:
         named = zip(found.header[1:], rest, strict=True)
@@ -235,7 +235,7 @@ def _inputs(summary: CaseSummary, table: Callable[[Entry, Numbers], TextTable]) 
 def _begin(summary: CaseSummary) -> tuple[str, ...]:
     """What acts before the first stage."""
     case = _case(summary.resolved)
-    numbers = Numbers(entries(case, "parameters"))
+    numbers = SaidNumbers(entries(case, "parameters"))
     loads = [f"Load {text}." for text in load_texts(entries(case, "loads"), numbers)]
     return (*ground_sentences(case, numbers), *loads)
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from geoident.report.text.inputs.numbers import Entry, Numbers, entries, listed, ranged
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
 from geoident.report.text.layout import TextTable
 
 INITIAL = "initial state"
 
 
-def construction_table(case: Entry, numbers: Numbers) -> TextTable:
+def construction_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
     """A row for every stage, the initial state first; columns in which nothing stands are left out.
 
     Args:
         case: as texts.
         numbers: how its numbers are said.
     """
-    columns: dict[str, Callable[[Entry], str]] = {
+    columns: dict[str, Callable[[CaseTexts], str]] = {
         "excavated": lambda s: ranged(listed(s.get("excavate"))),
         "placed": lambda s: _by_material(entries(s, "install")),
         "changed": lambda s: _by_material(entries(s, "change"), "to"),
@@ -32,7 +32,7 @@ def construction_table(case: Entry, numbers: Numbers) -> TextTable:
     }
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
     dates = entries(case, "dates")
-    first: Entry = {"loads": case.get("loads"), "water": case.get("water")}
+    first: CaseTexts = {"loads": case.get("loads"), "water": case.get("water")}
     rows = [["0", INITIAL, str(dates.get("virgin", "")), *(of(first) for of in columns.values())]]
     for number, stage in enumerate(stages, start=1):
         name = str(stage.get("name", ""))
@@ -51,7 +51,7 @@ def _filled(table: TextTable, *, always: int) -> TextTable:
     )
 
 
-def _by_material(groups: Entry, word: str = "of") -> str:
+def _by_material(groups: CaseTexts, word: str = "of") -> str:
     """Groups of one material together."""
     found: dict[str, list[str]] = {}
     for group, material in groups.items():
@@ -59,11 +59,11 @@ def _by_material(groups: Entry, word: str = "of") -> str:
     return "; ".join(f"{ranged(names)} {word} {material}" for material, names in found.items())
 
 
-def _pairs(given: Entry, numbers: Numbers) -> str:
+def _pairs(given: CaseTexts, numbers: SaidNumbers) -> str:
     return ", ".join(f"{name} {numbers.text(value)}" for name, value in given.items())
 
 
-def _shares(stage: Entry, numbers: Numbers) -> str:
+def _shares(stage: CaseTexts, numbers: SaidNumbers) -> str:
     """How much of the stress of groups is released."""
     return ", ".join(
         f"{share_text(value, numbers)} of {group}"
@@ -71,10 +71,10 @@ def _shares(stage: Entry, numbers: Numbers) -> str:
     )
 
 
-def share_text(value: object, numbers: Numbers) -> str:
+def share_text(value: object, numbers: SaidNumbers) -> str:
     """A part of a whole in words: per cent where it is a number.
 
-    >>> share_text("0.6", Numbers({})), share_text("$ahead", Numbers({}))
+    >>> share_text("0.6", SaidNumbers({})), share_text("$ahead", SaidNumbers({}))
     ('60 %', 'ahead')
     """
     try:
@@ -83,7 +83,7 @@ def share_text(value: object, numbers: Numbers) -> str:
         return numbers.text(value)
 
 
-def load_texts(loads: Entry, numbers: Numbers) -> list[str]:
+def load_texts(loads: CaseTexts, numbers: SaidNumbers) -> list[str]:
     """Loads with their kinds, sizes and places.
 
     Args:
@@ -93,7 +93,7 @@ def load_texts(loads: Entry, numbers: Numbers) -> list[str]:
     return [_load(name, load, numbers) for name, load in loads.items() if isinstance(load, Mapping)]
 
 
-def _load(name: str, load: Entry, numbers: Numbers) -> str:
+def _load(name: str, load: CaseTexts, numbers: SaidNumbers) -> str:
     kinds = [
         f"{str(key).replace('_', ' ')} {numbers.text(value)}"
         for key, value in load.items()
@@ -104,7 +104,7 @@ def _load(name: str, load: Entry, numbers: Numbers) -> str:
     return f"{name}: {', '.join(kinds)}{on}{at}"
 
 
-def _base(stage: Entry) -> str:
+def _base(stage: CaseTexts) -> str:
     """What a stage builds on, where that is not the one before."""
     base = f"builds on {stage['base']}" if stage.get("base") else ""
     alone = "a load case by itself" if stage.get("independent") == "true" else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from geoident.report.text.inputs.numbers import Entry, Numbers, entries, listed, ranged
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
 from geoident.report.text.layout import TextTable
 
 _YIELD_NAMES = {
@@ -16,7 +16,7 @@ _YIELD_NAMES = {
 }
 
 
-def materials_table(case: Entry, numbers: Numbers) -> TextTable:
+def materials_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
     """Materials with their laws, constants and groups.
 
     Args:
@@ -32,7 +32,7 @@ def materials_table(case: Entry, numbers: Numbers) -> TextTable:
     return TextTable(("material", "law", "constants", "groups"), rows)
 
 
-def _groups(case: Entry) -> dict[str, list[str]]:
+def _groups(case: CaseTexts) -> dict[str, list[str]]:
     """Material to the groups that are of it, from the beginning or after some stage."""
     found: dict[str, list[str]] = {}
     pairs = [*entries(case, "groups").items()]
@@ -43,20 +43,20 @@ def _groups(case: Entry) -> dict[str, list[str]]:
     return found
 
 
-def _law(material: Entry) -> str:
+def _law(material: CaseTexts) -> str:
     """Elasticity and yield surfaces by name."""
     names = [str(surface.get("type", "")) for surface in _surfaces(material)]
     yields = [_YIELD_NAMES.get(name, name) for name in names]
     return ", ".join([f"{material.get('elastic', 'isotropic')} elastic", *yields])
 
 
-def _surfaces(material: Entry) -> list[Entry]:
+def _surfaces(material: CaseTexts) -> list[CaseTexts]:
     given = material.get("yield", [])
     found = given if isinstance(given, list) else [given]
     return [surface for surface in found if isinstance(surface, Mapping)]
 
 
-def _constants(material: Entry, numbers: Numbers) -> str:
+def _constants(material: CaseTexts, numbers: SaidNumbers) -> str:
     order = sorted(material, key=lambda key: key in ("density", "expansion"))
     said = [
         f"{key} = {numbers.text(material[key])}" for key in order if key not in ("elastic", "yield")
@@ -69,7 +69,7 @@ def _constants(material: Entry, numbers: Numbers) -> str:
     return "; ".join(said)
 
 
-def ground_sentences(case: Entry, numbers: Numbers) -> tuple[str, ...]:
+def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
     """In-situ stress, gravity and water, a sentence each.
 
     Args:
@@ -92,7 +92,7 @@ def ground_sentences(case: Entry, numbers: Numbers) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _by_group(value: object, numbers: Numbers) -> str:
+def _by_group(value: object, numbers: SaidNumbers) -> str:
     """A number, or one for each group: groups of one number together."""
     if not isinstance(value, Mapping):
         return numbers.text(value)

@@ -12,7 +12,7 @@ from geoident.report.text.layout import with_interval
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.units import in_unit, shown_unit
 
-Entry = Mapping[str, Any]
+CaseTexts = Mapping[str, Any]
 """What a key of a case holds: texts, lists and mappings of texts."""
 
 _TIE = re.compile(r"^\s*(?:([-+.\deE]+)\s*\*?\s*)?\$\{?([A-Za-z_]\w*)\}?\s*$")
@@ -21,7 +21,7 @@ _NUMBERED = re.compile(r"^(.*?)(\d{1,9})$")
 
 
 @dataclass(frozen=True)
-class Numbers:
+class SaidNumbers:
     """How the numbers of a case are said.
 
     Args:
@@ -29,15 +29,15 @@ class Numbers:
         found: the parameters as identified; None before a fit.
     """
 
-    given: Entry
+    given: CaseTexts
     found: ParameterTable | None = None
 
     def text(self, value: object) -> str:
         """A value of the case in words.
 
-        >>> Numbers({"E": {"start": "20 GPa"}}).text("0.5 $E")
+        >>> SaidNumbers({"E": {"start": "20 GPa"}}).text("0.5 $E")
         '0.5 E (start 20 GPa)'
-        >>> Numbers({}).text({"mean": "3 GPa", "sd": "20 %"}), Numbers({}).text(["x", "y"])
+        >>> SaidNumbers({}).text({"mean": "3 GPa", "sd": "20 %"}), SaidNumbers({}).text(["x", "y"])
         ('mean 3 GPa, sd 20 %', 'x, y')
         """
         if isinstance(value, Mapping):
@@ -68,7 +68,7 @@ class Numbers:
         return words if low == "-" else f"{words} ({low} to {high})"
 
 
-def entries(case: Entry, key: str) -> Entry:
+def entries(case: CaseTexts, key: str) -> CaseTexts:
     """What a key of a case holds by name; empty where it is missing or of another kind."""
     found = case.get(key)
     return found if isinstance(found, Mapping) else {}

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from geoident.report.text.inputs.numbers import Entry, Numbers, entries, listed
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed
 from geoident.report.text.layout import TextTable
 
 _KINDS = {"beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors"}
 _STIFFNESS = ("E", "nu", "thickness", "diameter", "area", "EA", "EI", "density", "weight")
 
 
-def structures_table(case: Entry, numbers: Numbers) -> TextTable:
+def structures_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
     """Walls, linings, bolts, struts and anchors: section, stiffness, when they stand.
 
     Args:
@@ -34,7 +34,7 @@ def structures_table(case: Entry, numbers: Numbers) -> TextTable:
     return TextTable(header, rows)
 
 
-def _place(structure: Entry, numbers: Numbers) -> str:
+def _place(structure: CaseTexts, numbers: SaidNumbers) -> str:
     """The lines on which it lies, or where its bars run."""
     if structure.get("on"):
         return f"on {structure['on']}"
@@ -45,7 +45,7 @@ def _place(structure: Entry, numbers: Numbers) -> str:
     return f"{len(bars)} bars"
 
 
-def _details(structure: Entry, numbers: Numbers) -> str:
+def _details(structure: CaseTexts, numbers: SaidNumbers) -> str:
     said = [
         f"{key} {numbers.text(structure[key])}"
         for key in ("spacing", "number", "grouted", "prestress")
@@ -60,7 +60,7 @@ def _details(structure: Entry, numbers: Numbers) -> str:
     return "; ".join(said)
 
 
-def _standing(case: Entry, name: str) -> str:
+def _standing(case: CaseTexts, name: str) -> str:
     """Stages that build and remove it."""
     said = []
     for key, word in (("build", "from"), ("dismantle", "until")):
@@ -72,7 +72,7 @@ def _standing(case: Entry, name: str) -> str:
     return ", ".join(said) or "never built"
 
 
-def supports_table(case: Entry) -> TextTable:
+def supports_table(case: CaseTexts) -> TextTable:
     """Groups that are held, and in which directions."""
     rows = [
         [group, "x, y, z" if held == "fixed" else ", ".join(listed(held)) or str(held)]
