@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+import shlex
 from functools import partial
 
 import click
 
-from geoident.cli.options import Options, always, takes
+from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
 
 EPILOG = """\b
@@ -21,13 +22,19 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["no_page"]:
+        return (f"look at the figures in {shlex.quote(arguments['folder'])}",)
+    return ("open the page in a browser, which also prints it to PDF",)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...")
 @click.option("--figures", "folder", metavar="DIR", help="Write the figures as files as well.")
 @click.option(
     "--format",
     "suffixes",
-    type=click.Choice(["svg", "png", "pdf"]),
+    type=OneOf(["svg", "png", "pdf"]),
     multiple=True,
     help="Format of these files; may be repeated.  [default: svg]",
 )
@@ -39,9 +46,7 @@ Examples:
 @click.option("--revision", metavar="TEXT", default="", help="Its revision.")
 @click.option("--date", metavar="TEXT", default="", help="Its date, as it is to be written.")
 @click.option("--logo", metavar="FILE", default="", help="Logo in the head: .png or .svg.")
-@takes(
-    "output", "force", after=always("open it in a browser or a viewer; a browser prints it to PDF")
-)
+@takes("output", "force", after=_next)
 def command(
     results: tuple[str, ...],
     folder: str | None,

@@ -186,7 +186,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Positions of the gauges", _places(summary)),
         _readings(summary),
         section("Dates of the readings", _when_read(summary)),
-        section("Computation", _cost(summary.cost)),
+        section("Computation", _cost(summary.cost, summary.evaluations)),
         section("Notes", bullets(summary.notes)),
     )
 
@@ -346,21 +346,18 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
-def _cost(cost: CostEstimate | None) -> str:
+def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
-    fit = "a fit by gauss-newton takes 5 to 10 evaluations."
+    yields = ""
     if cost.newton_steps > 1:
-        fit = (
-            f"ground yields, so {cost.newton_steps} Newton steps per stage are assumed. A fit by "
-            "complementarity takes 20 to 60 evaluations, most of them close to an earlier one, "
-            "with two to four steps per stage."
-        )
+        yields = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
         f"stages take {_many(cost.factor_flops)} operations (counted).",
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
-        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); {fit}",
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){yields}. "
+        + evaluations,
     ]
     return "\n".join(sentence(line) for line in lines)
 
