@@ -45,7 +45,7 @@ class Inputs:
     Args:
         path: the case as the user named it.
         loaded: the case, its text, and the files that it names.
-        case_sha256: of the case after overrides.
+        case_sha256: of the case after overrides, without the head of its report.
         mesh_sha256: of the bytes of the mesh; empty if there is none.
         readings_sha256: of the bytes of the readings; empty if there is no file of them.
     """
@@ -181,7 +181,7 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
     return Inputs(
         path,
         loaded,
-        case_sha256=sha256(loaded.resolved.encode()),
+        case_sha256=sha256((loaded.computed or loaded.resolved).encode()),
         mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
         readings_sha256=_hash_readings(loaded.readings_paths),
     )
