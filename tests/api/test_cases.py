@@ -147,4 +147,4 @@ def test_errors_speak_python(case, fitted, tmp_path):
 
 
 def test_a_case_without_a_mesh_has_no_picture(case, tmp_path):
-    assert len(check(case).plot.model()) == 2
+    assert len(check(case).plot.model()) == 3  # whole, closer, legend

@@ -99,7 +99,8 @@ def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
     names = [picture.name for picture in album(result).all]
     expected = {"overview", "parameters", "readings-1", "extensometers-1", "one-to-one",
                 "residuals", "history", "correlation"}  # fmt: skip
-    fields = ["displacement", "stress-minimum", "stress-maximum", "deformed", "vectors"]
+    fields = ["displacement", "displacement-parts", "stress-minimum", "stress-maximum",
+              "stress-crosses", "deformed", "vectors"]  # fmt: skip
     sections = [""] if kind == "plane" else ["section-1-", "section-2-"]
     expected |= {section + field for section in sections for field in fields}
     expected |= {"yielded"} if kind == "plane" else {"surface", "cut-away", "cut-away-deformed"}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
-from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.fields.pictures import field_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from geoident.model.results.result import Grid, Labelled, ParameterTable, Result
-from geoident.report.drawing.fields import bands
+from geoident.report.drawing.fields.panels import bands
 from geoident.report.drawing.style import FAINT, LENGTHS, SMALL, Picture, colour, key, marker, short
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED, Unit, prior_interval, unit_of
