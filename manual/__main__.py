@@ -7,8 +7,12 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from matplotlib import rc_context
+
 from geoident.io.docs.case_schema import key_page_text
-from manual.pages import DOCS, read_page
+from manual.commands import command_page
+from manual.drawings import DRAWINGS, STYLE, svg
+from manual.pages import DOCS, page_name, pages_that_are_run, read_page
 from manual.transcript import renew, run_page
 
 
@@ -17,22 +21,34 @@ def keys() -> None:
     (DOCS / "keys.md").write_text(key_page_text(), encoding="utf-8")
 
 
-def tutorial(name: str) -> Callable[[], None]:
-    """Outputs, files and pictures of a tutorial."""
+def commands() -> None:
+    """The page of all commands."""
+    (DOCS / "commands.md").write_text(command_page(), encoding="utf-8")
+
+
+def drawings() -> None:
+    """The drawings of the conventions."""
+    for name, draw in DRAWINGS.items():
+        with rc_context(STYLE):
+            (DOCS / f"{name}.svg").write_bytes(svg(draw()))
+
+
+def page_that_is_run(path: Path) -> Callable[[], None]:
+    """Outputs, files and pictures of a page with commands."""
 
     def run() -> None:
-        page = read_page(DOCS / "tutorials" / f"{name}.md")
+        page = read_page(path)
         with tempfile.TemporaryDirectory() as folder:
             renew(page, run_page(page, Path(folder)))
 
     return run
 
 
-TUTORIALS = tuple(sorted(path.stem for path in (DOCS / "tutorials").glob("*.md")))
-
 PARTS: dict[str, Callable[[], None]] = {
     "keys": keys,
-    **{f"tutorials/{name}": tutorial(name) for name in TUTORIALS},
+    "commands": commands,
+    "drawings": drawings,
+    **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
 }
 
 

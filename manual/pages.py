@@ -8,6 +8,8 @@ what a fenced block is:
                                   of what the commands below print, only the paragraphs with these
                                   first words, and of the second only 6 lines; "nothing" for none
     <!-- exit: 4 -->              the exit code of the commands below, 0 if not said
+    <!-- like: ../tutorials/dam.md -->
+                                  the page begins with the files of another page
 
 Blocks of ``console`` hold lines ``$ command``, each followed by its output; left-out parts are
 lines ``...``.
@@ -30,6 +32,7 @@ _BLOCK = re.compile(
 )
 _NOTE = re.compile(r"<!-- (\w+): (.*?) -->")
 _PICTURE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)")
+_LIKE = re.compile(r"^<!-- like: (\S+) -->$", re.MULTILINE)
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _TIMES = re.compile(r"\b\d[\d.]*(?= (?:s|min|h|ms|MB|kB)\b)")
 CLOSE = 0.02  # of the numbers that are compared
@@ -89,6 +92,12 @@ class Page:
         return [self.path.parent / name for name in _PICTURE.findall(self.text)]
 
     @property
+    def like(self) -> Path | None:
+        """The page whose files it begins with."""
+        found = _LIKE.search(self.text)
+        return self.path.parent / found[1] if found else None
+
+    @property
     def folder(self) -> Path:
         """Where the files of the page lie, for those who do not want to copy them."""
         return self.path.with_suffix("")
@@ -115,6 +124,16 @@ class Page:
 def read_page(path: Path) -> Page:
     """The page in a file."""
     return Page(path, path.read_text(encoding="utf-8"))
+
+
+def pages_that_are_run() -> list[Path]:
+    """Paths of the pages with commands."""
+    return [p for p in sorted(DOCS.rglob("*.md")) if "```console\n" in p.read_text("utf-8")]
+
+
+def page_name(path: Path) -> str:
+    """The name of a page: ``tutorials/dam``."""
+    return path.relative_to(DOCS).with_suffix("").as_posix()
 
 
 def cut(output: str, show: tuple[str, ...] | None) -> str:

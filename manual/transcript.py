@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from geoident.cli.app import geoident
-from manual.pages import Command, File, Page, cut, difference
+from manual.pages import Command, File, Page, cut, difference, read_page
 
 PICTURES = {".png", ".svg"}
 COLOURS = 96  # of pictures in a page
@@ -44,8 +44,10 @@ class Run:
 
 def run_page(page: Page, folder: Path) -> Run:
     """Write the files of a page and run its commands in their order, in an empty folder."""
-    for file in given_files(page):
-        shutil.copy(file, folder / file.name)
+    before = () if page.like is None else read_page(page.like).folder.iterdir()
+    for file in (*before, *given_files(page)):
+        if file.suffix not in PICTURES:
+            shutil.copy(file, folder / file.name)
     outputs, codes = [], []
     for step in page.steps:
         if isinstance(step, File):
@@ -100,8 +102,8 @@ def renew(page: Page, run: Run) -> None:
         if code != command.code:
             raise ValueError(f"{command.line}: exit code {code}\n{output}")
     page.path.write_text(page.with_outputs(run.outputs), encoding="utf-8")
-    page.folder.mkdir(exist_ok=True)
     for name, text in page.files.items():
+        page.folder.mkdir(exist_ok=True)
         (page.folder / name).write_text(text, encoding="utf-8")
     for picture in page.pictures:
         made = _made(run, picture)

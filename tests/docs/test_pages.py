@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
-from manual.pages import DOCS, Page, cut, difference, read_page
+from manual.pages import Page, cut, difference, page_name, pages_that_are_run, read_page
 from manual.transcript import faults, given_files, run_command, run_page
 
-TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+RUN = pages_that_are_run()
 OUTPUT = "Head\nof it\n\nGroups\na  1\nb  2\nc  3\n\nNotes\n- one\n"
 
 
-@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
-def test_a_tutorial_does_what_it_says(tmp_path, path):
+@pytest.mark.parametrize("path", RUN, ids=page_name)
+def test_a_page_does_what_it_says(tmp_path, path):
     page = read_page(path)
-    assert len(page.commands) > 5
-    assert {"cavern", "dam", "tunnel"} <= {p.stem for p in TUTORIALS}
-    remedy = f"run: python -m manual tutorials/{path.stem}"
+    assert page.commands
+    shells = [c.line for c in page.commands if re.search(r'"[^"]*[$`!][^"]*"', c.line)]
+    assert shells == [], "a shell would replace what stands in double quotes"
+    remedy = f"run: python -m manual {page_name(path)}"
     assert faults(page, run_page(page, tmp_path)) == [], remedy
 
 
-@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
-def test_files_beside_a_tutorial_are_those_that_it_shows(path):
+def test_these_are_run():
+    names = {page_name(path) for path in RUN}
+    assert {"tutorials/cavern", "tutorials/dam", "tutorials/tunnel"} <= names
+
+
+@pytest.mark.parametrize("path", RUN, ids=page_name)
+def test_files_beside_a_page_are_those_that_it_shows(path):
     page = read_page(path)
-    assert page.files
     for name, text in page.files.items():
         assert (page.folder / name).read_text(encoding="utf-8") == text
     linked = [file.name for file in given_files(page) if f"({path.stem}/{file.name})" in page.text]
