@@ -1,15 +1,70 @@
 """geoident identifies the material parameters of ground models from gauge readings.
 
-From Python: ``from geoident import fit, load_case, predict`` (see `geoident.api`), loaded when
-first asked for, so that the command line starts fast.
+From Python: ``from geoident import fit, load_case, predict`` (see `geoident.api` for all names and
+an example), loaded when first asked for, so that the command line starts fast.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 __version__ = "0.1.0"
 
-_API = ("CaseFile", "Found", "ParameterEstimate", "fit", "load_case", "predict", "sample")
+_API = (
+    "AnyPath",
+    "BacktestResult",
+    "CaseFile",
+    "ChannelReadings",
+    "CheckResult",
+    "Drawing",
+    "FitResult",
+    "GaugeReadings",
+    "ModelChoice",
+    "ParameterEstimate",
+    "Parameters",
+    "PredictionResult",
+    "Progress",
+    "ResultFile",
+    "ResultTable",
+    "SampleResult",
+    "ScanResult",
+    "SimulationResult",
+    "backtest",
+    "check",
+    "compare",
+    "export",
+    "fit",
+    "init",
+    "load_case",
+    "predict",
+    "read_result",
+    "report",
+    "sample",
+    "scan",
+    "simulate",
+)
+
+
+class _Package(ModuleType):
+    """This package, in which `report` is a function, though a folder of it has that name too.
+
+    Importing a module puts it into its package under its own name, in place of what is there. A
+    property of the class comes first, so that ``from geoident import report`` means the same
+    whatever was imported before; ``from geoident.report.text import ...`` goes on to work.
+    """
+
+    @property
+    def report(self) -> Any:
+        """Write the report: `geoident.api.report`."""
+        return import_module("geoident.api").report
+
+    @report.setter
+    def report(self, module: ModuleType) -> None:
+        """What importing the folder does; it is in `sys.modules` anyway."""
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:

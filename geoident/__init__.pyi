@@ -1,9 +1,33 @@
+from geoident.api import AnyPath as AnyPath
+from geoident.api import BacktestResult as BacktestResult
 from geoident.api import CaseFile as CaseFile
-from geoident.api import Found as Found
+from geoident.api import ChannelReadings as ChannelReadings
+from geoident.api import CheckResult as CheckResult
+from geoident.api import Drawing as Drawing
+from geoident.api import FitResult as FitResult
+from geoident.api import GaugeReadings as GaugeReadings
+from geoident.api import ModelChoice as ModelChoice
 from geoident.api import ParameterEstimate as ParameterEstimate
+from geoident.api import Parameters as Parameters
+from geoident.api import PredictionResult as PredictionResult
+from geoident.api import Progress as Progress
+from geoident.api import ResultFile as ResultFile
+from geoident.api import ResultTable as ResultTable
+from geoident.api import SampleResult as SampleResult
+from geoident.api import ScanResult as ScanResult
+from geoident.api import SimulationResult as SimulationResult
+from geoident.api import backtest as backtest
+from geoident.api import check as check
+from geoident.api import compare as compare
+from geoident.api import export as export
 from geoident.api import fit as fit
+from geoident.api import init as init
 from geoident.api import load_case as load_case
 from geoident.api import predict as predict
+from geoident.api import read_result as read_result
+from geoident.api import report as report
 from geoident.api import sample as sample
+from geoident.api import scan as scan
+from geoident.api import simulate as simulate
 
 __version__: str

@@ -2,13 +2,18 @@
 
 The command line turns each of these into a message on stderr and the exit code; nothing
 else ends a command. Codes are those of the table in README ("Exit codes").
+
+Remedies are the same for all who call, their words are not: what is ``--force`` on a command line
+is ``force=True`` in Python. A message therefore names such a thing by a `Term`; each caller is
+told its own word (`worded`), that of the command line where nobody says otherwise.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import dataclass
-from enum import IntEnum
+from dataclasses import dataclass, replace
+from enum import Enum, IntEnum
 
 
 class ExitCode(IntEnum):
@@ -24,6 +29,49 @@ class ExitCode(IntEnum):
     SOME_FAILED = 7
     INTERRUPTED = 130
     TERMINATED = 143
+
+
+class Caller(Enum):
+    """Who is told of an error."""
+
+    COMMAND_LINE = 0
+    PYTHON = 1
+
+
+class Term(Enum):
+    """Something that a remedy names: its word on a command line, and its word in Python.
+
+    >>> worded(f"{Term.FORCE} replaces it"), worded(f"{Term.FORCE} replaces it", Caller.PYTHON)
+    ('--force replaces it', 'force=True replaces it')
+    """
+
+    FORCE = ("--force", "force=True")
+    FRESH = ("--fresh", "fresh=True")
+    OUTPUT = ("-o", "output=...")
+    OVERRIDES = ("--set", "overrides")
+    OVERRIDE = ("--set path=value", 'overrides={"path": value}')
+    OTHER_CASE = ("--case", "case=...")
+    SAME_AGAIN = ("The same command", "The same call")
+    COMMAND = ("command", "call")
+    FIT = ("`geoident fit`", "`fit(case)`")
+    SIMULATE = ("`geoident simulate`", "`simulate(case)`")
+    KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
+
+    def __str__(self) -> str:
+        return f"\u27e6{self.name}\u27e7"
+
+
+_TERM = re.compile("\u27e6([A-Z_]+)\u27e7")
+
+
+def worded(text: str, caller: Caller = Caller.COMMAND_LINE) -> str:
+    """A text with the terms in the words of who calls."""
+
+    def word(found: re.Match[str]) -> str:
+        name = found[1]
+        return Term[name].value[caller.value] if name in Term.__members__ else found[0]
+
+    return _TERM.sub(word, text)
 
 
 @dataclass(frozen=True, order=True)
@@ -86,7 +134,13 @@ class Fault:
         place = f"{self.location}: " if self.location.file else ""
         path = f"{self.path}: " if self.path else ""
         hint = f"\n    {self.hint}" if self.hint else ""
-        return f"{place}{path}{self.message}{hint}"
+        return worded(f"{place}{path}{self.message}{hint}")
+
+    def told(self, caller: Caller) -> Fault:
+        """The same in the words of who calls."""
+        place = replace(self.location, file=worded(self.location.file, caller))
+        message, hint = worded(self.message, caller), worded(self.hint, caller)
+        return replace(self, message=message, hint=hint, location=place)
 
 
 class GeoidentError(Exception):
@@ -94,11 +148,22 @@ class GeoidentError(Exception):
 
     exit_code: ExitCode = ExitCode.BUG
 
+    def __str__(self) -> str:
+        return worded(super().__str__())
+
+    def tell(self, caller: Caller) -> None:
+        """Put the message in the words of who calls."""
+        self.args = tuple(worded(part, caller) for part in self.args)
+
 
 class UsageError(GeoidentError):
-    """The flags of a command do not fit together."""
+    """The options of a command, or the arguments of a call, do not fit together."""
 
     exit_code = ExitCode.USAGE
+
+
+class MissingExtra(UsageError, ImportError):
+    """A package is asked for that comes with an extra of the installation."""
 
 
 class InputError(GeoidentError):
@@ -109,6 +174,11 @@ class InputError(GeoidentError):
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
+
+    def tell(self, caller: Caller) -> None:
+        """Put all faults in the words of who calls."""
+        self.faults = tuple(fault.told(caller) for fault in self.faults)
+        self.args = ("\n".join(str(fault) for fault in self.faults),)
 
 
 class ModelError(GeoidentError):
@@ -130,6 +200,12 @@ class ModelError(GeoidentError):
         self.hint = hint
         self.fault = Fault("no-solution", message, hint, location, path)
         super().__init__(str(self.fault))
+
+    def tell(self, caller: Caller) -> None:
+        """Put message and remedy in the words of who calls."""
+        self.fault = self.fault.told(caller)
+        self.message, self.hint = self.fault.message, self.fault.hint
+        self.args = (str(self.fault),)
 
 
 class CollapseError(ModelError):

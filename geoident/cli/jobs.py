@@ -16,7 +16,7 @@ from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.result import summary_text
-from geoident.workflow.estimating.estimate import Finished
+from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
@@ -105,7 +105,7 @@ def _say_plan(job: Job, options: Options) -> int:
     """What would be done, on stdout; the model is built, nothing is solved."""
     from geoident.report.text.case import case_text
     from geoident.workflow.check import summarize
-    from geoident.workflow.estimating.estimate import prepare
+    from geoident.workflow.estimating.setup import prepare
 
     setup = prepare(job)
     summary = summarize(job.inputs, setup.model, setup.readings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -249,7 +250,7 @@ class StagedModel:
         else:
             table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
             table[back.states, back.rows] = back.table(run, end, seen_at)
-        table = self._with_later(table)
+        table = self.with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
         found = run.findings
@@ -290,19 +291,14 @@ class StagedModel:
             self._all_readings[last] = found
         return self._all_readings[last]
 
-    def _with_later(self, table: Floats) -> Floats:
+    def with_later(self, table: Floats) -> Floats:
         """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
         missing = len(self.sequence.states) - len(table)
         return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
     def computed(self, p: Floats) -> Floats:
         """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
-        self.count_evaluation()
-        run = self.at(p, RunOptions(derivatives=False, partial=True, explain=False))
-        states = (MarchState(end, run.point, self.structures) for end in run.states())
-        table = self.relative(np.stack([self.observation.values(state) for state in states]))
-        table = self.instrument_errors.added_to_all(table, self.values(p), ())
-        return np.asarray(table[1:, :, 0].T)
+        return StageByStage(self, p).computed()
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -318,6 +314,42 @@ class StagedModel:
         result = self.observation.readings(observed, rows, states)
         result[~self.observation.readable[: len(observed)]] = np.nan
         return result
+
+
+class StageByStage:
+    """What all channels read at one parameter vector, without derivatives, as far as it is wanted.
+
+    It goes on where it stopped, so the model must not be asked for anything else in between.
+
+    Args:
+        model: the staged model.
+        p: (n,) parameters, SI.
+    """
+
+    def __init__(self, model: StagedModel, p: Floats) -> None:
+        model.count_evaluation()
+        self._model, self._values = model, model.values(p)
+        self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        self._states = self._run.states()
+        self._observed: list[Floats] = []
+
+    def computed(self, last: int | None = None) -> Floats:
+        """(n_channels, n_stages), SI; NaN of stages after the last state that is wanted.
+
+        Args:
+            last: index of that state; None for all.
+
+        Raises:
+            ModelError: the model has no solution.
+        """
+        model = self._model
+        more = None if last is None else max(last + 1 - len(self._observed), 0)
+        for end in islice(self._states, more):
+            state = MarchState(end, self._run.point, model.structures)
+            self._observed.append(model.observation.values(state))
+        table = model.with_later(model.relative(np.stack(self._observed)))
+        table = model.instrument_errors.added_to_all(table, self._values, ())
+        return np.asarray(table[1:, :, 0].T)
 
 
 class StagedResponse:

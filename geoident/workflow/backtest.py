@@ -22,15 +22,9 @@ from geoident.model.results.backtest import Backtest, Skipped
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
-from geoident.workflow.estimating.estimate import (
-    Finished,
-    Setup,
-    evaluation_log,
-    keep,
-    require_possible,
-    write,
-)
+from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
 from geoident.workflow.estimating.predictions import collapse_findings
+from geoident.workflow.estimating.setup import Setup, require_possible
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
@@ -177,6 +171,8 @@ def run_trials(
         if trial.step.status == STOPPED:
             break
         trials.append(trial)
+        if trial.setup.mesh is not None:
+            setup = replace(setup, mesh=trial.setup.mesh)  # the next need not ask the mesh again
         control.monitor.inform(_progress(trial, name))
     return trials, skipped
 

@@ -23,7 +23,7 @@ from geoident.model.results.summary import (
     ReadingSummary,
     StageSummary,
 )
-from geoident.workflow.estimating.estimate import require_possible
+from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
@@ -47,21 +47,24 @@ class Checked:
     files_read: tuple[str, ...]
 
 
-def check(path: str, *, overrides: Sequence[str] = (), solver: str = "auto") -> Checked:
+def check(
+    path: str, *, overrides: Sequence[str] = (), solver: str = "auto", text: str | None = None
+) -> Checked:
     """Read a case and build its model; no stage after the virgin state is computed.
 
     Args:
         path: of the case; ``-`` for stdin.
         overrides: ``KEY=VALUE`` in place of what the case says.
         solver: name of the sparse solver, or ``auto``.
+        text: of the case where it stands in no file.
 
     Raises:
         InputError: with all faults that are found in one go.
         ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
     """
-    inputs = load_inputs(path, overrides=overrides)
+    inputs = load_inputs(path, overrides=overrides, text=text)
     if inputs.case.fit.ladder:
-        require_sound(path, overrides, inputs.case)
+        require_sound(path, overrides, inputs.case, text)
     model = build_model(inputs, solver=solver)
     readings = select_readings(inputs.case, model)
     if inputs.case.readings:

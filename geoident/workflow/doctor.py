@@ -15,6 +15,7 @@ EXTRAS = {
     "ags": ("python-ags4", "readings from AGS4 files"),
     "full-space": ("casadi", "complementarity in full space"),
     "global": ("pyscipopt", "proven bounds of the misfit"),
+    "notebook": ("pandas", "data frames in Python"),
     "ensemble": ("iterative_ensemble_smoother", "method ensemble-smoother"),
 }
 """Extra of the installation: the package that it brings, and what for."""

@@ -24,15 +24,9 @@ from geoident.workflow.estimating.diagnosis import (
     remarks,
     why_poor,
 )
-from geoident.workflow.estimating.estimate import (
-    Estimate,
-    Finished,
-    Setup,
-    look,
-    predicted,
-    searched,
-)
+from geoident.workflow.estimating.estimate import Estimate, look, predicted, searched
 from geoident.workflow.estimating.fields import field_estimates
+from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
 from geoident.workflow.estimating.predictions import (
     collapse_findings,
@@ -40,6 +34,7 @@ from geoident.workflow.estimating.predictions import (
     score,
 )
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
+from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from geoident.errors import OutputError
+from geoident.errors import OutputError, Term
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.measure import summarize_mesh
 from geoident.io.docs.case_schema import case_schema_text
@@ -74,7 +74,7 @@ def _write(
     if there and not force:
         raise OutputError(
             f"{', '.join(there)}: exists already; nothing was written\n"
-            "    name another folder, or overwrite with --force"
+            f"    name another folder, or overwrite with {Term.FORCE}"
         )
     make_folder(folder)
     for path in paths.values():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
+from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -19,18 +19,8 @@ from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.ground import Field
 from geoident.model.results.result import ParameterTable, Prediction, Provenance, Result
 from geoident.workflow.estimating.diagnosis import at_used
-from geoident.workflow.estimating.estimate import (
-    Finished,
-    Setup,
-    keep,
-    later_errors,
-    look,
-    model_error_of_result,
-    predicted,
-    problem_of_result,
-    used_rows,
-    write,
-)
+from geoident.workflow.estimating.estimate import later_errors, look, predicted
+from geoident.workflow.estimating.finished import Finished, keep, write
 from geoident.workflow.estimating.model_error import FittedModelError
 from geoident.workflow.estimating.predictions import (
     Bends,
@@ -43,6 +33,12 @@ from geoident.workflow.estimating.predictions import (
     score,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
+from geoident.workflow.estimating.setup import (
+    Setup,
+    model_error_of_result,
+    problem_of_result,
+    used_rows,
+)
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -66,6 +62,12 @@ from geoident.workflow.running.readings import (
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
 
+LEFT_OUT = (
+    "The fit has {} minima beside its answer that are nearly as low, which these bands leave out "
+    "({}): they are too narrow."
+)
+"""What is said where other minima cannot be asked."""
+
 
 @dataclass(frozen=True)
 class PredictRequest:
@@ -80,6 +82,7 @@ class PredictRequest:
         solver: name of the sparse solver, or ``auto``.
         force: overwrite a prediction of other input.
         fresh: compute again what is up to date.
+        text: of that case where it stands in no file.
     """
 
     result: str
@@ -90,6 +93,7 @@ class PredictRequest:
     solver: str = "auto"
     force: bool = False
     fresh: bool = False
+    text: str | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ class Task:
     Args:
         request: what was asked for.
         fit: the fit to predict from.
-        origin: the case of the fit.
+        origin: the case of the fit, with its mesh as it is now.
         inputs: the case to predict.
         place: of the result.
         identity: hash of everything that the result depends on.
@@ -131,7 +135,7 @@ class Task:
 
     request: PredictRequest
     fit: Result
-    origin: Case
+    origin: Inputs
     inputs: Inputs
     place: Target
     identity: str
@@ -172,7 +176,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.provenance.identity} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
-    return Task(request, fit, origin.case, inputs, place, identity, standing(place, identity))
+    return Task(request, fit, origin, inputs, place, identity, standing(place, identity))
 
 
 def predict(task: Task, control: Control) -> Finished:
@@ -182,7 +186,7 @@ def predict(task: Task, control: Control) -> Finished:
         return keep(place)
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
-    known = what_is_known(task.fit, task.origin, model, task.inputs.case)
+    known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -209,13 +213,13 @@ def _require_times(fit: Result, case: Case, path: str) -> None:
 
 def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:
     if request.case is not None:
-        return load_inputs(request.case, overrides=request.overrides)
+        return load_inputs(request.case, overrides=request.overrides, text=request.text)
     if origin.mesh_sha256 == fit.provenance.mesh_sha256:
         return origin
     fault = Fault(
         "changed-mesh",
         "The mesh is not the one that the fit was made with.",
-        "Run the fit again, or give the case to predict with --case.",
+        f"Run the fit again, or give the case to predict with {Term.OTHER_CASE}.",
         Location(origin.loaded.mesh_path or origin.path),
     )
     raise InputError([fault])
@@ -349,6 +353,76 @@ def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> lis
     return found
 
 
+def _others(
+    task: Task, known: Known, model: CaseModel, stages: Bools
+) -> tuple[list[Prediction], tuple[str, ...]]:
+    """What the other minima of a fit predict, and a note where they have to be left out.
+
+    Args:
+        task: the prediction.
+        known: what the fit knows.
+        model: of the case to predict.
+        stages: (n_stages,) which to predict.
+    """
+    if task.fit.rivals is None:
+        return [], ()
+    if task.request.case is None:
+        return _at_rivals(task, known, model, stages), ()
+    if task.origin.mesh_sha256 != task.fit.provenance.mesh_sha256:
+        why = "the mesh of the fit has changed"
+        return [], (LEFT_OUT.format(len(task.fit.rivals) - 1, why),)
+    try:
+        return _of_another_case(task, model, stages), ()
+    except ModelError as error:
+        why = f"with the values of one of them {error}"
+        return [], (LEFT_OUT.format(len(task.fit.rivals) - 1, why),)
+
+
+def _of_another_case(task: Task, model: CaseModel, stages: Bools) -> list[Prediction]:
+    """What the other minima predict of another case.
+
+    The model of the fit tells how well each knows its parameters and the errors that are shared.
+
+    Args:
+        task: the prediction.
+        model: of the case to predict.
+        stages: (n_stages,) which to predict.
+
+    Raises:
+        ModelError: a model has no solution at one of them.
+    """
+    fit, origin, case = task.fit, task.origin.case, task.inputs.case
+    rivals = fit.rivals
+    assert rivals is not None
+    fitted = build_model(task.origin, solver=task.request.solver)
+    found = []
+    for values in rivals.values[1:]:
+        there = fitted.survey(values, fields=False, partial=True)
+        readings = with_computed(fit.gauges.readings, origin, fitted, there, values)
+        known = what_is_known(
+            replace(
+                fit,
+                parameters=replace(fit.parameters, values=values),
+                gauges=replace(fit.gauges, readings=readings),
+            ),
+            origin,
+            model,
+            case,
+        )
+        survey = model.survey(known.parameters.values, fields=False, partial=True)
+        errors = _with_later(known, model, case, survey)
+        found.append(predict_stages(survey, known.assessment, accuracies(case), stages, errors))
+    return found
+
+
+def _with_later(known: Known, model: CaseModel, case: Case, survey: Survey) -> KnownErrors | None:
+    """What is known of shared errors, with the model error in the readings of a case."""
+    if known.errors is None:
+        return None
+    later = later_errors(model, case, survey, known.model_error)
+    return replace(known.errors, model_error=later)
+
+
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
     intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
@@ -391,15 +465,12 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     poor = fit.status == "poor-fit"
     names = task.request.stages
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
-    errors = known.errors
-    if errors is not None:
-        later = later_errors(model, case, survey, known.model_error)
-        errors = replace(errors, model_error=later)
+    errors = _with_later(known, model, case, survey)
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
-    if fit.rivals is not None and task.request.case is None:
-        others = _at_rivals(task, known, model, stages)
+    others, left_out = _others(task, known, model, stages)
+    if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
     return Result(
         kind="predict",
@@ -421,5 +492,5 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         members=survey.members,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
-        notes=(*bad_notes(readings), *score(gauges, prediction)),
+        notes=(*left_out, *bad_notes(readings), *score(gauges, prediction)),
     )

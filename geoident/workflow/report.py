@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from geoident.errors import UsageError
+from geoident.errors import Term, UsageError
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import make_folder, refuse_inputs
 from geoident.io.text.text_file import STDIN
@@ -45,7 +45,8 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
     'cases/cavern/case.fit.html'
     """
     if output == STDIN:
-        raise UsageError("A page cannot be written to stdout: give a file or a folder to -o.")
+        msg = f"A page cannot be written to stdout: give a file or a folder to {Term.OUTPUT}."
+        raise UsageError(msg)
     first = Path(paths[0])
     name = f"{first.name.removesuffix('.h5')}.html" if len(paths) == 1 else COMPARISON
     if output is None:

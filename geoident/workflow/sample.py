@@ -24,18 +24,16 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
-from geoident.workflow.estimating.estimate import (
-    Finished,
+from geoident.workflow.estimating.estimate import known_errors
+from geoident.workflow.estimating.fields import drawn_fields
+from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.predictions import KnownErrors
+from geoident.workflow.estimating.setup import (
     Setup,
-    evaluation_log,
-    keep,
-    known_errors,
     model_error_of_result,
     problem_of,
     problem_of_result,
-    write,
 )
-from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
@@ -296,7 +294,7 @@ class _Found:
             method=f"{posterior.sampler} sampling",
             reason=reason,
             findings=(*_findings(table), *fit.findings),
-            notes=(_flat_note(case.parameters), *case.notes),
+            notes=(*granted(fit, case.parameters), *case.notes),
             provenance=provenance(
                 self.task.job.inputs,
                 command="sample",
@@ -308,6 +306,7 @@ class _Found:
             counts=self._counts(),
             prediction=self._prediction(posterior),
             posterior=posterior,
+            varied=drawn_fields(self.setup.model, posterior.flat),
             history=(),
             fields=None,
             members=None,
@@ -456,12 +455,30 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
 
 
 def _findings(table: ParameterTable) -> list[str]:
-    loose = [name for name, known in zip(table.names, table.determined, strict=True) if not known]
+    loose = [table.names[i] for i in table.named if not table.determined[i]]
     if not loose:
         return []
     return [
         f"{', '.join(loose)}: the draws are as far apart as prior and bounds allow; the readings "
         "tell nothing of it alone."
+    ]
+
+
+def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:
+    """What was taken for granted of the density that is drawn from.
+
+    Args:
+        fit: whose posterior it is.
+        parameters: the n unknowns.
+    """
+    error = fit.model_error
+    if error is None or error.kind != "estimated":
+        return [_flat_note(parameters)]
+    return [
+        _flat_note(parameters),
+        f"The size of the model error is that of the fit in all draws ({_percent(error.size)} of "
+        f"the computed motion; its 95 % interval is {_percent(error.lower95)} to "
+        f"{_percent(error.upper95)}): what is not known of it is in no draw.",
     ]
 
 
@@ -476,3 +493,7 @@ def _flat_note(parameters: tuple[Parameter, ...]) -> str:
     if not parts:
         return "All parameters have priors."
     return f"Without a prior a density is flat within the bounds: {'; '.join(parts)}."
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g} %"

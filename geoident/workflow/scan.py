@@ -7,7 +7,9 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.results.result import Counts, GaugeTable, Result
 from geoident.workflow.estimating.diagnosis import bare_parameter_table
-from geoident.workflow.estimating.estimate import Finished, Setup, searched, surveyed
+from geoident.workflow.estimating.estimate import searched, surveyed
+from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance

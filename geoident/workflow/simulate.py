@@ -49,6 +49,7 @@ def simulate(
     seed: int = 0,
     solver: str = "auto",
     output: str | None = None,
+    text: str | None = None,
 ) -> Simulated:
     """Readings of all gauges at all stages where they can be read, by stage.
 
@@ -62,12 +63,13 @@ def simulate(
         seed: of the noise and of what is drawn.
         solver: name of the sparse solver, or ``auto``.
         output: where they are going to be written, or None.
+        text: of the case where it stands in no file.
 
     Raises:
         OutputError: the output is the case, or a file that it names.
         ModelError: the model has no solution at the start values.
     """
-    inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
+    inputs = load_inputs(path, overrides=[*overrides, NO_READINGS], text=text)
     if output is not None:
         refuse_inputs(output, inputs.files)
     model = build_model(inputs, solver=solver)

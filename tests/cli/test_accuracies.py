@@ -67,7 +67,8 @@ def test_a_fit_knows_what_is_shared_and_a_prediction_from_it_knows_the_same(site
         one, other = ([p[name] for p in each["predictions"]] for each in (found, again))
         np.testing.assert_allclose(one, other, rtol=1e-12)
     with h5py.File("case.fit.h5") as file:
-        np.testing.assert_allclose(file["gauges/error_sd"][0], [6e-6, 12e-6, 9e-6, 12e-6, 0.0])
+        stated = file["gauges/error_sd"][0] / found["model_error"]["scatter"]
+        np.testing.assert_allclose(stated, [6e-6, 12e-6, 9e-6, 12e-6, 0.0])
         assert [t.decode() for t in file["gauges/error_part"]] == [
             "reading", "zero", "head", "epoch", "along",
         ]  # fmt: skip

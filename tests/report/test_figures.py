@@ -24,7 +24,7 @@ from tests.support.results import STAGES, changed_gauges, example_result, small_
 SLACK = 1.0  # pixels of 1/100 inch
 NAMES = [
     ("plane", name)
-    for name in ("overview", "parameters", "readings-1", "profiles-1", "displacement",
+    for name in ("overview", "parameters", "readings-1", "extensometers-1", "displacement",
                  "stress-minimum", "stress-maximum", "yielded", "deformed", "vectors",
                  "one-to-one", "residuals", "history", "correlation")
 ] + [

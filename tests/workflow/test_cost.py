@@ -79,3 +79,11 @@ def test_operations_are_those_of_all_stages_and_entries_those_of_the_largest():
     saved = both.factor_flops / 3e9 - both.factor_flops / 25e9
     assert both.seconds - quick.seconds == pytest.approx(saved, rel=1e-9)
     assert both.memory - quick.memory == pytest.approx((24.0 - 8.0) * both.factor_entries)
+
+
+def test_a_rough_count_takes_every_stage_for_the_largest():
+    staged = excavation(1)
+    exact = cost.estimate_cost(staged, solver="cholmod")
+    rough = cost.estimate_cost(staged, solver="cholmod", rough=True)
+    assert rough.factor_entries == exact.factor_entries
+    assert exact.factor_flops < rough.factor_flops < 1.1 * exact.factor_flops

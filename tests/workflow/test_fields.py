@@ -1,6 +1,8 @@
 """Fields through the commands: the posterior against its closed form, and what people are shown."""
 
 import json
+import warnings
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -9,8 +11,20 @@ from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
 
 from geoident.io.result.file import read_result
-from geoident.workflow.estimating.estimate import prepare
-from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.workflow.estimating.setup import prepare
+from geoident.workflow.running.jobs import (
+    Request,
+    build_model,
+    inputs_of_result,
+    load_inputs,
+    plan_fit,
+)
+from geoident.workflow.sample import granted
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import arviz
 
 ROCK = "rock: {elastic: isotropic, E: $E, nu: 0.25}"
 FIELD = "E: {field: {mean: MEAN, sd: SD, length: 3 m, modes: 12}}"
@@ -225,3 +239,60 @@ def test_a_scan_and_a_plan_speak_of_the_parameters_of_the_case(tmp_path):
     planned = run_command("check", path, "--identifiability")
     assert planned.exit_code == 0, planned.output
     assert "mode-" not in planned.output
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A fit of a field and draws of its posterior."""
+    path = write(tmp_path_factory.mktemp("drawn"))
+    fit = fitted(path)
+    done = run_command("sample", path.with_name("case.fit.h5"), "-n", 1000, "--effective", 400)
+    assert done.exit_code == 0, done.output
+    return fit, path.with_name("case.sample.h5"), done
+
+
+def test_a_sample_of_a_field_says_its_mean_and_spread_at_the_elements(drawn):
+    """Those of its own draws, not those of the fit."""
+    fit, path, _ = drawn
+    sampled = read_result(path)
+    (found,) = sampled.varied
+    (of_fit,) = fit.varied
+    draws = sampled.posterior
+    assert found.elements.tolist() == of_fit.elements.tolist()
+    assert not np.array_equal(found.values, of_fit.values)
+    inputs = inputs_of_result(sampled, str(path))
+    model = build_model(inputs)
+    (made,) = model.on_mesh.fields
+    points = model.discretization.points
+    first = found.elements[0]
+    mine = points.element[made.points] == first
+    weight = points.volume[made.points][mine]
+    modes = weight / weight.sum() @ made.modes[mine]
+    logarithm = np.log(draws.flat[:, 0]) + draws.flat[:, 2:] @ modes
+    assert found.values[0] == pytest.approx(np.exp(logarithm.mean()), rel=1e-9)
+    assert found.sd[0] == pytest.approx(logarithm.std(), rel=1e-9)
+    assert found.sd == pytest.approx(of_fit.sd, rel=0.25)
+
+
+def test_draws_of_a_field_are_opened_by_arviz_and_leave_the_modes_unsaid(drawn):
+    _, path, done = drawn
+    data = arviz.from_netcdf(path).load()
+    data.close()
+    assert data.posterior["rock.E"].dims == ("chain", "draw", "rock.E_mode")
+    assert data.posterior["rock.E"].shape[2] == 12
+    for said in (done.output, run_command("show", path).output):
+        assert "rock.E" in said
+        assert "mode-" not in said, said
+
+
+def test_a_sample_says_that_the_size_of_an_estimated_model_error_is_not_drawn(drawn):
+    fit = drawn[0]
+    nothing = np.empty((0, 0))
+    table = ModelErrorTable(
+        "estimated", 0.12, 0.03, 0.31, 20.0, *np.empty((2, 0)), (), nothing, nothing
+    )
+    assert not any("size of the model error" in note for note in granted(fit, ()))
+    (said,) = granted(replace(fit, model_error=table), ())[1:]
+    assert "that of the fit in all draws (12 % of the computed motion" in said
+    assert "3 % to 31 %" in said
+    assert len(granted(replace(fit, model_error=replace(table, kind="given")), ())) == 1

@@ -17,6 +17,8 @@ from geoident.model.parameter import Scalar
 from geoident.workflow.estimating import mesh_error as module
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.estimating.recovery import energy_error
+from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict
@@ -154,9 +156,10 @@ def test_jumps_of_the_stress_tell_about_the_same(kind, n, monkeypatch):
 
 def test_what_takes_too_long_is_not_refined_beside_a_fit(monkeypatch):
     staged, _ = excavated("tri3", 2)
-    slow = replace(module.refinement_cost(staged), seconds=1e4)
-    monkeypatch.setattr(module, "refinement_cost", lambda _model: slow)
-    assert mesh_error(staged, staged.case, NOTHING, patience=60.0).how == "recovery"
+    plain = module.estimate_cost(staged, solver="splu")
+    slow = replace(module.refinement_cost(staged, plain), seconds=1e4)
+    monkeypatch.setattr(module, "refinement_cost", lambda _model, _cost: slow)
+    assert mesh_error(staged, staged.case, NOTHING, patience=60).how == "recovery"
     assert mesh_error(staged, staged.case, NOTHING).how == "refinement"
 
 
@@ -241,6 +244,50 @@ def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
     later = run_predict(task, Control(Silent())).result.prediction
     np.testing.assert_allclose(later.sd, bands.sd, rtol=1e-6)
     np.testing.assert_allclose(later.mean, bands.mean, rtol=1e-9)
+
+
+class NoLog:
+    """Keeps nothing."""
+
+    def find(self, kind, p):
+        return None
+
+    def add(self, kind, p, arrays):
+        pass
+
+
+def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_counts(
+    coarse, monkeypatch
+):
+    """Whether it counts is the same question in both; drift of a gauge is no error of the mesh."""
+    marched = []
+
+    class Counted(module.StageByStage):
+        def computed(self, last=None):
+            marched.append(last)
+            return super().computed(last)
+
+    monkeypatch.setattr(module, "StageByStage", Counted)
+    text = coarse.read_text().replace(
+        "accuracy: 0.1 mm}", "accuracy: 0.1 mm, drift: 1 mm/month}", 1
+    )
+    dates = "dates: {virgin: 2024-01-01, heading: 2024-01-31, bench: 2024-02-29}\n"
+    coarse.write_text(text + dates)
+    path = coarse.with_name("readings.csv")
+    head, *rows = path.read_text().splitlines()
+    dated = [f"{row},2024-01-{20 if 'heading' in row else 31}" for row in rows]
+    path.write_text("\n".join([f"{head},date", *dated]) + "\n")
+    for accuracy, asked in (("100 mm", [1]), ("0.1 mm", [1, None])):
+        marched.clear()
+        rough = tuple(f"gauges.{name}.accuracy={accuracy}" for name in ("CV", "R", "S"))
+        job = plan_fit(Request(str(coarse), rough, force=True, fresh=True))
+        found, _, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
+        assert marched == asked
+        whole = mesh_error(found.model, found.model.case, outcome.values)
+        first = found.readings.used
+        rows = [whole.channels.index(name) for name in np.array(found.readings.channel)[first]]
+        ours, theirs = (table.error[rows, 0] for table in (found.mesh.found, whole))
+        assert ours / theirs == pytest.approx(ours[0] / theirs[0], rel=1e-6)  # all go with 1 / E
 
 
 def test_a_fine_mesh_is_not_spoken_of(coarse):

@@ -117,11 +117,13 @@ def test_a_wrong_model_is_refused_before_anything_is_computed(tmp_path):
         ("{set: {}}", "needs a name"),
         ("isotropic", "two models of the ladder are named 'isotropic'"),
         ("cubic", "cubic"),
+        (None, "fit.ladder: found 1 entry; at least 2 entries expected"),
     ],
 )
 def test_faults_of_a_ladder_are_said_where_they_stand(tmp_path, entry, words):
     write_readings(write_case(tmp_path, name="truth.yaml"), TRUTHS["isotropic"], seed=1)
-    case = write_case(tmp_path, fit=f"{{ladder: [isotropic, {entry}]}}")
+    rungs = "isotropic" if entry is None else f"isotropic, {entry}"
+    case = write_case(tmp_path, fit=f"{{ladder: [{rungs}]}}")
     ended = run_command("check", str(case))
     assert ended.exit_code == 3
     assert words in ended.stderr

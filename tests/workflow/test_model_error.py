@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 
 from geoident.api import fit, load_case, predict
-from geoident.identify.assessment.model_error import PRIOR_SD, SIZES, mean_size
+from geoident.identify.assessment.model_error import (
+    FACTORS,
+    PRIOR_SD,
+    SIZES,
+    ZEROS,
+    SizeWeights,
+    mean_size,
+)
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.gauges import Channel
-from geoident.workflow.estimating import model_error
-from geoident.workflow.estimating.estimate import problem_of_result
-from geoident.workflow.estimating.model_error import ReadingSteps, shared_columns
+from geoident.workflow.estimating import model_error_covariance
+from geoident.workflow.estimating.model_error import FittedModelError, model_error_findings
+from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
+from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.running.jobs import build_model, inputs_of_result
 from geoident.workflow.simulate import simulate
 from tests.support.trench import CASE, write_case, write_mesh
@@ -94,7 +102,7 @@ gauges:
 """
 
 
-FACTORS = 1.0 + 0.2 * np.array([1.2, -0.4, 0.9, -1.3, 0.6, -0.8, 1.1, 0.3, -0.9])
+DIFFERENCES = 1.0 + 0.2 * np.array([1.2, -0.4, 0.9, -1.3, 0.6, -0.8, 1.1, 0.3, -0.9])
 """By which the readings of each channel differ from the model, alike in both stages."""
 
 
@@ -107,7 +115,7 @@ def site(tmp_path, monkeypatch):
     head, _, _ = CASE.partition("gauges:")
     path.write_text(head + GAUGES + "readings: []\nfit: {stages: [first], mesh_error: false}\n")
     shown = simulate(str(path), overrides=["parameters.E.start=5 GPa"])
-    factor = dict(zip((c.name for c in shown.case.channels), FACTORS, strict=True))
+    factor = dict(zip((c.name for c in shown.case.channels), DIFFERENCES, strict=True))
     rows = [
         f"{r.channel},{r.stage},{float(r.value * factor[r.channel])!r},m" for r in shown.readings
     ]
@@ -133,7 +141,7 @@ def dense(found):
         tuple(channels[name] for name, u in zip(table.channel, used, strict=True) if u),
         error.states, error.steps[used], error.floors[used],
     )  # fmt: skip
-    floors = model_error._floors(case.channels, steps.T, error.length).T
+    floors = model_error_covariance._floors(case.channels, steps.T, error.length).T
     every = tuple(channels[wide.channels[i]] for i, _ in later)
     rest = ReadingSteps(every, error.states, steps, floors)
     B = shared_columns([own, rest], error.length).toarray()
@@ -172,7 +180,9 @@ def test_the_size_is_estimated_and_bands_grow_with_it(site):
     found = site().result
     error = found.model_error
     assert 0.08 < error.lower95 < error.size < error.upper95 < 0.6
-    assert error.sentence.startswith("The model meets the readings within 0.005 mm and")
+    used = 5e-3 * error.factor
+    assert error.sentence.startswith(f"The model meets the readings within {used:.2g} mm and")
+    assert found.gauges.accuracy == pytest.approx(1e-3 * used)
     assert error.weights.sum() == pytest.approx(1.0)
     inside = [inside_later(result) for result in (right, found)]
     assert inside[0] < 0.5
@@ -186,8 +196,9 @@ def inside_later(found):
 
 
 def test_sizes_are_weighed_by_the_restricted_likelihood(site):
-    """-2 l by dense matrices."""
-    found = site().result
+    """-2 l by dense matrices; a loss that disregards nothing keeps the accuracies as stated."""
+    found = site({"fit.loss": "huber", "fit.huber.delta": "1000"}).result
+    assert found.model_error.factor == 1.0
     gap, J, sd, C, g, _, _ = dense(found)
     J = J * np.where(np.array(found.parameters.names) == "E", found.parameters.values, 1.0)
     minus = []
@@ -203,6 +214,69 @@ def test_sizes_are_weighed_by_the_restricted_likelihood(site):
     weights /= weights.sum()
     np.testing.assert_allclose(found.model_error.weights, weights, atol=0.02)
     assert found.model_error.size == pytest.approx(mean_size(weights), rel=0.03)
+
+
+def scattered(by, *, each=1):
+    """The readings of the model itself with the scatter of gauges that read worse than stated."""
+    generator, rows = np.random.default_rng(3), ["gauge,stage,value,unit"]
+    values = simulate("case.yaml", overrides=["parameters.E.start=5 GPa", "readings=[]"]).readings
+    offset = {r.channel: 5e-6 * by[1] * generator.normal() for r in values}
+    for reading in values:
+        for _ in range(each):
+            value = reading.value + offset[reading.channel] + 5e-6 * by[0] * generator.normal()
+            rows.append(f"{reading.channel},{reading.stage},{float(value)!r},m")
+    Path("readings.csv").write_text("\n".join(rows) + "\n")
+
+
+def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
+    """The bands are those of the scatter, and a prediction from the result knows it."""
+    scattered((3.0, 0.0), each=6)
+    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
+    found, error = fitted.result, fitted.result.model_error
+    assert 2.0 < error.factor < 4.0
+    assert error.factor_lower95 < error.factor < error.factor_upper95
+    (said,) = [text for text in found.findings if "times as much as their stated" in text]
+    assert said == error.sentence
+    with_zero = np.hypot(1.0, error.zero)
+    np.testing.assert_allclose(found.gauges.accuracy, 5e-6 * error.factor * with_zero)
+    np.testing.assert_allclose(found.gauges.readings.own_sd, 5e-6 * error.factor)
+    again = predict(fitted, stages=("second",)).result
+    np.testing.assert_allclose(again.prediction.sd, found.prediction.sd, rtol=1e-9)
+    objective = problem_at_the_end(found)
+    assert objective == pytest.approx(found.objective, rel=1e-9)
+
+
+def test_errors_of_zeros_that_nobody_declared_are_found(site):
+    scattered((1.0, 4.0), each=12)
+    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
+    found, error = fitted.result, fitted.result.model_error
+    assert 0.5 < error.zero < error.zero_upper95
+    errors = found.gauges.errors[0]
+    assert errors.zero == pytest.approx(error.zero * errors.reading)
+    again = predict(fitted, stages=("second",)).result
+    np.testing.assert_allclose(again.prediction.sd, found.prediction.sd, rtol=1e-9)
+    assert problem_at_the_end(found) == pytest.approx(found.objective, rel=1e-9)
+
+
+def test_errors_of_zeros_that_are_sure_are_said():
+    joint = np.zeros((len(SIZES), len(FACTORS), len(ZEROS)))
+    joint[5, 0, 4:7] = [0.1, 0.8, 0.1]
+    nothing = ReadingSteps((channel("a", (0.0, 0.0)),), ("s",), np.ones((1, 1)), np.ones((1, 1)))
+    weighed = SizeWeights(joint, joint, joint[5], None)
+    found = FittedModelError(nothing, 0.1, 10.0, weighed, zero=2.3)
+    (said,) = model_error_findings(found)
+    assert "All readings of a channel share an error of 2.3 accuracies (95 %: 1" in said
+    assert model_error_findings(replace(found, weighed=None)) == ()
+
+
+def problem_at_the_end(result):
+    """The objective of the problem that is made again from a result."""
+    inputs = inputs_of_result(result, "case.yaml")
+    table = result.gauges.readings
+    pairs = [pair for pair, used in zip(table.pairs, table.used, strict=True) if used]
+    response = build_model(inputs).response(pairs)
+    problem = problem_of_result(result, inputs.case, response)
+    return Discrepancy(problem).linearize(result.parameters.values).objective
 
 
 @pytest.mark.parametrize(
@@ -234,13 +308,8 @@ def test_accuracies_estimated_along_are_those_of_the_posterior(site, part):
     Path("case.yaml").write_text(text.replace("accuracy: 5 um", f"accuracy: {{{part}}}"))
     found = site()
     result = found.result
-    inputs = inputs_of_result(result, "case.yaml")
-    table = result.gauges.readings
-    pairs = [pair for pair, used in zip(table.pairs, table.used, strict=True) if used]
-    response = build_model(inputs).response(pairs)
-    problem = problem_of_result(result, inputs.case, response)
-    phi = Discrepancy(problem).linearize(result.parameters.values).objective
-    assert phi == pytest.approx(result.objective, rel=1e-9)
+    assert result.model_error.factor == 1.0  # the others are known
+    assert problem_at_the_end(result) == pytest.approx(result.objective, rel=1e-9)
     again = predict(found, stages=("second",)).result
     np.testing.assert_allclose(again.prediction.sd, result.prediction.sd, rtol=1e-9)
 

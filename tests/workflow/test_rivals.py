@@ -70,6 +70,47 @@ def test_a_prediction_from_the_result_holds_the_minima_too(torn):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6)
 
 
+def test_a_prediction_of_another_case_holds_the_minima_too(torn, tmp_path):
+    """The same ground in a copy of the case: predictions are as uncertain as in the case.
+
+    But for what lies along a bound, which is followed in the case of the fit alone.
+    """
+    path, _, _ = torn
+    for name in ("case.yaml", "adit.inp", "readings.csv"):
+        (tmp_path / name).write_bytes((path.parent / name).read_bytes())
+    text = (tmp_path / "case.yaml").read_text()
+    (tmp_path / "case.yaml").write_text(text.replace("Adit in strata", "The same elsewhere"))
+    new = tmp_path / "new.predict.h5"
+    ended = run_command("predict", path, "--case", tmp_path / "case.yaml", "-o", new)
+    assert ended.exit_code == 0, ended.output
+    one, other = read_result(path), read_result(new)
+    second = one.gauges.stages.index("second")
+    mine, theirs = one.prediction, other.prediction
+    np.testing.assert_allclose(theirs.mean[:, second], mine.mean[:, second], rtol=1e-6)
+    np.testing.assert_allclose(theirs.sd[:, second], mine.sd[:, second], rtol=0.2)
+    assert np.all(theirs.upper95[:, second] > theirs.mean[:, second])
+    assert not any("nearly as low, which these bands leave out" in note for note in other.notes)
+
+
+def test_where_the_mesh_of_the_fit_has_changed_it_is_said_that_minima_are_left_out(torn, tmp_path):
+    path, _, _ = torn
+    for name in ("case.yaml", "adit.inp", "readings.csv", "case.fit.h5"):
+        (tmp_path / name).write_bytes((path.parent / name).read_bytes())
+    (tmp_path / "new.yaml").write_text(
+        (tmp_path / "case.yaml").read_text().replace("adit.inp", "other.inp")
+    )
+    mesh = (tmp_path / "adit.inp").read_text()
+    (tmp_path / "other.inp").write_text(mesh)
+    (tmp_path / "adit.inp").write_text("** changed\n" + mesh)
+    new = tmp_path / "new.predict.h5"
+    fit = tmp_path / "case.fit.h5"
+    ended = run_command("predict", fit, "--case", tmp_path / "new.yaml", "-o", new)
+    assert ended.exit_code == 0, ended.output
+    (note,) = [note for note in read_result(new).notes if "leave out" in note]
+    assert "the mesh of the fit has changed" in note
+    assert "too narrow" in note
+
+
 def test_with_more_gauges_the_answer_is_settled(tmp_path):
     case = write_case(tmp_path)
     write_readings(case, SECOND, seed=5)

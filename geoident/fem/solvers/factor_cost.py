@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import LowerPattern
-from geoident.model.arrays import Ints
+from geoident.model.arrays import Bools, Ints
 
 
 @dataclass(frozen=True)
@@ -43,26 +43,27 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     """
     if lower.n == 0:
         return FactorCost(0, 0.0)
-    first = np.flatnonzero(np.r_[True, node[1:] != node[:-1]])
-    size = np.diff(np.r_[first, lower.n])
-    below = _rows_below(_node_columns(lower, first), size)
+    starts = np.concatenate([[True], node[1:] != node[:-1]])
+    first = np.flatnonzero(starts)
+    size = np.diff(np.append(first, lower.n))
+    below = _rows_below(_node_columns(lower, starts), size)
     height = np.arange(lower.n)  # entries of a column above those of other nodes
     within = np.repeat(first + size, size) - height
     column = within + np.repeat(below, size)
     return FactorCost(int(column.sum()), float((column.astype(np.float64) ** 2).sum()))
 
 
-def _node_columns(lower: LowerPattern, first: Ints) -> list[Ints]:
-    """Nodes below each node in its first column."""
-    place = np.zeros(lower.n, dtype=np.int64)
-    place[first] = 1
-    node_of = np.cumsum(place) - 1
-    columns = []
-    for k, start in enumerate(first):
-        nodes = node_of[lower.indices[lower.indptr[start] : lower.indptr[start + 1]]]
-        nodes = nodes[np.r_[True, nodes[1:] != nodes[:-1]]]
-        columns.append(nodes[nodes > k])
-    return columns
+def _node_columns(lower: LowerPattern, starts: Bools) -> list[Ints]:
+    """Nodes below each node in its first column; starts (n,) are the first unknowns of nodes."""
+    node_of = np.cumsum(starts) - 1
+    column = np.repeat(np.arange(lower.n), np.diff(lower.indptr))
+    mine = starts[column]
+    above, nodes = node_of[column[mine]], node_of[lower.indices[mine]]
+    fresh = nodes > above
+    fresh[1:] &= (nodes[1:] != nodes[:-1]) | (above[1:] != above[:-1])
+    above, nodes = above[fresh], nodes[fresh]
+    ends = np.searchsorted(above, np.arange(1, int(node_of[-1]) + 1))
+    return np.split(nodes, ends)
 
 
 def _rows_below(columns: list[Ints], size: Ints) -> Ints:

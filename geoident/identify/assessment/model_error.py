@@ -1,16 +1,28 @@
-"""The size of the model error from the residuals (theory 9).
+"""The size of the model error from the residuals, and what gauges have to do with them (theory 9).
 
-With model errors of covariance eta^2 S beside the errors of the gauges, Sigma = Sigma_0 + eta^2 S.
-The restricted likelihood of eta (theory 7), with the model linearised at the estimate, times a
-weak prior,
+With model errors of covariance eta^2 S beside the errors of the gauges,
 
-    w(eta) ~ exp(l(eta)) exp(-eta^2 / (2 * 0.3^2)) ,   eta >= 0 ,
+    Sigma = s^2 (Sigma_0 + z^2 Z) + eta^2 S .
 
-is summed over a grid. From then on Sigma is its mean, with eta^2 the mean of the grid: of all that
-one could plug in it gives nearly the bands of the whole mixture, since variances add up.
+s is one factor on all stated accuracies, and z the error of the zero of each channel, in accuracies
+of one reading, where the case declares none. The restricted likelihood (theory 7), with the model
+linearised at the estimate, times weak priors,
 
-Accuracies that are estimated along have, at every eta, the values of highest likelihood, under a
-weak prior too: a model error that explains all residuals would let them vanish.
+    w(eta, s, z) ~ exp(l(eta, s, z)) exp(-eta^2 / (2 * 0.3^2)) p(s) exp(-z^2 / 2) ,  s >= 1 ,
+
+is summed over a grid. So the readings decide what explains the residuals: a model error is alike
+where gauges are near to each other, that of a zero is alike in all readings of a channel, scatter
+is neither. p(s) is one half at s = 1, where the accuracies are as stated, and one half lognormal.
+From then on Sigma is its mean: of all that one could plug in it gives nearly the bands of the whole
+mixture, since variances add up.
+
+With Sigma_0 + z^2 Z = L L^T and the singular values sqrt(lambda_i) of L^-1 B, S = B B^T, everything
+is a sum over i with the weights 1 / (s^2 + eta^2 lambda_i): a point of the grid costs next to
+nothing.
+
+Where the case wants accuracies estimated (theory 7.5), these take the place of s and z: at every
+eta they have the values of highest likelihood, under a weak prior too, since a model error that
+explains all residuals would let them vanish.
 """
 
 from __future__ import annotations
@@ -18,42 +30,81 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.identify.assessment.variance_components import (
     HeldLast,
     Likelihood,
+    RestrictedLikelihood,
     VarianceComponents,
     estimate_components,
 )
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats
 
 PRIOR_SD = 0.3
 """Of the half-normal prior of eta: errors of 10 to 30 % of the motion are usual."""
 
 ACCURACY_SPREAD = np.log(3.0)
-"""Of the logarithm of an accuracy that is estimated along: known within a factor of three."""
+"""Of the logarithm of an accuracy that is estimated, or stated wrongly: a factor of three."""
+
+AS_STATED = 0.1
+"""Probability that accuracies are as stated, before any residual."""
+
+ZERO_SD = 1.0
+"""Of the half-normal prior of z: a zero is one reading."""
 
 SIZES = np.concatenate([[1e-6], np.geomspace(0.005, 1.0, 28)])
 """The eta that are weighed, (m,); the first of them stands for none."""
+
+FACTORS = np.geomspace(1.0, 12.0, 15)
+"""The s that are weighed, (f,); the first stands for accuracies as stated."""
+
+ZEROS = np.concatenate([[0.0], np.geomspace(0.35, 5.6, 7)])
+"""The z that are weighed, (z,)."""
 
 _WIDTHS = np.gradient(SIZES)
 _UPPER = np.append(0.5 * (SIZES[1:] + SIZES[:-1]), SIZES[-1])
 """Upper ends of the pieces of eta that the grid stands for."""
 
 
+def _factor_prior() -> Floats:
+    """(f,) of `FACTORS`; their sum is one."""
+    wrong = np.exp(-0.5 * (np.log(FACTORS) / ACCURACY_SPREAD) ** 2)
+    wrong[[0, -1]] *= 0.5  # half a piece of the even steps of the logarithm
+    wrong *= (1.0 - AS_STATED) / wrong.sum()
+    wrong[0] += AS_STATED
+    return np.asarray(wrong)
+
+
+def _zero_prior() -> Floats:
+    """(z,) of `ZEROS`; their sum is one."""
+    found = np.exp(-0.5 * (ZEROS / ZERO_SD) ** 2) * np.gradient(ZEROS)
+    return np.asarray(found / found.sum())
+
+
 @dataclass(frozen=True)
 class SizeWeights:
-    """What the residuals say of the size of the model error.
+    """What the residuals say of the size of the model error, and of the errors of the gauges.
 
     Args:
-        weights: (m,) of `SIZES`, with the prior; their sum is one.
-        minus_two_l: (m,) -2 l without the prior.
-        components: the accuracies that are estimated along, at the size that is used.
+        joint: (m, f, z) of `SIZES`, `FACTORS` and `ZEROS`, with the priors; their sum is one. f and
+            z are 1 where only the first of these is weighed.
+        minus_two_l: (m, f, z) -2 l without the priors.
+        prior: (f, z) probabilities before any residual.
+        components: the logarithms of the factors of variances of the gauges, at the size that is
+            used.
     """
 
-    weights: Floats
+    joint: Floats
     minus_two_l: Floats
+    prior: Floats
     components: VarianceComponents
+
+    @property
+    def weights(self) -> Floats:
+        """(m,) of `SIZES`, whatever the gauges."""
+        return np.asarray(self.joint.sum(axis=(1, 2)))
 
     @property
     def size(self) -> float:
@@ -61,13 +112,41 @@ class SizeWeights:
         return mean_size(self.weights)
 
     @property
-    def log_gain(self) -> float:
-        """Logarithm of the evidence over all sizes, less that at the size that is used.
+    def factor(self) -> float:
+        """The root of the mean of s^2."""
+        return float(np.sqrt(self._squares().sum()))
 
-        By the restricted likelihood, times the prior with its normalisation.
+    @property
+    def zero(self) -> float:
+        """Error of the zeros that is used, in accuracies times that factor."""
+        squares = self._squares()
+        return float(np.sqrt(squares @ ZEROS[: len(squares)] ** 2 / squares.sum()))
+
+    def _squares(self) -> Floats:
+        """(z,) mean of s^2 at each z, times the weight of that."""
+        weights = self.joint.sum(axis=0)
+        return np.asarray(FACTORS[: len(weights)] ** 2 @ weights)
+
+    def factor_quantile(self, part: float) -> float:
+        """The s at which the weight of it and all smaller ones reaches a part."""
+        below = np.cumsum(self.joint.sum(axis=(0, 2)))
+        return float(np.exp(np.interp(part, below, np.log(FACTORS[: len(below)]))))
+
+    def zero_quantile(self, part: float) -> float:
+        """The z at which the weight of it and all smaller ones reaches a part."""
+        below = np.cumsum(self.joint.sum(axis=(0, 1)))
+        return float(np.interp(part, below, ZEROS[: len(below)]))
+
+    @property
+    def log_gain(self) -> float:
+        """Logarithm of the evidence over all sizes, less that at those that are used.
+
+        By the restricted likelihood, times the priors with their normalisation.
         """
         log_prior = 0.5 * np.log(2.0 / np.pi) - np.log(PRIOR_SD) - 0.5 * (SIZES / PRIOR_SD) ** 2
-        parts = log_prior + np.log(_WIDTHS) - 0.5 * (self.minus_two_l - self.components.minus_two_l)
+        with np.errstate(divide="ignore"):
+            parts = (log_prior + np.log(_WIDTHS))[:, None, None] + np.log(self.prior)
+        parts = parts - 0.5 * (self.minus_two_l - self.components.minus_two_l)
         return float(parts.max() + np.log(np.exp(parts - parts.max()).sum()))
 
     def quantile(self, part: float) -> float:
@@ -82,20 +161,67 @@ def mean_size(weights: Floats) -> float:
 
 
 def weigh_sizes(likelihood: Likelihood, start: Floats) -> SizeWeights:
-    """The weights of the sizes of the model error.
+    """The weights of the sizes of the model error, with accuracies that are estimated along.
 
     Args:
         likelihood: of the factors of all components; the last one is the model error at eta = 1.
         start: (c,) logarithms of the factors of the others to begin with.
     """
-    values, t = np.empty(len(SIZES)), start
+    values, t = np.empty((len(SIZES), 1, 1)), start
     for m, eta in enumerate(SIZES.tolist()):
         found = at_size(likelihood, eta, t)
         t, values[m] = found.log_factor, found.minus_two_l
-    log_weight = -0.5 * (values - values.min()) - 0.5 * (SIZES / PRIOR_SD) ** 2
-    weights = np.exp(log_weight) * _WIDTHS
-    weights /= weights.sum()
-    return SizeWeights(weights, values, at_size(likelihood, mean_size(weights), t))
+    prior = np.ones((1, 1))
+    joint = _weights(values, prior)
+    size = mean_size(joint[:, 0, 0])
+    return SizeWeights(joint, values, prior, at_size(likelihood, size, t))
+
+
+def weigh_all(
+    likelihood: RestrictedLikelihood, zeros: sp.csr_array | None, *, free: bool
+) -> SizeWeights:
+    """The weights of the sizes of the model error, of the scatter, and of the errors of zeros.
+
+    Args:
+        likelihood: of two components: all errors of the gauges as stated; the model error at one.
+        zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
+        free: whether scatter and zeros may be other than stated; else they are looked at, no more.
+    """
+    sizes = ZEROS if zeros is not None else ZEROS[:1]
+    spectra = [_Spectrum(likelihood, zeros, z) for z in sizes.tolist()]
+    values = np.stack([spectrum.values(SIZES, FACTORS) for spectrum in spectra], axis=2)
+    prior = np.zeros((len(FACTORS), len(sizes)))
+    prior[0, 0] = 1.0
+    if free:
+        of_zero = _zero_prior() if zeros is not None else np.ones(1)
+        prior = np.outer(_factor_prior(), of_zero)
+    joint = _weights(values, prior)
+    empty = np.zeros(0)
+    unknown = VarianceComponents(empty, np.zeros((0, 0)), empty, empty, np.nan)
+    found = SizeWeights(joint, values, prior, unknown)
+    factor, zero = np.array([found.factor]), found.zero
+    used = _Spectrum(likelihood, zeros, zero).values(np.array([found.size]), factor)
+    roots = [*factor, factor[0] * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
+    t = 2.0 * np.log(np.array(roots))
+    at_used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(used[0, 0]))
+    return SizeWeights(joint, values, prior, at_used)
+
+
+_NOTHING = 1e-4
+"""Error of a zero, in accuracies, that stands for none."""
+
+
+def _weights(minus_two_l: Floats, prior: Floats) -> Floats:
+    """Weights (m, f, z) from -2 l and the priors; their sum is one.
+
+    Args:
+        minus_two_l: at least (m, f, z).
+        prior: (f, z).
+    """
+    of_size = np.exp(-0.5 * (SIZES / PRIOR_SD) ** 2) * _WIDTHS
+    best = minus_two_l[:, prior > 0.0].min()
+    weights = np.exp(-0.5 * (minus_two_l - best)) * of_size[:, None, None] * prior
+    return np.asarray(weights / weights.sum())
 
 
 def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceComponents:
@@ -111,3 +237,80 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
         return estimate_components(held, start)
     nothing = np.zeros(0)
     return VarianceComponents(nothing, np.zeros((0, 0)), nothing, nothing, held.value(nothing))
+
+
+class _Spectrum:
+    """-2 l of eta and s, by the eigenvalues of the model error among the errors of the gauges.
+
+    Args:
+        likelihood: of two components: all errors of the gauges as stated; the model error at one.
+        zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
+        zero: their size z.
+    """
+
+    def __init__(
+        self, likelihood: RestrictedLikelihood, zeros: sp.csr_array | None, zero: float
+    ) -> None:
+        structure = likelihood.structure
+        of_model = structure.column_component == 1
+        shared = structure.columns[:, np.flatnonzero(~of_model)]
+        if zeros is not None and zero > 0.0:
+            shared = sp.csr_array(sp.hstack([shared, zero * zeros]))
+        covariance = Covariance(structure.sd, SharedErrors(shared))
+        jacobian, rows, prior = _seen(likelihood)
+        columns = structure.columns[:, np.flatnonzero(of_model)].toarray()
+        U, root, _ = np.linalg.svd(covariance.whiten(columns), full_matrices=False)
+        white = covariance.whiten(np.column_stack([jacobian, likelihood.gap]))
+        self._along = U.T @ white
+        across = white - U @ self._along
+        self._across = across.T @ across
+        self._rest = len(white) - len(root)
+        self._lambda = root**2
+        self._given = rows
+        self._constant = covariance.log_determinant() + prior
+
+    def values(self, sizes: Floats, factors: Floats) -> Floats:
+        """-2 l at sizes (m,) and factors (f,), (m, f)."""
+        found = np.empty((len(sizes), len(factors)))
+        square = factors**2
+        for m, eta in enumerate(sizes.tolist()):
+            variance = square[:, None] + eta**2 * self._lambda
+            weighed = self._along / variance[:, :, None]
+            sums = np.swapaxes(weighed, 1, 2) @ self._along
+            sums = sums + self._across / square[:, None, None] + self._given
+            M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
+            least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
+            found[m] = np.log(variance).sum(axis=1) + self._rest * np.log(square)
+            found[m] += np.linalg.slogdet(M)[1] + least
+        return found + self._constant
+
+
+def _seen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:
+    """The likelihood's parameters, without directions of which the readings see nothing.
+
+    What priors say of these is a constant, and what they say of the others by them.
+
+    Args:
+        likelihood: with a Jacobian (g, q).
+
+    Returns:
+        Jacobian (g, r), sums of squares and products (r + 1, r + 1) of the rows of the priors for r
+        directions and the residual, and the constant part of -2 l.
+    """
+    J, R, prior = likelihood.jacobian, likelihood.prior_rows, likelihood.prior
+    _, size, Vt = np.linalg.svd(J, full_matrices=True)
+    seen = int(np.count_nonzero(size > _UNSEEN * size.max(initial=0.0)))
+    rows = np.column_stack([R @ Vt.T, -prior])
+    squares = rows.T @ rows
+    if seen == J.shape[1]:
+        return J @ Vt.T, squares, 0.0
+    inner = np.r_[:seen, J.shape[1]]
+    hidden = np.arange(seen, J.shape[1])
+    of_hidden = squares[np.ix_(hidden, hidden)]
+    mixed = squares[np.ix_(hidden, inner)]
+    left = squares[np.ix_(inner, inner)] - mixed.T @ np.linalg.solve(of_hidden, mixed)
+    return J @ Vt[:seen].T, left, float(np.linalg.slogdet(of_hidden)[1])
+
+
+_UNSEEN = 1e-12
+"""Singular values below this part of the largest are those of directions not seen."""

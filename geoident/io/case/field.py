@@ -132,6 +132,16 @@ class PointFileSection(Section):
     )
 
 
+def _wrong_lengths(number: int, dim: int) -> tuple[str, str]:
+    """What is wrong with a number of correlation lengths in a model, and the remedy."""
+    found = "found no length" if number == 0 else f"found {number} lengths"
+    if dim == 2:
+        hint = "Write one length, or [along the dip, normal to it], such as [20 m, 5 m]."
+        return f"{found}; one, or two for the axes of a plane model, expected", hint
+    hint = "Write one length, or one for each axis of `along`, such as [30 m, 20 m, 5 m]."
+    return f"{found}; one, two or three expected", hint
+
+
 def _entry(value: object) -> str:
     if isinstance(value, str):
         return "<file name>"
@@ -147,7 +157,12 @@ Measured = Annotated[
 ]
 Lengths = Annotated[
     Annotated[GivenSize, Tag("text")]
-    | Annotated[list[GivenSize], SharesUnit(), Field(min_length=1, max_length=3), Tag("list")],
+    | Annotated[
+        list[GivenSize],
+        SharesUnit(),
+        Field(json_schema_extra={"minItems": 1, "maxItems": 3}),
+        Tag("list"),
+    ],
     Discriminator(shape_of),
 ]
 
@@ -233,10 +248,8 @@ class FieldBase(Section):
         mean = self.mean
         along = self.along.frame(context.at("along")) if self.along is not None else None
         given = self.length if isinstance(self.length, list) else [self.length]
-        if len(given) > context.dim:
-            message = f"found {len(given)} lengths; a plane model has two axes"
-            hint = "Write one length, or [along the dip, normal to it]."
-            context.at("length").refuse("wrong-dimension", message, hint)
+        if not 1 <= len(given) <= context.dim:
+            context.at("length").refuse("wrong-dimension", *_wrong_lengths(len(given), context.dim))
         points = [
             value
             for entry, place in self._entries(context.at("measured"))

@@ -1,6 +1,6 @@
 """Reading a case file: from text to a case in SI units, or to all that is wrong with it.
 
-Values may be replaced on the command line: ``--set parameters.E.start=20 GPa``.
+Values may be replaced by overrides: ``parameters.E.start=20 GPa``.
 
 Faults are shown in three rounds, each complete: the text and its sections; what refers to something
 else in the case or its readings; and later, elsewhere, what needs the mesh.
@@ -20,7 +20,7 @@ from typing import Any, cast
 import yaml
 from pydantic import ValidationError
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.case.case import CaseSection, build_case, check_references
 from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
@@ -28,7 +28,7 @@ from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
-from geoident.io.text.faults import SET_FLAG, Faults, Places
+from geoident.io.text.faults import OVERRIDES, Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Document, Node, parse_yaml
@@ -202,7 +202,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
             only made for ``fit``.
 
     Raises:
-        InputError: faulty overrides, located at ``--set``.
+        InputError: faulty overrides, located at `OVERRIDES`.
     """
     data = deepcopy(document.data) if overrides else document.data
     faults: list[Fault] = []
@@ -215,7 +215,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
             paths.append(path)
         except Refusal as error:
             message = f"'{shorten(override)}': {error.message}"
-            location = Location(SET_FLAG)
+            location = Location(OVERRIDES)
             faults.append(Fault(error.code, message, error.hint, location, format_path(path)))
     if faults:
         raise InputError(faults)
@@ -225,7 +225,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
 def _parse(override: str) -> tuple[KeyPath, Node]:
     name, equals, value = override.partition("=")
     if not equals:
-        raise Refusal("bad-override", "it has no '='", "Write --set path=value.")
+        raise Refusal("bad-override", "it has no '='", f"Write {Term.OVERRIDE}.")
     return parse_path(name.strip()), _parse_value(value)
 
 
@@ -254,7 +254,7 @@ def parse_path(text: str) -> KeyPath:
 
 def _parse_value(text: str) -> Node:
     try:
-        return parse_yaml(text.encode("utf-8").decode("utf-8"), SET_FLAG).data
+        return parse_yaml(text.encode("utf-8").decode("utf-8"), OVERRIDES).data
     except UnicodeEncodeError as error:
         raise Refusal("not-text", "the value is not UTF-8 text") from error
     except InputError as error:

@@ -20,6 +20,7 @@ from geoident.io.schema.values import (
     AnyQuantity,
     Count,
     CountOr,
+    Exactly,
     Given,
     Length,
     Name,
@@ -55,9 +56,8 @@ _RANGES: Mapping[str, Any] = {
 PlanePoint = Annotated[
     list[Length],
     SharesUnit(),
-    Field(
-        min_length=2, max_length=2, description="Coordinates x and y.", examples=[["0 m", "3 m"]]
-    ),
+    Exactly(2),
+    Field(description="Coordinates x and y.", examples=[["0 m", "3 m"]]),
 ]
 Radius = Annotated[Given, Of("length", above=0.0)]
 _KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}

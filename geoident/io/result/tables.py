@@ -355,6 +355,9 @@ MODEL_ERROR = "model_error"
 """Group of the model error."""
 
 _MODEL_ERROR_NUMBERS = ("size", "lower95", "upper95", "length")
+_OF_GAUGES = tuple(
+    f"{name}{end}" for name in ("factor", "zero") for end in ("", "_lower95", "_upper95")
+)
 
 
 def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
@@ -369,7 +372,7 @@ def write_model_error(file: h5py.File, table: ModelErrorTable) -> None:
         MODEL_ERROR,
         {"eta": table.sizes, "state": table.states, "reading": np.arange(len(table.steps))},
     )
-    for name in _MODEL_ERROR_NUMBERS:
+    for name in (*_MODEL_ERROR_NUMBERS, *_OF_GAUGES):
         out.group.attrs[name] = np.float64(getattr(table, name))
     for name in ("kind", "sentence"):
         out.group.attrs[name] = plain_text(getattr(table, name))
@@ -397,6 +400,7 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
         steps=group.floats("steps", rows, len(states)),
         floors=group.floats("floors", rows, len(states)),
         findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
+        **{name: group.attribute(name, float) for name in _OF_GAUGES if name in group.group.attrs},
     )
 
 

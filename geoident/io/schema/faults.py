@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
+from geoident.errors import Term
 from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
@@ -160,14 +161,17 @@ def _add_other(
         message = f"found {kind_of(node)}; {_KINDS[kind]} is expected"
         hint = _HINTS[_KINDS[kind]]
     elif kind in {"too_short", "too_long"}:
-        number = context.get("min_length", context.get("max_length"))
-        least = "at least " if kind == "too_short" and number == 1 else ""
-        entries = "entry" if number == 1 else "entries"
-        message = f"found {context['actual_length']} entries; {least}{number} {entries} expected"
-        hint = f"Write {least}{number}, or remove the key if it need not be there."
+        number = context.get("min_length", context.get("max_length", 0))
+        limit = "at least" if kind == "too_short" else "at most"
+        message = f"found {_entries(context['actual_length'])}; {limit} {_entries(number)} expected"
+        hint = f"Write {limit} {number}, or remove the key if it need not be there."
     else:
-        message, hint = error["msg"], "`geoident schema` lists what is allowed here."
+        message, hint = error["msg"], f"{Term.KEYS} lists what is allowed here."
     faults.add(path, "wrong-kind", message, hint)
+
+
+def _entries(number: int) -> str:
+    return f"{number} {'entry' if number == 1 else 'entries'}"
 
 
 def _node_at(data: Node, path: KeyPath) -> Node:

@@ -351,6 +351,30 @@ def level_or_group(value: object) -> str:
 
 
 @dataclass(frozen=True)
+class Exactly:
+    """Annotation of a list that has this number of entries, no fewer and no more."""
+
+    entries: int
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._counted, handler(source))
+
+    def _counted(self, value: object) -> object:
+        if isinstance(value, list) and len(value) != self.entries:
+            found = f"found {len(value)} {'entry' if len(value) == 1 else 'entries'}"
+            hint = f"Write {self.entries}, or remove the key if it need not be there."
+            raise Refusal("wrong-kind", f"{found}; {self.entries} entries expected", hint)
+        return value
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {**handler(schema), "minItems": self.entries, "maxItems": self.entries}
+
+
+@dataclass(frozen=True)
 class CountOr:
     """Annotation of a whole number from one on, or a word."""
 
@@ -420,11 +444,12 @@ Coordinates = Annotated[
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
-Line = Annotated[list[Coordinates], Field(min_length=2, max_length=2)]
+Line = Annotated[list[Coordinates], Exactly(2)]
 Bounds = Annotated[
     list[AnyQuantity],
     SharesUnit(),
-    Field(min_length=2, max_length=2, description=f"Lower and upper bound{_SHARED}."),
+    Exactly(2),
+    Field(description=f"Lower and upper bound{_SHARED}."),
 ]
 Accelerations = Annotated[list[Acceleration], SharesUnit()]
 Stresses = Annotated[list[Stress], SharesUnit()]

@@ -18,19 +18,19 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from geoident.errors import OutputError
+from geoident.errors import OutputError, Term
 
-_ELSEWHERE = "choose another place with -o"
+_ELSEWHERE = f"choose another place with {Term.OUTPUT}"
 _REMEDIES = {
     errno.ENOENT: f"create the folder, or {_ELSEWHERE}",
     errno.ENOTDIR: f"a part of the path is a file, not a folder; {_ELSEWHERE}",
     errno.EACCES: f"ask for permission to write in this folder, or {_ELSEWHERE}",
     errno.EPERM: f"ask for permission to write in this folder, or {_ELSEWHERE}",
     errno.EROFS: _ELSEWHERE,
-    errno.ENOSPC: f"free some space and run the command again, or {_ELSEWHERE}",
-    errno.EDQUOT: f"free some space and run the command again, or {_ELSEWHERE}",
+    errno.ENOSPC: f"free some space and try again, or {_ELSEWHERE}",
+    errno.EDQUOT: f"free some space and try again, or {_ELSEWHERE}",
     errno.EFBIG: "raise the limit on file sizes (ulimit -f), or write to another file system",
-    errno.ENAMETOOLONG: "choose a shorter name with -o",
+    errno.ENAMETOOLONG: f"choose a shorter name with {Term.OUTPUT}",
     errno.ELOOP: "the path is a symbolic link that leads to itself; remove it",
 }
 _UNSUPPORTED = {errno.EINVAL, errno.EACCES, errno.ENOTSUP, errno.ENOSYS}
@@ -89,7 +89,7 @@ def refuse_inputs(path: str | Path, inputs: Iterable[str]) -> None:
         if _same_file(path, name):
             also = "" if str(path) == name else f" ({name})"
             raise OutputError(
-                f"{path}: is an input of this command{also} and is never replaced\n"
+                f"{path}: is an input of this {Term.COMMAND}{also} and is never replaced\n"
                 "    give the output another name"
             )
 
@@ -135,7 +135,7 @@ def _refuse_unwritable(path: str | Path, final: Path, *, overwrite: bool) -> Non
 def _exists(path: str | Path) -> OutputError:
     return OutputError(
         f"{path}: exists already and is not overwritten\n"
-        "    --force replaces it, -o writes elsewhere"
+        f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"
     )
 
 

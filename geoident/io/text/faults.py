@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.wording import did_you_mean
 from geoident.io.text.yaml_reader import Document, Node
 from geoident.model.case import KeyPath, Source, format_path
 
-SET_FLAG = "--set"
+OVERRIDES = str(Term.OVERRIDES)
+"""Where an override is written, in place of the name of a file."""
 _MOST = 100
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where the keys of a case are written: in its file, or in a ``--set`` flag.
+    """Where the keys of a case are written: in its file, or in an override.
 
     Args:
         document: the file.
         data: its data, with the overrides.
-        overridden: paths that flags have set.
+        overridden: paths that overrides have set.
     """
 
     document: Document
@@ -31,7 +32,7 @@ class Places:
     def locate(self, path: KeyPath, *, key: bool = False) -> Location:
         """The place of a value (of its key if ``key``), else of what encloses it."""
         if self.is_overridden(path):
-            return Location(SET_FLAG)
+            return Location(OVERRIDES)
         for end in range(len(path), -1, -1):
             position = self._position(path[:end], value=end == len(path) and not key)
             if position is not None:
@@ -39,7 +40,7 @@ class Places:
         return Location(self.document.file)
 
     def is_overridden(self, path: KeyPath) -> bool:
-        """Whether a flag has set a key or what encloses it."""
+        """Whether an override has set a key or what encloses it."""
         return bool(self.overridden) and any(
             path[:end] in self.overridden for end in range(len(path) + 1)
         )

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import yaml
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.wording import shorten
 from geoident.model.case import KeyPath, format_path
 
@@ -67,7 +67,7 @@ def parse_yaml(text: str, file: str) -> Document:
         for _ in events:
             pass
     except StopIteration as error:
-        hint = "Begin with 'format: geoident-case/1'; `geoident schema` lists what may follow."
+        hint = f"Begin with 'format: geoident-case/1'; {Term.KEYS} lists what may follow."
         raise InputError([Fault("empty", "the file is empty", hint, Location(file))]) from error
     except yaml.MarkedYAMLError as error:
         raise InputError([*builder.faults, _syntax_fault(error, file)]) from error

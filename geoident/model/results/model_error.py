@@ -26,6 +26,14 @@ class ModelErrorTable:
             adds to it, SI.
         sentence: its size in words.
         findings: sentences on what cannot be told from it.
+        factor: by which the readings scatter more than their stated accuracies; those of the result
+            are the stated ones times it.
+        factor_lower95: lower end of its 95 % interval; 1 where it was not estimated.
+        factor_upper95: upper end, likewise.
+        zero: error of the zeros of channels, in accuracies of a reading as it scatters, that the
+            readings show; 0 where the case declares it, or none can tell.
+        zero_lower95: lower end of its 95 % interval.
+        zero_upper95: upper end, likewise.
     """
 
     kind: str
@@ -40,6 +48,12 @@ class ModelErrorTable:
     floors: Floats
     sentence: str = ""
     findings: tuple[str, ...] = ()
+    factor: float = 1.0
+    factor_lower95: float = 1.0
+    factor_upper95: float = 1.0
+    zero: float = 0.0
+    zero_lower95: float = 0.0
+    zero_upper95: float = 0.0
 
     @property
     def large(self) -> bool:

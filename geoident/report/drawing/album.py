@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields import field_pictures
-from geoident.report.drawing.gauges import (
-    compared_gauge_pictures,
-    profile_pictures,
-    reading_pictures,
-)
+from geoident.report.drawing.gauges.compared import compared_gauge_pictures
+from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
+from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.overview import overview_pictures
 from geoident.report.drawing.parameters import (
     compared_parameter_pictures,
@@ -64,13 +62,29 @@ def album(result: Result, *, prefix: str = "") -> Album:
     found = (
         overview_pictures(result, scene),
         (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
-        (*reading_pictures(result), *profile_pictures(result), *sign_pictures(result)),
+        (
+            *profile_pictures(result),
+            *reading_pictures(result),
+            *face_pictures(result),
+            *sign_pictures(result),
+        ),
         fields,
         quality_pictures(result),
         structure_pictures(result),
         backtest_pictures(result),
     )
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
+
+
+def stage_pictures(result: Result, state: int) -> tuple[Picture, ...]:
+    """The figures of the fields after one stage; none where the result has no fields.
+
+    Args:
+        result: what to draw.
+        state: number of the state; 1 is that after the first stage.
+    """
+    scene = scene_of(result, only=state)
+    return () if scene is None else (*field_pictures(scene), *solid_pictures(scene))
 
 
 def comparison(results: Labelled) -> tuple[Picture, ...]:

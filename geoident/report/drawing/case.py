@@ -61,8 +61,13 @@ def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
         mesh: its mesh.
         suffix: of the file.
     """
+    return image(model_picture(case, mesh), suffix)
+
+
+def model_picture(case: Case, mesh: Mesh) -> Picture:
+    """The picture of a case, not drawn yet."""
     draw = _solid_figure if mesh.dim == 3 else _plane_figure
-    return image(Picture("case", case.title, "", lambda: draw(case, mesh)), suffix)
+    return Picture("case", case.title, "", lambda: draw(case, mesh))
 
 
 def _plane_figure(case: Case, mesh: Mesh) -> Figure:

@@ -17,7 +17,7 @@ from geoident.report.drawing.fields import (
     shade,
     weighted,
 )
-from geoident.report.drawing.gauges import draw_computed, draw_measured
+from geoident.report.drawing.gauges.course import draw_computed, draw_measured
 from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.style import (
     COMPUTED,
@@ -77,7 +77,7 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
 
 def _draw_channel(axes: Axes, result: Result, row: int) -> None:
     draw_computed(axes, result, row, COMPUTED)
-    draw_measured(axes, result.gauges, row, MEASURED, "o")
+    draw_measured(axes, result, row, MEASURED, "o")
     axes.set_title(short(result.gauges.channels[row], 24))
     axes.set_ylabel(result.gauges.shown_units[row])
     stage_ticks(axes, result.gauges.stages)

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, Iteration, ParameterTable, Result
-from geoident.report.drawing.gauges import unknown
+from geoident.report.drawing.gauges.course import unknown
 from geoident.report.drawing.style import (
     COMPUTED,
     DIVERGING,
@@ -24,7 +24,7 @@ from geoident.report.drawing.style import (
     marker,
     short,
 )
-from geoident.report.text.gauges import OUTLIER, standardized
+from geoident.report.text.gauges import OUTLIER, in_sd_note, standardized
 from geoident.report.text.layout import number
 
 _MOST_ROWS = 60
@@ -110,8 +110,8 @@ def _residual_picture(result: Result) -> Picture:
     return Picture(
         "residuals",
         "Standardized residuals",
-        "Measured minus computed, in standard deviations (accuracy of the gauge; for predictions "
-        f"with the uncertainty of the parameters). Beyond {OUTLIER:g} the stage is named.{more}",
+        f"Measured minus computed, {in_sd_note(result)} Beyond {OUTLIER:g} the stage is named."
+        f"{more}",
         lambda: residual_figure(result),
     )
 

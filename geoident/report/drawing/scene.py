@@ -44,11 +44,14 @@ class Scene:
 
     Args:
         result: a result with fields.
+        fields: its fields.
+        only: the one state to be shown; None for those that tell most.
     """
 
-    def __init__(self, result: Result, fields: FieldSeries) -> None:
+    def __init__(self, result: Result, fields: FieldSeries, only: int | None = None) -> None:
         self.result = result
         self.fields = fields
+        self.only = only
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
 
@@ -92,6 +95,8 @@ class Scene:
     @cached_property
     def states(self) -> tuple[int, ...]:
         """States after stages that are shown one by one."""
+        if self.only is not None:
+            return (self.only,)
         states = self.reached
         if len(states) > MOST_STAGES:
             chosen = np.linspace(0, len(states) - 1, MOST_STAGES).round().astype(int)
@@ -107,6 +112,8 @@ class Scene:
     @property
     def key_states(self) -> tuple[int, ...]:
         """The last fitted state and the last of all."""
+        if self.only is not None:
+            return (self.only,)
         return tuple(sorted({self.last_fitted, int(self.reached[-1])} & set(self.reached.tolist())))
 
     def stage(self, state: int) -> str:
@@ -188,10 +195,17 @@ class Scene:
         return points, motion
 
 
-def scene_of(result: Result) -> Scene | None:
-    """The scene of a result; None if it has no fields, or none after a stage."""
+def scene_of(result: Result, only: int | None = None) -> Scene | None:
+    """The scene of a result; None if it has no fields, or none after a stage.
+
+    Args:
+        result: what to draw.
+        only: the one state to be shown; None for those that tell most.
+    """
     fields = result.fields
-    return Scene(result, fields) if fields is not None and len(fields.displacement) > 1 else None
+    if fields is None or len(fields.displacement) < 2:
+        return None
+    return Scene(result, fields, only)
 
 
 def box_around(points: Floats, box: tuple[Floats, Floats]) -> tuple[Floats, Floats]:

@@ -12,9 +12,9 @@ from matplotlib.patches import Rectangle
 
 from geoident.model.results.result import Result
 from geoident.report.drawing.style import (
+    ACCENT,
     COMPUTED,
     FAINT,
-    MEASURED,
     SMALL,
     Picture,
     image,
@@ -22,7 +22,7 @@ from geoident.report.drawing.style import (
 )
 from geoident.report.text.case import gauge_entry
 
-_ARROW = {"arrowstyle": "-|>", "color": MEASURED, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+_ARROW = {"arrowstyle": "-|>", "color": ACCENT, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
 _GROUND = "#e8e8e3"
 _STEEL = "#8a9096"
 

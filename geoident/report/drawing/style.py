@@ -6,7 +6,6 @@ things, one scale that is monotonous in lightness for magnitudes.
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,9 +19,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from geoident.model.arrays import Floats
+from geoident.report.saving.figure_file import collector_paused, figure_file
 
 COMPUTED = "#1f4e79"
-MEASURED = "#d95f02"
+MEASURED = "#262626"
+ACCENT = "#d95f02"
 FAINT = "#8c8c8c"
 MM = 1e3  # mm in a metre
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
@@ -35,11 +36,9 @@ MIDDLE = 8.5
 
 _Item = TypeVar("_Item")
 _COLUMNS = 3
-_DPI = 150
-_DATES = {"svg": "Date", "pdf": "CreationDate", "png": "Creation Time"}
 _RC: Any = {
     "svg.hashsalt": "geoident",
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "text.parse_math": False,  # a $ in a name is a $
     "font.family": "DejaVu Sans",  # comes with matplotlib, so pages do not depend on the machine
@@ -88,10 +87,8 @@ def drawing_style() -> Iterator[None]:
 
 def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    with drawing_style():
-        buffer = io.BytesIO()
-        picture.draw().savefig(buffer, format=suffix, dpi=_DPI, metadata={_DATES[suffix]: None})
-        return buffer.getvalue()
+    with collector_paused(), drawing_style():
+        return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
 
 
 def colour(k: int) -> str:
@@ -201,9 +198,13 @@ def paged(
     return tuple(
         Picture(
             f"{name}-{number}",
-            f"{title} ({label(part[0])} to {label(part[-1])})",
+            f"{title} ({_from_to(label(part[0]), label(part[-1]))})",
             caption,
             partial(draw, part),
         )
         for number, part in enumerate(parts, start=1)
     )
+
+
+def _from_to(first: str, last: str) -> str:
+    return first if first == last else f"{first} to {last}"

@@ -9,7 +9,7 @@ from html import escape
 
 from geoident.report.text.layout import TextTable
 
-_VOID = ("meta", "br", "hr")
+_VOID = ("meta", "br", "hr", "img")
 
 
 class Html(str):

@@ -27,6 +27,7 @@ from geoident.report.text import (
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import (
     OUTLIER,
+    in_sd_note,
     influence_table,
     influence_title,
     outliers,
@@ -103,7 +104,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
             _figures(pictures.quality),
         ),
         _section(yielding.TITLE, _yield_planes(result)),
-        _section(unit_title("Readings", result.gauges), table(reading_table(result))),
+        _section(unit_title("Readings", result.gauges), *_readings(result)),
         _section(
             structures.TITLE,
             _figures(pictures.structures),
@@ -132,6 +133,12 @@ def _section(title: str, *parts: str) -> Html:
     """A heading and what stands under it; nothing if that is nothing."""
     body = [part for part in parts if part]
     return tag("section", tag("h2", title), joined(body, "\n")) if body else Html("")
+
+
+def _readings(result: Result) -> tuple[Html, ...]:
+    """Every reading, and what its residual is divided by."""
+    found = table(reading_table(result))
+    return (found, tag("p", in_sd_note(result), class_="note")) if found else ()
 
 
 def _models(result: Result) -> tuple[Html, ...]:

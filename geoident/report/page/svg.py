@@ -19,7 +19,7 @@ from geoident.report.page.html import Html, tag
 
 _LINK = "{http://www.w3.org/1999/xlink}href"
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
-_DROPPED = ("metadata", "style")
+_DROPPED = ("metadata", "style", "title", "desc")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
 
@@ -27,7 +27,7 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
     """An SVG document as an element of HTML.
 
     Args:
-        svg: as matplotlib writes it, with text as paths.
+        svg: as `figure_file` writes it, with text as text.
         name: of the figure; prefix of the names inside.
         text: what it shows, for those who cannot see it.
     """
@@ -39,7 +39,8 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
         round(float(root.attrib.pop(key).removesuffix("pt")) * 4 / 3) for key in ("width", "height")
     )
     root.attrib.pop("version", None)
-    root.attrib |= {"width": str(width), "height": str(height), "role": "img", "aria-label": text}
+    root.attrib |= {"width": str(width), "height": str(height)}
+    root.attrib |= {"role": "graphics-document document", "aria-label": text}
     root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}
     return Html(ElementTree.tostring(root, encoding="unicode", short_empty_elements=True))
 
@@ -117,6 +118,6 @@ def _smaller(address: str) -> str:
     with Image.open(io.BytesIO(data)) as picture:
         buffer = io.BytesIO()
         few = picture.convert("RGBA").quantize(256, method=Image.Quantize.FASTOCTREE)
-        few.save(buffer, format="png", optimize=True)
+        few.save(buffer, format="png", compress_level=7)
     smaller = min(buffer.getvalue(), data, key=len)
     return f"data:image/png;base64,{base64.b64encode(smaller).decode('ascii')}"

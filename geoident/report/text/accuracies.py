@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from geoident.model.results.result import AccuracyTable
-from geoident.report.text.layout import TextTable, number
+from geoident.report.text.layout import TextTable, with_interval
 from geoident.units import DIMENSIONS, in_unit, shown_unit
 
 TITLE = "Accuracies estimated from the residuals"
@@ -24,8 +24,9 @@ def _row(found: AccuracyTable, k: int) -> list[str]:
     low, value, high = (float(column[k]) for column in (found.lower95, found.values, found.upper95))
     if not math.isfinite(high):
         return [found.names[k], "not determined", "-", _unit(found, k)]
-    texts = [number(in_unit(x, found.units[k], found.dimensions[k]), 3) for x in (low, value, high)]
-    return [found.names[k], texts[1], f"{texts[0]} to {texts[2]}", _unit(found, k)]
+    unit = found.units[k], found.dimensions[k]
+    size, least, most = with_interval(*(in_unit(x, *unit) for x in (value, low, high)))
+    return [found.names[k], size, f"{least} to {most}", _unit(found, k)]
 
 
 def _unit(found: AccuracyTable, k: int) -> str:

@@ -16,8 +16,8 @@ from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest, BacktestStep, Scores
 from geoident.model.results.result import Result
-from geoident.report.text.gauges import by_stage, reading_text
-from geoident.report.text.layout import TextTable, decimals, number, section, sections
+from geoident.report.text.gauges import by_stage, predicted_texts, reading_text
+from geoident.report.text.layout import TextTable, decimals, section, sections, with_interval
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.units import in_unit, shown_unit, si_unit
 
@@ -68,10 +68,8 @@ def _interval(result: Result, step: BacktestStep, i: int) -> str:
     if not step.determined[i]:
         return AS_PRIOR if result.parameters.priors[i] else NOT_DETERMINED
     unit = result.parameters.units[i], result.parameters.dimensions[i]
-    value, low, high = (
-        number(in_unit(float(column[i]), *unit), 3)
-        for column in (step.values, step.lower95, step.upper95)
-    )
+    columns = step.values, step.lower95, step.upper95
+    value, low, high = with_interval(*(in_unit(float(column[i]), *unit) for column in columns))
     return value if low == "-" else f"{value} [{low}, {high}]"
 
 
@@ -166,7 +164,7 @@ def prediction_table(result: Result) -> TextTable:
     for one in predictions(result):
         if len(told) > _MOST_ROWS and id(one) not in kept:
             continue
-        texts = [reading_text(gauges, one.row, x) for x in (one.mean, one.low, one.high)]
+        texts = predicted_texts(gauges, one.row, one.mean, one.low, one.high)
         known = math.isfinite(one.low)
         rows.append(
             [

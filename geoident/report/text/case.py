@@ -35,6 +35,11 @@ def axis_names(result: Result) -> tuple[str, str, str]:
     return ("radius r", "height y", "") if turned else ("x", "y", "z")
 
 
+def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
+    """What a key of the case holds, as texts; empty where it holds no mapping."""
+    return _mapping(_case(result.case_resolved), key)
+
+
 def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
     """What the case says of a gauge, as texts; empty where that cannot be read."""
     gauges = _case(result.case_resolved).get("gauges")

@@ -20,7 +20,13 @@ from geoident.model.results.posterior import LEVELS
 from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import csv_fit_rows, csv_rows
-from geoident.report.text.gauges import by_distance, by_stage, each_reading, wide_diagnostics
+from geoident.report.text.gauges import (
+    by_distance,
+    by_stage,
+    each_reading,
+    standardized,
+    wide_diagnostics,
+)
 from geoident.report.text.parameters import prior_in_unit
 from geoident.report.text.posterior import draw_rows
 from geoident.units import in_unit, shown_unit
@@ -152,7 +158,7 @@ def _correlation(result: Result) -> CsvTable:
 
 def _gauges(result: Result) -> CsvTable:
     table = result.gauges
-    residual = table.measured - table.computed
+    residual, in_sd = table.measured - table.computed, standardized(result)
     columns = [table.in_units(c) for c in (table.measured, table.computed, residual, table.sd)]
     known = np.isfinite(table.measured) | np.isfinite(table.computed)
     rows: list[CsvRow] = [
@@ -161,7 +167,7 @@ def _gauges(result: Result) -> CsvTable:
             table.stages[j],
             *(float(column[i, j]) for column in columns),
             table.shown_units[i],
-            float(residual[i, j] / table.sd[i, j]),
+            float(in_sd[i, j]),
             bool(table.used[i, j]),
         )
         for i, j in by_stage(known)

@@ -19,7 +19,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.result import Diagnostics, GaugeTable, Prediction, Result
-from geoident.report.text.layout import TextTable, decimals, number
+from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
 from geoident.units import in_unit, shown_unit
 
@@ -62,11 +62,35 @@ def reading_text(gauges: GaugeTable, row: int, value: float) -> str:
         value: SI.
     """
     unit = gauges.units[row], gauges.dimensions[row]
+    return decimals(in_unit(value, *unit), _read_places(gauges, row))
+
+
+def _read_places(gauges: GaugeTable, row: int) -> int:
+    """Decimals in the unit of a channel: one more than the best gauge of that unit can read."""
+    unit = gauges.units[row], gauges.dimensions[row]
     alike = [name == gauges.shown_units[row] for name in gauges.shown_units]
     known = gauges.sd[alike][gauges.sd[alike] > 0.0]
     best = in_unit(float(known.min()), *unit) if known.size else 0.1
-    places = min(6, max(2, 1 - math.floor(math.log10(best) + 1e-9)))
-    return decimals(in_unit(value, *unit), places)
+    return min(6, max(2, 1 - math.floor(math.log10(best) + 1e-9)))
+
+
+def predicted_texts(
+    gauges: GaugeTable, row: int, mean: float, low: float, high: float
+) -> tuple[str, str, str]:
+    """A predicted reading and the ends of its band, with the digits that the band warrants.
+
+    Args:
+        gauges: all of them.
+        row: of the channel.
+        mean: the prediction, SI; NaN for none.
+        low: lower end of its 95 % band.
+        high: upper end.
+    """
+    unit = gauges.units[row], gauges.dimensions[row]
+    texts = with_interval(
+        *(in_unit(x, *unit) for x in (mean, low, high)), most=_read_places(gauges, row)
+    )
+    return ("-", "-", "-") if math.isnan(mean) else texts
 
 
 def unit_title(title: str, gauges: GaugeTable, *more: str) -> str:
@@ -111,12 +135,13 @@ def fit_table(result: Result) -> TextTable:
     """Measured and computed readings, without those that stand among the predictions."""
     gauges = result.gauges
     shown = np.isfinite(gauges.measured) & (gauges.used | ~_has_prediction(result))
+    residual = standardized(result)
     rows = []
     for i, j in by_stage(shown):
         measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
         three = (measured, computed, measured - computed)
         texts = [reading_text(gauges, i, value) for value in three]
-        in_sd = decimals((measured - computed) / float(gauges.sd[i, j]), 1)
+        in_sd = decimals(float(residual[i, j]), 1)
         names = [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i)]
         rows.append([*names, *texts, in_sd, _with_note(gauges, i, j, _use(gauges, i, j))])
     header = ("gauge", "stage", "measured", "computed", "residual", "in sd", "")
@@ -167,10 +192,10 @@ def _prediction_row(result: Result, prediction: Prediction, i: int, j: int) -> l
     gauges = result.gauges
     low, high = float(prediction.lower95[i, j]), float(prediction.upper95[i, j])
     known = math.isfinite(low) and math.isfinite(high)
-    cells = (float(prediction.mean[i, j]), low, high) if known else (math.nan,) * 3
+    mean = float(prediction.mean[i, j]) if known else math.nan
     measured = float(gauges.measured[i, j])
     inside = _mark(measured, low, high) if known else NOT_DETERMINED
-    texts = [reading_text(gauges, i, cell) for cell in (*cells, measured)]
+    texts = *predicted_texts(gauges, i, mean, low, high), reading_text(gauges, i, measured)
     return [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i), *texts, inside]
 
 
@@ -193,17 +218,19 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
     gauges, prediction = result.gauges, result.prediction
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     state, band, determined = "used" if gauges.used[i, j] else "not used", "-", True
+    said = reading_text(gauges, i, computed)
     if prediction is not None and not gauges.used[i, j] and np.isfinite(prediction.mean[i, j]):
         state, determined = "predicted", bool(np.isfinite(prediction.sd[i, j]))
         if determined:
-            ends = (prediction.lower95[i, j], prediction.upper95[i, j])
-            band = " to ".join(reading_text(gauges, i, float(end)) for end in ends)
+            of = (prediction.mean, prediction.lower95, prediction.upper95)
+            said, low, high = predicted_texts(gauges, i, *(float(table[i, j]) for table in of))
+            computed, band = float(prediction.mean[i, j]), f"{low} to {high}"
     return [
         gauges.channels[i],
         gauges.stages[j],
         *_unit_cell(gauges, i),
         reading_text(gauges, i, measured),
-        reading_text(gauges, i, computed) if determined else NOT_DETERMINED,
+        said if determined else NOT_DETERMINED,
         band,
         reading_text(gauges, i, measured - computed) if determined else "-",
         decimals(in_sd, 1),
@@ -212,10 +239,12 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
 
 
 def standardized(result: Result) -> Floats:
-    """(n_channels, n_stages) measured minus computed in standard deviations.
+    """(n_channels, n_stages) measured minus computed "in sd", in its one meaning.
 
-    That of the gauge, and for a prediction that of the prediction, which holds both the gauge's and
-    the parameters'. Where readings share errors, without what the others tell of these (theory 7).
+    In standard deviations of all errors that the fit assumed for the reading: its own, those that
+    it shares with others and the model's; of these, without what the other readings tell of them
+    (theory 7). For a prediction in those of the prediction, which hold the parameters' too. Tables,
+    figures, outliers and their sentences all have these numbers; `in_sd_note` says so to people.
     NaN where nothing was measured or the prediction is not determined.
     """
     table = result.gauges
@@ -227,10 +256,33 @@ def standardized(result: Result) -> Floats:
     known = np.isfinite(sd) & (sd > 0)
     residual = table.measured - computed
     found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
-    if any(table.errors) and result.diagnostics is not None:
+    if _errors_shared(result) and result.diagnostics is not None:
         wide = result.diagnostics.wide(table).standardized
         found = np.where(np.isfinite(wide), wide, found)
     return np.asarray(found)
+
+
+def _errors_shared(result: Result) -> bool:
+    """Readings share errors, of zeros and surveys or of the model."""
+    return any(result.gauges.errors) or result.model_error is not None
+
+
+def in_sd_note(result: Result) -> str:
+    """What the columns and axes "in sd" of a result are, in a sentence."""
+    predicted = "" if result.prediction is None else "; of predictions, those of the prediction"
+    if not _errors_shared(result):
+        return f"in sd: residual in standard deviations of the accuracy{predicted}."
+    parts = ["accuracy"]
+    parts += ["errors that readings share"] if any(result.gauges.errors) else []
+    parts += ["model error"] if result.model_error is not None else []
+    return (
+        f"in sd: residual in standard deviations of {_listed(parts)} together, without what the "
+        f"other readings tell of them{predicted}."
+    )
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 @dataclass(frozen=True)
@@ -308,7 +360,7 @@ def _influence_row(result: Result, found: Diagnostics, i: int, j: int) -> list[s
     return [
         result.gauges.channels[i],
         result.gauges.stages[j],
-        decimals(float(found.studentized[i, j]), 1),
+        decimals(float(found.standardized[i, j]), 1),
         decimals(float(found.leverage[i, j]), 2),
         decimals(float(found.weight[i, j]), 2),
         result.parameters.names[k] if change.size else "",

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.errors import Fault, GeoidentError, InputError, ModelError
+from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.results.rivals import Evidence
@@ -258,9 +258,9 @@ def fault_object(fault: Fault) -> dict[str, Any]:
     place = fault.location
     return {
         "code": fault.code,
-        "message": fault.message,
-        "hint": fault.hint,
-        "file": place.file,
+        "message": worded(fault.message),
+        "hint": worded(fault.hint),
+        "file": worded(place.file),
         "line": place.line,
         "column": place.column,
         "path": fault.path,

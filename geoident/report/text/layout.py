@@ -106,3 +106,52 @@ def decimals(value: float, places: int) -> str:
     '0.00'
     """
     return "-" if math.isnan(value) else f"{value:z.{places}f}"
+
+
+def with_interval(value: float, low: float, high: float, *, most: int = 99) -> tuple[str, str, str]:
+    """A value and the ends of its interval with as many digits as the interval warrants.
+
+    All three are rounded to the second significant digit of the width of the interval. Where the
+    interval does not hold zero, the value keeps three significant digits at least and the ends two.
+    Where there is no interval, each is a `number`.
+
+    Args:
+        value: in the unit in which it is shown.
+        low: lower end, in the same.
+        high: upper end.
+        most: decimals at most, such as those that a gauge can read.
+
+    >>> with_interval(9.98765, 8.4912, 11.7049)
+    ('9.99', '8.5', '11.7')
+    >>> with_interval(15234.5, 14873.0, 15570.0), with_interval(0.25, 0.25, 0.25)
+    (('15230', '14870', '15570'), ('0.25', '0.25', '0.25'))
+    """
+    width = high - low
+    if not (math.isfinite(value) and math.isfinite(width) and width > 0.0):
+        return number(value), number(low), number(high)
+    places = min(_places(width), most)
+    apart = 2 if low * high > 0.0 else 0
+    return (
+        _rounded(value, places, apart + 1, most),
+        _rounded(low, places, apart, most),
+        _rounded(high, places, apart, most),
+    )
+
+
+_MOST_DIGITS = 6
+
+
+def _places(width: float) -> int:
+    """Decimals of the second significant digit of a width; negative for tens and hundreds."""
+    return 1 - math.floor(math.log10(width))
+
+
+def _rounded(value: float, places: int, least: int, most: int) -> str:
+    """A number with so many decimals, but so many significant digits at least."""
+    if value == 0.0:
+        return decimals(0.0, max(0, places))
+    power = math.floor(math.log10(abs(value)))
+    places = min(max(places, least - 1 - power), most, _MOST_DIGITS - 1 - power)
+    if not 1e-4 <= abs(value) < 1e6:
+        return number(value, places + power + 1) if places + power >= 0 else "0"
+    return decimals(round(value, places), max(0, places))

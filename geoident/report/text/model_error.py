@@ -25,6 +25,12 @@ def model_error_object(found: ModelErrorTable) -> dict[str, Any]:
         "lower95": found.lower95,
         "upper95": found.upper95,
         "length": found.length,
+        "scatter": found.factor,
+        "scatter_lower95": found.factor_lower95,
+        "scatter_upper95": found.factor_upper95,
+        "zero": found.zero,
+        "zero_lower95": found.zero_lower95,
+        "zero_upper95": found.zero_upper95,
         "sentence": found.sentence,
         "findings": found.findings,
     }

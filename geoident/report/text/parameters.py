@@ -20,7 +20,7 @@ from geoident.model.results.result import (
     Result,
 )
 from geoident.model.yielding import Certificate
-from geoident.report.text.layout import TextTable, number
+from geoident.report.text.layout import TextTable, number, with_interval
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
@@ -57,9 +57,9 @@ def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") ->
     """
     if not parameters.determined[i]:
         return (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
-    value, low, high = _in_units(
-        parameters, i, parameters.values, parameters.lower95, parameters.upper95
-    )
+    unit = parameters.units[i], parameters.dimensions[i]
+    columns = parameters.values, parameters.lower95, parameters.upper95
+    value, low, high = with_interval(*(in_unit(float(column[i]), *unit) for column in columns))
     return value, "" if low == "-" else f"{low}{between}{high}"
 
 

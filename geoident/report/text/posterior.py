@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Result
-from geoident.report.text.layout import TextTable, decimals, number
+from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import AS_PRIOR, unit_of
 from geoident.units import in_unit, shown_unit, si_unit
 
@@ -38,12 +38,17 @@ def _row(result: Result, i: int, chains: bool) -> list[str]:
     assert found is not None
     unit = unit_of(result.parameters, found.names[i])
     places = [LEVELS.index(level) for level in _SHOWN]
-    numbers = (found.mean[i], found.sd[i], *found.quantiles[i, places])
+    mean, sd, *levels = (
+        in_unit(float(x), *unit) for x in (found.mean[i], found.sd[i], *found.quantiles[i, places])
+    )
+    shown = [with_interval(x, levels[0], levels[-1])[0] for x in (mean, *levels)]
     known = bool(result.parameters.determined[i])
     alone = AS_PRIOR if result.parameters.priors[i] else AS_BOUNDS
     return [
         found.names[i],
-        *(number(in_unit(float(value), *unit)) for value in numbers),
+        shown[0],
+        number(sd, 2),
+        *shown[1:],
         shown_unit(*unit),
         decimals(float(found.effective[i]), 0),
         *([decimals(float(found.r_hat[i]), 3)] if chains else []),

@@ -26,6 +26,7 @@ from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
     fit_title,
+    in_sd_note,
     influence_table,
     influence_title,
     outliers,
@@ -81,7 +82,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
-        section(fit_title(result), fit_table(result).text),
+        section(fit_title(result), *_fit_parts(result)),
         section(influence_title(result.diagnostics), influence_table(result).text),
         section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
@@ -112,6 +113,12 @@ def _model_error(result: Result) -> str:
     """How well the model describes the ground, unless a finding says it."""
     found = result.model_error
     return "" if found is None or found.sentence in result.findings else found.sentence
+
+
+def _fit_parts(result: Result) -> tuple[str, ...]:
+    """The table of the readings of the fit, and what its residuals are divided by."""
+    table = fit_table(result).text
+    return (table, sentence(in_sd_note(result))) if table else ()
 
 
 def _told_parameters(result: Result) -> str:
@@ -199,10 +206,16 @@ def _fit(result: Result) -> list[str]:
     far = sum(outlier.used for outlier in outliers(result))
     count = {0: "no reading exceeds", 1: "one reading exceeds"}.get(far, f"{far} readings exceed")
     return [
-        f"The root mean square of the residuals is {_size(spread)} of the stated standard "
-        "deviation (about 1 if the stated accuracies are right); "
+        f"The root mean square of the residuals is {_size(spread)} of their standard deviations "
+        f"(about 1 if {_what_is_assumed(result)}); "
         f"{count} {OUTLIER:g} standard deviations."
     ]
+
+
+def _what_is_assumed(result: Result) -> str:
+    if result.model_error is not None:
+        return "the accuracies and the model error are right"
+    return "the accuracies are right"
 
 
 def _size(spread: float) -> str:

@@ -10,9 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.results.result import Result
+from geoident.model.results.result import NORMAL_95, Result
 from geoident.model.results.rivals import ModelComparison
-from geoident.report.text.layout import TextTable, bullets, decimals, number, sections, sentence
+from geoident.report.text.layout import (
+    TextTable,
+    bullets,
+    decimals,
+    number,
+    sections,
+    sentence,
+    with_interval,
+)
 from geoident.units import in_unit, shown_unit
 
 TITLE = "Minima of the misfit that are nearly as low"
@@ -36,9 +44,10 @@ def _row(result: Result, k: int) -> list[str]:
     rivals, table = result.rivals, result.parameters
     assert rivals is not None
     units = zip(table.units, table.dimensions, strict=True)
+    sd = np.sqrt(np.diagonal(rivals.covariance[k]))
     values = [
-        number(in_unit(float(value), *unit), 3)
-        for value, unit in zip(rivals.values[k], units, strict=True)
+        with_interval(*(in_unit(float(x), *unit) for x in (value, value - gap, value + gap)))[0]
+        for value, gap, unit in zip(rivals.values[k], NORMAL_95 * sd, units, strict=True)
     ]
     part = f"{100 * rivals.odds[k]:.2g} %"
     return ["lowest" if k == 0 else f"rival {k}", *values, number(rivals.objectives[k]), part]

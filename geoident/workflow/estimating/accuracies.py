@@ -21,7 +21,7 @@ from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import STOPPED, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.gauges import PARTS, Channel
+from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads
 from geoident.model.results.result import AccuracyTable
 from geoident.units import DIMENSIONLESS
 
@@ -120,6 +120,42 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     }
     sized = replace(parts, **sizes, estimated=())
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
+
+
+def own_accuracy(channel: Channel) -> float:
+    """Standard deviation of what one reading of a channel has by itself, SI."""
+    return channel.accuracy if channel.errors is None else channel.errors.reading
+
+
+def with_scatter(case: Case, factor: float, zero: float) -> Case:
+    """A case whose gauges have errors beside what it states.
+
+    Args:
+        case: as it is.
+        factor: on all standard deviations.
+        zero: error of the zero of each channel that has one, in accuracies of a reading as it
+            scatters then; 0 for what is stated.
+    """
+
+    def scattering(channel: Channel) -> Channel:
+        if channel.errors is None and (zero == 0.0 or channel.reads is not Reads.CHANGE):
+            return replace(channel, accuracy=factor * channel.accuracy)
+        parts = channel.errors or ErrorParts(channel.accuracy)
+        sizes = {part: factor * getattr(parts, part) for part in PARTS}
+        if zero > 0.0 and channel.reads is Reads.CHANGE:
+            sizes["zero"] = zero * sizes["reading"]
+        mesh = tuple((stage, factor * size) for stage, size in parts.mesh)
+        errors = replace(parts, **sizes, mesh=mesh)
+        return replace(channel, errors=errors, accuracy=errors.total(channel.along))
+
+    return replace(
+        case,
+        channels=tuple(scattering(channel) for channel in case.channels),
+        readings=tuple(
+            r if r.accuracy is None else replace(r, accuracy=factor * r.accuracy)
+            for r in case.readings
+        ),
+    )
 
 
 def accuracy_table(

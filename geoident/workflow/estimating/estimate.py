@@ -1,57 +1,29 @@
-"""The search for the parameters, kept in a checkpoint as it goes, and how it ends.
-
-Its result, where that stands, and what is said of the readings.
-"""
+"""What a search ends with: the model there, how well all is known, what is said of readings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.errors import InputError, Interrupted, ModelError
-from geoident.forward.model import StagedModel, StagedResponse
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify import descend, identify, refusals
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.assessment.variance_components import VarianceComponents
-from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.methods import continued
-from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
-from geoident.io.result.checkpoint import EvaluationLog
-from geoident.io.result.file import read_identity, read_result, write_result
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
-from geoident.model.response import Response
-from geoident.model.results.model_error import ModelErrorTable
-from geoident.model.results.result import AccuracyTable, Counts, Diagnostics, Prediction, Result
+from geoident.model.results.result import Counts, Diagnostics, Prediction, Result
 from geoident.model.results.rivals import Evidence, Rivals
-from geoident.workflow.estimating.accuracies import (
-    accuracy_table,
-    after,
-    weighed,
-    with_accuracies,
-)
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.estimating.mesh_error import (
-    FittedMesh,
-    fitted_mesh,
-    judged_mesh,
-    with_mesh_error,
-)
+from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
-    ModelErrorSearch,
+)
+from geoident.workflow.estimating.model_error_covariance import (
     ReadingSteps,
-    correlation_length,
-    no_model_error,
-    of_result,
     reading_steps,
 )
 from geoident.workflow.estimating.predictions import (
@@ -60,199 +32,17 @@ from geoident.workflow.estimating.predictions import (
     follow_open_bound,
     predict_stages,
 )
-from geoident.workflow.estimating.rivals import LOWER, kept_up, mixed_prediction, weighed_minima
+from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
+from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.setup import Setup, prepare, used_rows
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
-from geoident.workflow.running.evaluation_log import Log, Remembered
-from geoident.workflow.running.jobs import Job, build_model
-from geoident.workflow.running.outputs import Standing, Target
+from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.readings import (
     accuracies,
-    reading_table,
-    require_enough,
-    select_readings,
-    times_of,
     unused_by_stage,
     with_computed,
 )
-
-
-@dataclass(frozen=True)
-class Setup:
-    """A model and the readings that it is to meet.
-
-    Args:
-        model: the staged model of the case.
-        case: the case.
-        readings: all of them, and which take part.
-        accuracies: those that were estimated; None where all are given.
-        model_error: that of the fit; None where there is none.
-        mesh: what the mesh does to the readings; None where it was not asked.
-    """
-
-    model: CaseModel
-    case: Case
-    readings: ReadingTable
-    accuracies: AccuracyTable | None = None
-    model_error: FittedModelError | None = None
-    mesh: FittedMesh | None = None
-
-    @property
-    def model_error_table(self) -> ModelErrorTable | None:
-        """The model error for a result."""
-        return None if self.model_error is None else self.model_error.table(self.readings.used)
-
-
-def prepare(job: Job) -> Setup:
-    """Build the model of a job and select its readings.
-
-    Raises:
-        InputError: the case does not fit its mesh, or there are too few readings.
-        ModelError: the model moves freely somewhere.
-    """
-    model = build_model(job.inputs, solver=job.request.solver)
-    case = model.case
-    readings = select_readings(case, model)
-    require_enough(case, readings)
-    require_possible(model, case, job.methods)
-    return Setup(model, case, readings)
-
-
-def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
-    """Refuse methods that need what the model cannot offer.
-
-    Args:
-        model: of the case.
-        case: the case.
-        methods: their options.
-
-    Raises:
-        InputError: with the reasons.
-    """
-    response, loss = model.response(()), case.fit.loss
-    faults = [
-        case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
-        for reason in refusals(response, methods, loss)
-    ]
-    if faults:
-        raise InputError(faults)
-
-
-@contextmanager
-def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
-    """The log of a job's evaluations; kept if the run is cut short, removed when it is done.
-
-    Raises:
-        Interrupted: the run was; says how to go on.
-    """
-    if job.request.fresh:
-        job.place.checkpoint.unlink(missing_ok=True)
-    log = EvaluationLog.open(str(job.place.checkpoint), job.identity)
-    if log.trouble:
-        control.monitor.warn(log.trouble)
-    elif len(log):
-        kept = "blocks of evaluations" if job.command == "sample" else "evaluations"
-        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} {kept}")
-    try:
-        yield log
-    except Interrupted as stop:
-        log.close()
-        raise Interrupted(_how_to_go_on(job), exit_code=stop.exit_code) from stop
-    except (InputError, ModelError):
-        log.remove()  # it would end the same way again
-        raise
-    except BaseException:
-        log.close()
-        raise
-    if control.out_of_time:
-        log.close()
-    else:
-        log.remove()
-
-
-def _how_to_go_on(job: Job) -> str:
-    same = "The same command without --fresh" if job.request.fresh else "The same command"
-    return (
-        f"Interrupted. What was computed is kept in {job.place.checkpoint}.\n"
-        f"    {same} goes on from there."
-    )
-
-
-def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
-    """The readings of a setup and its model, whose evaluations are logged.
-
-    Args:
-        setup: model and selected readings.
-        log: takes what is evaluated, and gives it again.
-        control: is told of stages, and stops the run.
-    """
-    case, readings, used = setup.case, setup.readings, setup.readings.used
-    names = case.stage_names
-    setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
-    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
-    staged = setup.model.response(pairs, times_of(readings, used))
-    # the closed form costs nothing: there is nothing to remember
-    response: Response = staged
-    if isinstance(staged, StagedResponse):
-        response = Remembered(staged, log, before=control.stop.check)
-    structure = structure_of_used(case, used)
-    if structure is None:
-        sd, shared = readings.sd[used], None
-    else:
-        sd, shared = structure.at(np.zeros(len(structure.names)))
-    return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
-
-
-def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
-    """The problem that a fit ended with, from its result: the readings used and all their errors.
-
-    What is computed from it is what the fit computed: accuracies and model error are those that
-    were estimated with the parameters.
-
-    Args:
-        fit: the result.
-        case: of the fit, as `geoident.workflow.running.jobs.inputs_of_result` gives it.
-        response: in the readings used, or of a model whose readings are not asked for.
-    """
-    readings = fit.gauges.readings
-    used = readings.used
-    structure = gauge_errors(used_rows(case, used))
-    found = model_error_of_result(fit, case)
-    if found is not None:
-        structure = found.with_later(structure)
-    _, shared = structure.at(np.zeros(len(structure.names)))
-    own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
-    return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
-
-
-def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
-    """The model error of a fit, from its result; None for none.
-
-    Args:
-        fit: the result.
-        case: of the fit.
-    """
-    if fit.model_error is None:
-        return None
-    used = fit.gauges.readings.used
-    return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
-
-
-def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
-    """The errors of the used readings of a case; None where all are independent.
-
-    Args:
-        case: with k readings.
-        used: (k,) which of them.
-    """
-    return error_structure(used_rows(case, used))
-
-
-def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
-    """The used readings (k,) of a case with their channels."""
-    channels = {channel.name: channel for channel in case.channels}
-    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
-    return tuple((channels[reading.channel], reading) for reading in taken)
 
 
 def surveyed(
@@ -342,8 +132,9 @@ def look(
         for p, phi in places
     ]
     others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
-    spent = with_further(counts, [other.counts for other in others], problem.response.counts)
-    return replace(found, rivals=rivals, others=others, evidence=evidence, counts=spent)
+    for other in others:  # each counts the search, too
+        counts = further(counts, problem.response.counts, other.counts)
+    return replace(found, rivals=rivals, others=others, evidence=evidence, counts=counts)
 
 
 def further(counts: Counts, before: Counts, after: Counts) -> Counts:
@@ -359,22 +150,6 @@ def further(counts: Counts, before: Counts, after: Counts) -> Counts:
         analyses=max(counts.analyses, after.analyses),
         factorizations=counts.factorizations + after.factorizations - before.factorizations,
         solves=counts.solves + after.solves - before.solves,
-    )
-
-
-def with_further(counts: Counts, further: Sequence[Counts], each: Counts) -> Counts:
-    """Costs with those of further surveys.
-
-    Args:
-        counts: of the search and the first survey.
-        further: of the search and each other survey.
-        each: of the search.
-    """
-    return Counts(
-        **{
-            name: value + sum(getattr(more, name) - getattr(each, name) for more in further)
-            for name, value in asdict(counts).items()
-        }
     )
 
 
@@ -435,45 +210,6 @@ def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
     return mixed_prediction(found.rivals.odds, [first, *others])
 
 
-@dataclass(frozen=True)
-class Finished:
-    """A result and where it stands.
-
-    Args:
-        result: what was found, now or before.
-        paths: the files that hold it, the result file first.
-        up_to_date: it stood there already and was not computed again.
-    """
-
-    result: Result
-    paths: tuple[str, ...]
-    up_to_date: bool = False
-
-
-def keep(place: Target) -> Finished:
-    """A result that is up to date."""
-    return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
-
-
-def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[str]) -> Finished:
-    """Put a result in its place.
-
-    Args:
-        result: what was found.
-        place: of the result.
-        found: what stands there.
-        inputs: paths that were read, and so must not be written.
-    """
-    overwrite = found is not Standing.NOTHING
-    if not overwrite:  # the same may have been computed by another run meanwhile
-        other = read_identity(place.path) if place.path.exists() else None
-        if other is not None and other.identity == result.provenance.identity:
-            if other.status != STOPPED:
-                return keep(place)
-            overwrite = True
-    return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
-
-
 def searched(
     job: Job, control: Control, result: Callable[[Setup, Problem, Outcome, Log], Result]
 ) -> Finished:
@@ -495,236 +231,6 @@ def searched(
     with evaluation_log(job, control) as log:
         written = result(*estimated(setup, job.methods, log, control), log)
         return write(written, job.place, job.found, inputs=job.inputs.files)
-
-
-def estimated(
-    setup: Setup,
-    methods: Sequence[MethodOptions],
-    log: Log,
-    control: Control,
-    *,
-    start: Floats | None = None,
-) -> tuple[Setup, Problem, Outcome]:
-    """The parameters that meet the readings of a setup, and all that is estimated with them.
-
-    Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
-    the problem that comes back.
-
-    Args:
-        setup: model and selected readings.
-        methods: the identifiers to run, one after the other.
-        log: takes what is evaluated, and gives it again.
-        control: progress, budget and stops.
-        start: (n,) where to begin, SI; None for the start values of the case.
-
-    Returns:
-        The setup with the accuracies that were estimated, the problem, and the outcome.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    setup = replace(setup, model_error=None)  # it may be that of other readings
-    problem = problem_of(setup, log, control)
-    if start is not None:
-        problem = problem.begun_at(start)
-    first = _search(problem, methods, control)
-    setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
-    found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
-    mesh = _mesh_beside_accuracies(found, problem, outcome)
-    if mesh is not None:
-        setup, weighted, begun = _counted(setup, mesh, problem, begun, methods, control)
-        found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
-    if final is problem or not first.minima:
-        return found, final, outcome
-    # the weights are others now, and so are the minima
-
-    def again(elsewhere: Problem) -> Outcome:
-        return _descent(elsewhere, methods, control)
-
-    outcome = kept_up(final, outcome, first.minima, again)
-    lowest = outcome.minima[0] if outcome.minima else None
-    if lowest is None or lowest.objective >= outcome.objective - LOWER:
-        return found, final, outcome
-    # what was estimated with the parameters belongs to another minimum
-    former = LocalMinimum(outcome.values, outcome.objective)
-    moved = weighted.begun_at(lowest.values)
-    found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
-    return found, final, kept_up(final, outcome, [former, *first.minima], again)
-
-
-def _with_mesh(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the error of the mesh among those of the readings, where it matters."""
-    case, model = setup.case, setup.model
-    asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
-    plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
-    if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
-        return setup, problem, outcome
-    found = fitted_mesh(model, problem, _used_pairs(setup), outcome)
-    if found is None or not found.counts:
-        return replace(setup, mesh=found), problem, outcome
-    return _counted(setup, found, problem, outcome, methods, control)
-
-
-def _used_pairs(setup: Setup) -> list[tuple[str, str]]:
-    """Channel and stage of the used readings (g)."""
-    readings = setup.readings
-    return [pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used]
-
-
-def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
-    """The mesh, where it counts beside the accuracies that were estimated and not before.
-
-    Gauges that turn out to be better than stated notice a mesh that was fine enough before.
-
-    Args:
-        found: with the accuracies that were estimated.
-        problem: the readings, without errors of mesh and model.
-        outcome: of the search.
-    """
-    mesh, case = found.mesh, found.case
-    if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
-        return None
-    structure = gauge_errors(used_rows(case, found.readings.used))
-    sd, shared = structure.at(np.zeros(len(structure.names)))
-    accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
-    estimated = replace(mesh.found, accuracy=accuracy)
-    again = replace(problem, sd=sd, shared=shared)
-    judged = judged_mesh(estimated, again, _used_pairs(found), outcome)
-    return judged if judged.counts else None
-
-
-def _counted(
-    setup: Setup,
-    found: FittedMesh,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the error of the mesh among those of the readings."""
-    case = with_mesh_error(setup.case, found.found)
-    structure = structure_of_used(case, setup.readings.used)
-    assert structure is not None  # the mesh is in it
-    sd, shared = structure.at(np.zeros(len(structure.names)))
-    problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-    again = after(outcome, _descent(problem, methods, control))
-    table = reading_table(case, setup.readings.reason)
-    return replace(setup, case=case, readings=table, mesh=found), problem, again
-
-
-def _proves(options: MethodOptions) -> bool:
-    """Whether a method proves a bound, of the problem as it is given."""
-    return isinstance(options, ComplementarityOptions) and options.formulation == "global"
-
-
-def _with_errors(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with all errors that are estimated: those of the model and those of the gauges."""
-    if no_model_error(setup.case, setup.readings, methods) is None:
-        found = _with_model_error(setup, problem, outcome, methods, control)
-        if found is not None:
-            return found
-    return _with_accuracies(setup, problem, outcome, methods, control)
-
-
-def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """One descent from where a problem begins, by the last method's steps.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = descend(problem, methods[-1], control.observe)
-    control.stop.check()
-    return outcome
-
-
-def _with_model_error(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome] | None:
-    """The same with the model error, and with accuracies that the case wants estimated.
-
-    None where no reading can have a model error.
-    """
-    case, readings = setup.case, setup.readings
-    length = correlation_length(case, case.fit.model_error)
-    rows = used_rows(case, readings.used)
-    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
-
-    structure = gauge_errors(rows)
-    search = ModelErrorSearch(
-        case.fit.model_error,
-        length,
-        structure,
-        tuple(channel for channel, _ in rows),
-        lambda increments: reading_steps(case, setup.model, increments, pairs, length),
-        lambda again: _descent(again, methods, control),
-    )
-    found = search.run(problem, outcome)
-    if found is None:
-        return None
-    again = replace(setup, model_error=found.found)
-    if structure.names:
-        again = _sized(again, structure, found.components)
-        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
-        again = replace(again, model_error=found.found.of_channels(channels))
-    return again, found.problem, found.outcome
-
-
-def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
-    """The setup with the accuracies that were estimated."""
-    root = np.exp(0.5 * found.log_factor)
-    factors = dict(zip(structure.names, map(float, root), strict=True))
-    sized = with_accuracies(setup.case, factors)
-    return replace(
-        setup,
-        case=sized,
-        readings=reading_table(sized, setup.readings.reason),
-        accuracies=accuracy_table(setup.case, structure.names, found),
-    )
-
-
-def _with_accuracies(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the accuracies that the case wants estimated; as it is where there are none."""
-    case, used = setup.case, setup.readings.used
-    structure = structure_of_used(case, used)
-    if structure is None or not structure.names:
-        return setup, problem, outcome
-    found = weighed(
-        problem, structure, outcome, lambda again: _search(again, continued(methods), control)
-    )
-    return _sized(setup, structure, found.components), found.problem, found.outcome
-
-
-def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """Run the identifiers, one after the other.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = identify(problem, methods, control.observe)
-    control.stop.check()
-    return outcome
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

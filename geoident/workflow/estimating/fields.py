@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -14,6 +16,9 @@ from geoident.model.results.varied import FieldEstimate
 
 _NOTHING = 1e-6
 """Prior variance, in parts of the field's, below which there is nothing left to reduce."""
+
+_BLOCK = 500
+"""Draws of a field that are held at once."""
 
 
 def field_estimates(
@@ -50,18 +55,42 @@ def _estimate(
         columns, slopes = [at, *columns], np.column_stack([(1 - pull) / values[at], modes])
     part = covariance[np.ix_(columns, columns)]
     variance = np.maximum(np.einsum("qi,qi->q", slopes @ part, slopes), 0.0)
-    prior = np.einsum("qi,qi->q", modes, modes)
-    left = np.divide(variance, prior, out=np.ones_like(prior), where=prior > _NOTHING * field.sd**2)
     logarithm = np.log(mean) + mean_of @ np.log(made.factor(known, mean))
+    return _described(model, field, made, _Known(elements, mean_of, modes, logarithm, variance))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What is known of the logarithm of a field at n elements.
+
+    Args:
+        elements: (n,) their numbers.
+        mean_of: (n, points) means over their strain points.
+        modes: (n, r) times their standard deviation.
+        logarithm: (n,) its middle.
+        variance: (n,) of it.
+    """
+
+    elements: Ints
+    mean_of: sp.csr_array
+    modes: Floats
+    logarithm: Floats
+    variance: Floats
+
+
+def _described(model: StagedModel, field: Field, made: PointField, known: _Known) -> FieldEstimate:
+    prior, variance = np.einsum("qi,qi->q", known.modes, known.modes), known.variance
+    left = np.divide(variance, prior, out=np.ones_like(prior), where=prior > _NOTHING * field.sd**2)
+    position = model.discretization.points.position[made.points]
     return FieldEstimate(
         name=field.name,
         material=field.material,
         constant=field.constant,
         dimension=field.dimension,
         unit=_unit(model, field),
-        elements=elements,
-        centres=np.asarray(mean_of @ model.discretization.points.position[made.points]),
-        values=np.exp(logarithm),
+        elements=known.elements,
+        centres=np.asarray(known.mean_of @ position),
+        values=np.exp(known.logarithm),
         sd=np.sqrt(variance),
         prior_sd=np.sqrt(prior),
         reduction=np.clip(1.0 - left, 0.0, 1.0),
@@ -69,6 +98,43 @@ def _estimate(
         explained=made.explained,
         tests=len(field.measured),
     )
+
+
+def drawn_fields(model: CaseModel, draws: Floats) -> tuple[FieldEstimate, ...]:
+    """The fields of a case at the elements of their materials, as draws of the posterior have them.
+
+    Args:
+        model: of the case.
+        draws: (k, n) parameters and modes, SI.
+    """
+    if not isinstance(model, StagedModel) or not model.on_mesh.fields:
+        return ()
+    return tuple(
+        _drawn(model, field, made, draws)
+        for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)
+    )
+
+
+def _drawn(model: StagedModel, field: Field, made: PointField, draws: Floats) -> FieldEstimate:
+    """Logarithms are averaged over the strain points of an element, then over the draws."""
+    elements, mean_of = _averages(model, made.points)
+    modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
+    known = np.asarray(mean_of @ made.known)
+    columns = [model.names.index(name) for name in made.names]
+    total, squares = np.zeros((2, len(elements)))
+    shift: Floats | None = None
+    for start in range(0, len(draws), _BLOCK):
+        block = draws[start : start + _BLOCK]
+        mean = np.log([field.mean.value(model.values(row)) for row in block])
+        logarithm = np.outer(1.0 - pull, mean) + modes @ block[:, columns].T
+        shift = logarithm.mean(axis=1) if shift is None else shift
+        total += (logarithm - shift[:, None]).sum(axis=1)
+        squares += ((logarithm - shift[:, None]) ** 2).sum(axis=1)
+    assert shift is not None
+    centre = total / len(draws)
+    variance = np.maximum(squares / len(draws) - centre**2, 0.0)
+    middle = shift + centre + pull * np.log(made.reference) + known
+    return _described(model, field, made, _Known(elements, mean_of, modes, middle, variance))
 
 
 def _averages(model: StagedModel, points: Ints) -> tuple[Ints, sp.csr_array]:

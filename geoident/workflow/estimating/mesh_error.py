@@ -18,17 +18,20 @@ from geoident.errors import InputError, ModelError
 from geoident.fem.refinement import refined
 from geoident.fem.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observation import reads_displacements
-from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.model import StageByStage, StagedModel, staged_model
 from geoident.identify.problem.problem import Outcome, Problem, Scaling
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
-from geoident.model.gauges import Channel, ErrorParts
+from geoident.model.gauges import Channel, ErrorParts, ReadingTable
+from geoident.model.parameter import Values
 from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.running.cost import estimate_cost, refinement_cost
+from geoident.workflow.running.readings import times_of
 
 SHARE_OF_MEMORY = 0.6
 """Of what is free, that a refined model may take."""
@@ -38,7 +41,7 @@ LEAST_PATIENCE = 2.0
 
 
 def mesh_error(
-    model: StagedModel, case: Case, p: Floats, *, patience: float | None = None
+    model: StagedModel, case: Case, p: Floats, *, patience: int | None = None
 ) -> MeshError:
     """What the mesh does to all readings.
 
@@ -46,32 +49,55 @@ def mesh_error(
         model: of the case.
         case: as it was written, without the modes of fields.
         p: (n,) parameters of the model, SI.
-        patience: seconds that the refined model may take; None for as long as it needs.
+        patience: evaluations of the model for as long as which the refined one may take; None
+            for as long as it needs.
 
     Raises:
         ModelError: the model has no solution there.
     """
+    refinement = _refinement(model, case, p, patience)
     computed = model.computed(p)
-    why = _too_large(model, patience)
-    if why is None:
+    if isinstance(refinement, Refinement):
         try:
-            return _by_refinement(model, case, p, computed)
-        except (InputError, ModelError, MemoryError) as error:
-            said = str(error).splitlines()[0] if str(error) else "no memory is left"
-            why = f"The refined mesh cannot be computed with: {said}"
-    return _by_recovery(model, p, computed, why)
+            return refinement.everywhere(computed)
+        except (ModelError, MemoryError) as error:
+            refinement = _not_computed(error)
+    return _by_recovery(model, p, computed, refinement)
 
 
-def _too_large(model: StagedModel, patience: float | None) -> str | None:
+def _refinement(
+    model: StagedModel, case: Case, p: Floats, patience: int | None
+) -> Refinement | str:
+    """The refined model at p (n,), or why there is none, a sentence."""
+    why = _too_large(model, patience)
+    if why is not None:
+        return why
+    try:
+        fine = staged_model(refined(model.mesh), case, solver=pick_solver(model.solver_name))
+    except (InputError, ModelError, MemoryError) as error:
+        return _not_computed(error)
+    known = model.values(p)  # fields have their mean
+    values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
+    march = StageByStage(fine, np.array([values[name] for name in fine.names], dtype=np.float64))
+    return Refinement(model, fine, march, *orders(model))
+
+
+def _not_computed(error: Exception) -> str:
+    said = str(error).splitlines()[0] if str(error) else "no memory is left"
+    return f"The refined mesh cannot be computed with: {said}"
+
+
+def _too_large(model: StagedModel, patience: int | None) -> str | None:
     """Why the refined model is not computed, a sentence; None if it can be."""
-    cost = refinement_cost(model)
+    plain = estimate_cost(model, solver=model.solver_name, rough=True)
+    cost = refinement_cost(model, plain)
     free = _free_memory()
     if free is not None and cost.memory > SHARE_OF_MEMORY * free:
         return (
             f"One refinement needs about {cost.memory / 1e9:.1f} GB of memory, of which "
             f"{free / 1e9:.1f} GB are free."
         )
-    if patience is not None and cost.seconds > max(patience, LEAST_PATIENCE):
+    if patience is not None and cost.seconds > max(patience * plain.seconds, LEAST_PATIENCE):
         return (
             f"One refinement takes about {cost.seconds:.0f} s, longer than the fit itself; "
             "'geoident check --mesh-error' makes it."
@@ -87,25 +113,76 @@ def _free_memory() -> float | None:
         return None
 
 
-def _by_refinement(model: StagedModel, case: Case, p: Floats, computed: Floats) -> MeshError:
-    fine_mesh = refined(model.mesh)
-    fine = staged_model(fine_mesh, case, solver=pick_solver(model.solver_name))
-    known = model.values(p)
-    values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
-    change = fine.computed(np.array([values[name] for name in fine.names])) - computed
-    q, corner = orders(model)
-    by_channel = np.array(
-        [
-            q if reads_displacements(channel) else min(q, _order(model))
-            for channel in model.case.channels
-        ]
-    )
-    error = change / (1.0 - 2.0 ** -by_channel[:, None])
-    return _table(
-        model, computed, change, error, "refinement", q,
-        (model.mesh.n_elements, fine_mesh.n_elements),
-        (*_corner_notes(q, corner), *_chord_notes(model)),
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Refinement:
+    """A model, and the same with every edge of its mesh halved, at the same parameters.
+
+    Args:
+        model: of the case.
+        fine: with half the edges.
+        march: of that.
+        order: of convergence of displacements.
+        corner: the sharpest opening of the ground, rad.
+    """
+
+    model: StagedModel
+    fine: StagedModel
+    march: StageByStage
+    order: float
+    corner: float
+
+    def everywhere(self, computed: Floats) -> MeshError:
+        """The error of all readings.
+
+        Args:
+            computed: (n_channels, n_stages) by the model, SI.
+
+        Raises:
+            ModelError: the refined model has no solution there.
+        """
+        return self._table(computed, self.march.computed() - computed)
+
+    def of_readings(self, values: Values, read: ReadingTable, v: Floats) -> MeshError:
+        """The error of the g readings used, for which no later stage is computed.
+
+        Args:
+            values: parameters by name, SI.
+            read: of the case.
+            v: (g,) by the model, SI.
+
+        Raises:
+            ModelError: the refined model has no solution there.
+        """
+        case, pairs = self.model.case, used_pairs(read)
+        places = ReadingPlaces.of(case, pairs, ())
+        added = self.model.instrument_errors.added
+        at_times = ReadingPlaces.of(case, pairs, times_of(read, read.used))
+        drift = added(values, (), at_times) - added(values, (), places)
+        at = places.rows, places.states - 1
+        computed = np.full((len(case.channels), len(case.stages)), np.nan)
+        computed[at] = v - drift[:, 0]
+        last = int(places.states.max(initial=0))
+        return self._table(computed, self.march.computed(last) - computed)
+
+    def _table(self, computed: Floats, change: Floats) -> MeshError:
+        model, q = self.model, self.order
+        by_channel = np.array(
+            [
+                q if reads_displacements(channel) else min(q, _order(model))
+                for channel in model.case.channels
+            ]
+        )
+        error = change / (1.0 - 2.0 ** -by_channel[:, None])
+        return _table(
+            model, computed, change, error, "refinement", q,
+            (model.mesh.n_elements, self.fine.mesh.n_elements),
+            (*_corner_notes(q, self.corner), *_chord_notes(model)),
+        )  # fmt: skip
+
+
+def used_pairs(read: ReadingTable) -> list[tuple[str, str]]:
+    """Channel and stage of the readings used (g)."""
+    return [pair for pair, used in zip(read.pairs, read.used, strict=True) if used]
 
 
 def _by_recovery(model: StagedModel, p: Floats, computed: Floats, why: str) -> MeshError:
@@ -230,12 +307,14 @@ class FittedMesh:
         used: (n_channels, n_stages) which readings were used.
         shift: of the parameter that the mesh shifts most, in its standard deviations.
         counts: whether the errors of the readings have it.
+        whole: ``found`` has all readings, not those alone that a fit has used.
     """
 
     found: MeshError
     used: Bools
     shift: float
     counts: bool
+    whole: bool = True
 
     @property
     def sentence(self) -> str:
@@ -265,25 +344,108 @@ class FittedMesh:
 
 
 def fitted_mesh(
-    model: StagedModel, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+    model: StagedModel,
+    problem: Problem,
+    read: ReadingTable,
+    outcome: Outcome,
+    known: FittedMesh | None,
 ) -> FittedMesh | None:
     """What the mesh does to the readings of a fit; None where that cannot be told.
+
+    The refined model is computed with up to the last stage that was used. Only if the mesh counts,
+    or another fit on it has asked before, for other readings, all stages follow.
 
     Args:
         model: of the case.
         problem: the g used readings.
-        pairs: channel and stage of each.
+        read: all of them.
         outcome: of the search.
+        known: what another fit has found at its parameters.
     """
-    case = model.case
-    plain = replace(case, parameters=tuple(q for q in case.parameters if not q.field))
-    cost = estimate_cost(model, solver=model.solver_name)
-    patience = cost.seconds * max(problem.response.counts.evaluations, 1)
+    pairs = used_pairs(read)
     try:
-        found = mesh_error(model, plain, outcome.values, patience=patience)
-        return judged_mesh(found, problem, pairs, outcome)
+        v, _ = problem.response.evaluate(outcome.values)
+        places = ReadingPlaces.of(model.case, pairs, ())
+        found = _known(known, v, problem.sd, (places.rows, places.states - 1))
+        if known is not None and found is not None:
+            judged = judged_mesh(found, problem, pairs, outcome)
+            if known.whole or not judged.counts:
+                return replace(judged, whole=known.whole)
+        if known is not None:
+            return judged_mesh(everywhere(model, problem, outcome), problem, pairs, outcome)
+        return _of_used(model, problem, read, outcome)
     except ModelError:
         return None
+
+
+def everywhere(model: StagedModel, problem: Problem, outcome: Outcome) -> MeshError:
+    """What the mesh does to all readings, those that were not used too, at the end of a search.
+
+    Args:
+        model: of the case.
+        problem: of the search.
+        outcome: of the search.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    return mesh_error(model, _plain(model), outcome.values, patience=_patience(problem))
+
+
+def _plain(model: StagedModel) -> Case:
+    """The case of a model as it was written, without the modes of fields."""
+    case = model.case
+    return replace(case, parameters=tuple(q for q in case.parameters if not q.field))
+
+
+def _patience(problem: Problem) -> int:
+    return max(problem.response.counts.evaluations, 1)
+
+
+def _of_used(
+    model: StagedModel, problem: Problem, read: ReadingTable, outcome: Outcome
+) -> FittedMesh:
+    """What the mesh does to the readings used, and to all where it counts.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    p, pairs = outcome.values, used_pairs(read)
+    refinement = _refinement(model, _plain(model), p, _patience(problem))
+    if isinstance(refinement, Refinement):
+        v, _ = problem.response.evaluate(p)
+        try:
+            found = refinement.of_readings(model.values(p), read, v)
+            judged = judged_mesh(found, problem, pairs, outcome)
+            if not judged.counts:
+                return replace(judged, whole=False)
+            return replace(judged, found=refinement.everywhere(model.computed(p)))
+        except (ModelError, MemoryError) as error:
+            refinement = _not_computed(error)
+    found = _by_recovery(model, p, model.computed(p), refinement)
+    return judged_mesh(found, problem, pairs, outcome)
+
+
+def _known(
+    known: FittedMesh | None, v: Floats, sd: Floats, at: tuple[Ints, Ints]
+) -> MeshError | None:
+    """The error found at other parameters, in proportion to what is computed there; or None.
+
+    Args:
+        known: what was found.
+        v: (g,) what is computed now, SI.
+        sd: (g,) of the readings, SI.
+        at: numbers of the channels and stages of these.
+    """
+    if known is None or not np.isfinite(known.found.error[at]).all():
+        return None
+    now, before = v / sd, known.found.computed[at] / sd
+    size = float(before @ before)
+    part = float(before @ now) / size if size else 1.0
+    found = known.found
+    return replace(
+        found, computed=part * found.computed, change=part * found.change, error=part * found.error
+    )
 
 
 def judged_mesh(

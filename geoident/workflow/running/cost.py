@@ -22,7 +22,9 @@ _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of ne
 _PROGRAM = 120e6  # bytes of Python and its libraries
 
 
-def estimate_cost(model: StagedModel, *, solver: str, columns: float | None = None) -> CostEstimate:
+def estimate_cost(
+    model: StagedModel, *, solver: str, columns: float | None = None, rough: bool = False
+) -> CostEstimate:
     """The cost of one evaluation: all stages with the derivatives, and the memory for it.
 
     The entries of the factors and the operations are exact counts, the seconds are those of the
@@ -32,8 +34,9 @@ def estimate_cost(model: StagedModel, *, solver: str, columns: float | None = No
         model: of the case.
         solver: name of the sparse solver.
         columns: right-hand sides of a stage; None for one more than there are parameters.
+        rough: every stage is taken for the one with most unknowns, which alone is counted.
     """
-    costs = _stage_costs(model)
+    costs = _like_the_largest(model) if rough else _stage_costs(model)
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
@@ -50,13 +53,16 @@ def estimate_cost(model: StagedModel, *, solver: str, columns: float | None = No
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
-def refinement_cost(model: StagedModel) -> CostEstimate:
+def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """About what one evaluation on the refined mesh costs: four or eight times the unknowns.
 
     With nested dissection the entries of the factor grow with n log n in the plane and with n^4/3
     in space, the operations with n^3/2 and n^2 (George 1973).
+
+    Args:
+        model: of the case.
+        cost: of one evaluation on its own mesh.
     """
-    cost = estimate_cost(model, solver=model.solver_name)
     space = model.mesh.dim == 3
     entries, flops, rest = (16.0, 64.0, 8.0) if space else (4.6, 8.0, 4.0)
     return replace(
@@ -70,16 +76,29 @@ def _states(model: StagedModel) -> range:
     return range(1, len(model.sequence.states))
 
 
+def _like_the_largest(model: StagedModel) -> list[FactorCost]:
+    """The cost of the stage with most unknowns, once for each stage."""
+    unknowns = model.n_dofs
+    largest = max(_states(model), key=unknowns.__getitem__, default=None)
+    if largest is None:
+        return []
+    return [_stage_cost(model, largest)] * len(_states(model))
+
+
+def _stage_cost(model: StagedModel, state: int) -> FactorCost:
+    pattern = model.systems[state].pattern
+    return factor_cost(pattern.lower, pattern.dofs // model.mesh.dim)
+
+
 def _stage_costs(model: StagedModel) -> list[FactorCost]:
     """The cost of each stage; stages with the same ground have the same."""
     known: dict[frozenset[int], FactorCost] = {}
     costs = []
     for n in _states(model):
-        system = model.systems[n]
-        if system.groups not in known:
-            node = system.pattern.dofs // model.mesh.dim
-            known[system.groups] = factor_cost(system.pattern.lower, node)
-        costs.append(known[system.groups])
+        groups = model.systems[n].groups
+        if groups not in known:
+            known[groups] = _stage_cost(model, n)
+        costs.append(known[groups])
     return costs
 
 

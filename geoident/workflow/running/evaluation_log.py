@@ -26,7 +26,7 @@ from geoident.identify.problem.problem import (
     OpeningForm,
     YieldSystem,
 )
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.response import BilinearSystem, Condensed
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
@@ -51,6 +51,25 @@ class Log(Protocol):
             p: (n,) where.
             arrays: (...) what was found, by name.
         """
+
+
+def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> None:
+    """Give a fit of some of the readings of another what that has evaluated at p, if it has.
+
+    Args:
+        log: of the fit of all.
+        other: of the fit of some.
+        p: (n,) parameters, SI.
+        rows: (g,) which of the readings of the first the second has too.
+        n_states: how far the second marches, with the virgin state.
+    """
+    known = log.find("evaluate", p)
+    if known is None or "increments" not in known:
+        return
+    some = {name: known[name][rows] for name in ("v", "dv_dp")}
+    increments = np.array(known["increments"])
+    increments[n_states:] = 0.0
+    other.add("evaluate", p, {**some, "increments": increments, "cost": np.zeros(4)})
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident import __version__
-from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
@@ -89,14 +89,21 @@ class Inputs:
         return sha256(json.dumps(parts, sort_keys=True).encode())
 
 
-def load_inputs(path: str, *, overrides: Sequence[str] = ()) -> Inputs:
+def load_inputs(path: str, *, overrides: Sequence[str] = (), text: str | None = None) -> Inputs:
     """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
 
     The mesh and the readings are hashed, the mesh is not parsed yet.
 
+    Args:
+        path: of the case.
+        overrides: texts ``path=value`` in place of what it says.
+        text: of the case where it stands in no file; its path need not be there then.
+
     Raises:
         InputError: with all faults of the case.
     """
+    if text is not None:
+        return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
     return _hashed(path, read_case(path, overrides=tuple(overrides)))
 
 
@@ -262,6 +269,7 @@ class Request:
         solver: name of the sparse solver, or ``auto``.
         force: overwrite a result of other input.
         fresh: compute again what is up to date, and forget the checkpoint.
+        text: of the case where it stands in no file.
     """
 
     case: str
@@ -271,6 +279,7 @@ class Request:
     solver: str = "auto"
     force: bool = False
     fresh: bool = False
+    text: str | None = None
 
 
 @dataclass(frozen=True)
@@ -308,13 +317,13 @@ def plan_fit(request: Request) -> Job:
         InputError: the case is wrong.
         OutputError: the result could not be written, or another one would be lost.
     """
-    inputs = load_inputs(request.case, overrides=request.overrides)
+    inputs = load_inputs(request.case, overrides=request.overrides, text=request.text)
     return _plan(request, inputs, "fit", inputs.case.fit.methods)
 
 
 def plan_backtest(request: Request) -> Job:
     """The same for a case that is to be fitted to ever more of its stages."""
-    inputs = load_inputs(request.case, overrides=request.overrides)
+    inputs = load_inputs(request.case, overrides=request.overrides, text=request.text)
     return _plan(request, inputs, "backtest", inputs.case.fit.methods)
 
 
@@ -323,7 +332,8 @@ def plan_scan(request: Request) -> Job:
 
     The grid is that of the case's ``fit.scan`` if it is written.
     """
-    inputs = load_inputs(request.case, overrides=[*request.overrides, "fit.method=scan"])
+    overrides = [*request.overrides, "fit.method=scan"]
+    inputs = load_inputs(request.case, overrides=overrides, text=request.text)
     return _plan(request, inputs, "scan", inputs.case.fit.methods)
 
 
@@ -341,7 +351,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
 def _require_parameters(case: Case, command: str) -> None:
     if not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
-        hint = "Write what is unknown under 'parameters'; `geoident simulate` needs none."
+        hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
         place = case.source.locate(("parameters",))
         raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
 

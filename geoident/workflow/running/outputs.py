@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from geoident.errors import OutputError, UsageError
+from geoident.errors import OutputError, Term, UsageError
 from geoident.io.result.file import read_identity
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
@@ -61,7 +61,8 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
     beside = Path("stdin") if case == STDIN else Path(case)
     name = f"{_stem(beside)}.{kind}.h5"
     if output == STDIN:
-        raise UsageError("A result cannot be written to stdout: give a file or a folder to -o.")
+        msg = f"A result cannot be written to stdout: give a file or a folder to {Term.OUTPUT}."
+        raise UsageError(msg)
     if output is None:
         path = beside.with_name(name)
     else:
@@ -76,7 +77,7 @@ def _is_folder(output: str) -> bool:
     except OSError as error:  # such as a name that is too long
         raise output_error(output, error) from error
     if not found and output.endswith(("/", os.sep)):
-        remedy = "create it, or choose another place with -o"
+        remedy = f"create it, or choose another place with {Term.OUTPUT}"
         raise OutputError(f"{output}: cannot be written: there is no such folder\n    {remedy}")
     return found
 
@@ -121,7 +122,7 @@ def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequenc
     if not force and found in (Standing.OTHER, Standing.UNKNOWN):
         raise OutputError(
             f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
-            "    --force replaces it, -o writes elsewhere"
+            f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"
         )
     with suppress(_Probe), atomic_output(place.path, overwrite=True, inputs=inputs):
         raise _Probe

@@ -8,7 +8,7 @@ from math import exp, isfinite
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.identify.assessment.findings import join
 from geoident.model.results.result import Result
 from geoident.model.results.rivals import CLEAR, ModelComparison, ModelScore
@@ -84,11 +84,11 @@ def require_comparable(candidates: Sequence[Candidate]) -> None:
 def _unusable(one: Candidate) -> list[Fault]:
     result, place = one.result, Location(one.path)
     if result.kind != "fit":
-        hint = "Compare results of `geoident fit`."
+        hint = f"Compare results of {Term.FIT}."
         message = f"a result of {result.kind}; a fit is expected"
         return [Fault("not-a-fit", message, hint, place)]
     if result.evidence is None:
-        hint = "Run `geoident fit` again, until it converges."
+        hint = f"Run {Term.FIT} again, until it converges."
         why = "its search did not converge" if result.status != "converged" else "an older version"
         message = f"it has no evidence of its model ({why})"
         return [Fault("no-evidence", message, hint, place)]

@@ -17,7 +17,7 @@ from geoident.model.case import Case, Rung
 from geoident.model.results.result import Result
 from geoident.model.results.rivals import ModelComparison
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.estimating.estimate import Finished, keep, write
+from geoident.workflow.estimating.finished import Finished, keep, write
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, job_provenance, load_inputs, plan_fit
 from geoident.workflow.scoring.comparison import Candidate, compared
@@ -51,7 +51,7 @@ def climb(job: Job, control: Control, fit_one: Callable[[Job, Control], Finished
     if job.up_to_date:
         return keep(job.place)
     case = job.inputs.case
-    require_sound(job.request.case, job.request.overrides, case)
+    require_sound(job.request.case, job.request.overrides, case, job.request.text)
     done: list[_Climbed] = []
     known: dict[str, float] = {}
     for rung in case.fit.ladder:
@@ -67,13 +67,14 @@ def climb(job: Job, control: Control, fit_one: Callable[[Job, Control], Finished
     return _finished(job, done)
 
 
-def require_sound(path: str, overrides: Sequence[str], case: Case) -> None:
+def require_sound(path: str, overrides: Sequence[str], case: Case, text: str | None = None) -> None:
     """Refuse a ladder with a model that is no right case, before anything is computed.
 
     Args:
         path: of the case.
         overrides: of the command.
         case: with a ladder.
+        text: of the case where it stands in no file.
 
     Raises:
         InputError: with the faults of all models, where they stand in the ladder.
@@ -84,7 +85,7 @@ def require_sound(path: str, overrides: Sequence[str], case: Case) -> None:
     faults: list[Fault] = []
     for n, rung in enumerate(case.fit.ladder):
         try:
-            load_inputs(path, overrides=(*overrides, _NO_LADDER, *rung.overrides))
+            load_inputs(path, overrides=(*overrides, _NO_LADDER, *rung.overrides), text=text)
         except InputError as error:
             faults += [_in_ladder(fault, case, n, rung) for fault in error.faults]
     if faults:
@@ -107,7 +108,7 @@ def _fitted(
 ) -> _Climbed:
     """One model, begun where the simpler ones ended."""
     overrides = (*job.request.overrides, _NO_LADDER, *rung.overrides)
-    inputs = load_inputs(job.request.case, overrides=overrides)
+    inputs = load_inputs(job.request.case, overrides=overrides, text=job.request.text)
     request = replace(
         job.request,
         overrides=(*overrides, *_starts(inputs.case, rung, known)),

@@ -21,17 +21,12 @@ from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, M
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.results.result import Counts, GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
-from geoident.workflow.estimating.estimate import (
-    Estimate,
-    Setup,
-    estimated,
-    look,
-    predicted,
-    structure_of_used,
-)
+from geoident.workflow.estimating.estimate import Estimate, look, predicted
 from geoident.workflow.estimating.predictions import correlations
+from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.setup import Setup, structure_of_used
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import EvaluationArrays, Log
+from geoident.workflow.running.evaluation_log import EvaluationArrays, Log, carry_over
 from geoident.workflow.running.readings import (
     gauge_table,
     reading_table,
@@ -268,7 +263,8 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
             for name in ("measured", "mean", "lower95", "upper95")
         )
     )
-    accuracy = np.array([channel.accuracy for channel in setup.case.channels], dtype=np.float64)
+    stated = setup.as_stated().case.channels
+    accuracy = np.array([channel.accuracy for channel in stated], dtype=np.float64)
     kinds = [channel.dimension for channel in setup.case.channels]
     by_chance = chance([_innovations(trial) for trial in trials])
     return Backtest(
@@ -357,6 +353,10 @@ def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> Last
     before, last = (setup.case.stages[n].name for n in stages[-2:])
     what = f"Backtest of {last} from the readings up to {before}"
     part = FitLog(log, "all but the last stage:")
+    readings = setup.readings
+    numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
+    earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
+    carry_over(log, part, answer, earlier, stages[-2] + 2)
     try:
         trial = tried(setup, stages[-2], (NEARBY,), part, control, start=answer, until=stages[-1])
     except (InputError, ModelError) as error:

@@ -3,7 +3,7 @@
 import pytest
 
 from geoident.errors import Location
-from geoident.io.text.faults import SET_FLAG
+from geoident.io.text.faults import OVERRIDES
 from geoident.model.methods import SimplexOptions
 
 
@@ -62,7 +62,7 @@ def test_the_last_of_two_overrides_holds(project):
 def test_a_faulty_override_is_located_at_the_flag(override, path, words, project):
     text = project.read().text
     (fault,) = project.faults(text, override)
-    assert fault.location == Location(SET_FLAG)
+    assert fault.location == Location(OVERRIDES)
     assert words in f"{fault.message} {fault.hint}"
     if fault.path:
         assert fault.path.startswith(path) or path.startswith(fault.path)

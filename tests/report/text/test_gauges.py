@@ -11,11 +11,14 @@ import pytest
 from scipy.stats import norm
 
 from geoident.model.gauges import Reading
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.report.text.csv_tables import csv_tables
 from geoident.report.text.gauges import (
     OUTLIER,
     diagnostics_object,
     fit_table,
     fit_title,
+    in_sd_note,
     influence_table,
     influence_title,
     outliers,
@@ -27,6 +30,7 @@ from geoident.report.text.gauges import (
     scored,
     standardized,
 )
+from geoident.report.text.result import result_text
 from tests.support.cases import displacement
 from tests.support.results import changed_gauges, example_result
 
@@ -230,3 +234,25 @@ def test_programs_get_all_diagnostics_by_influence(result):
         pytest.approx([8.0, 8.0, 0.5, 0.5])
     )
     assert diagnostics_object(replace(result, diagnostics=None)) == {}
+
+
+def test_in_sd_has_one_meaning_in_all_tables_and_sentences(result):
+    """With a model error in the fit, the reading 0.8 mm off is 2.5 standard deviations off."""
+    found = result.diagnostics
+    found = replace(found, standardized=np.where(found.standardized > 5.0, 2.5, 0.25))
+    error = ModelErrorTable(
+        "given", 0.1, 0.1, 0.1, 10.0, np.empty(0), np.empty(0), (), np.empty((0, 0)),
+        np.empty((0, 0)),
+    )  # fmt: skip
+    given = replace(result, diagnostics=found, model_error=error)
+    place = "EX-1.a8", "bench 1"
+    assert rows(fit_table(given))[place][3] == "2.5"
+    assert rows(reading_table(given))[place][4] == "2.5"
+    assert rows(influence_table(given))[place][0] == "2.5"
+    csv = {row[:2]: row for row in csv_tables(given)["gauges"].rows}
+    assert csv[place][7] == 2.5
+    assert not [one for one in outliers(given) if one.used]
+    assert rms(given) == pytest.approx(np.sqrt((5 * 0.25**2 + 2.5**2) / 6))
+    assert "accuracy and model error together" in in_sd_note(given)
+    assert in_sd_note(given) in " ".join(result_text(given).split())
+    assert "standard deviations of the accuracy; of predictions" in in_sd_note(result)

@@ -40,7 +40,7 @@ def test_lead_counts_readings_names_stages_and_tells_their_scatter(stages, durin
     assert text.startswith(
         f"3 parameters were identified from {len(residuals)} readings ({during}) by gauss-newton."
     )
-    assert f"residuals is {rms:.2f} of the stated standard deviation" in text
+    assert f"residuals is {rms:.2f} of their standard deviations" in text
     assert "one reading exceeds 3 standard deviations." in text  # the 8 of bench 1
 
 
@@ -68,5 +68,5 @@ def test_predicted_readings_count_up_to_the_ends_of_their_band(side, off, inside
 
 def test_values_stand_in_their_units_with_their_interval():
     text = lead()
-    assert "E_rock = 12.34 GPa (95 %: 11.6 to 13.1); K0 = 3 (95 %: 2.8 to 3)." in text
+    assert "E_rock = 12.3 GPa (95 %: 11.6 to 13.1); K0 = 3.00 (95 %: 2.80 to 3.00)." in text
     assert "The readings do not determine sigma_v." in text

@@ -59,7 +59,7 @@ def test_every_ending_is_said_in_words(result, status, words):
 def test_values_are_those_of_what_is_determined(result):
     assert (
         sentence(result, "E_rock")
-        == "E_rock = 12.34 GPa (95 %: 11.6 to 13.1); K0 = 3 (95 %: 2.8 to 3)."
+        == "E_rock = 12.3 GPa (95 %: 11.6 to 13.1); K0 = 3.00 (95 %: 2.80 to 3.00)."
     )
     assert sentence(result, "sigma_v") == "The readings do not determine sigma_v."
 
@@ -82,7 +82,7 @@ def test_residuals_are_said_in_the_stated_standard_deviation(result, far, words)
     expected = np.sqrt(np.mean(in_sd**2))
     assert rms(given) == pytest.approx(expected)
     said = sentence(given, "root mean square")
-    assert f"is {expected:.2f} of the stated standard deviation (about 1 if" in said
+    assert f"is {expected:.2f} of their standard deviations (about 1 if" in said
     assert words in said
 
 

@@ -21,6 +21,7 @@ from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
+    Exactly,
     Given,
     Length,
     SharesUnit,
@@ -53,10 +54,8 @@ class TargetSection(GaugeBase):
     start_chainage: Length = Field(
         Given("0 m", 0.0, None, "length", "m"), description="Chainage where the alignment begins."
     )
-    beside: Annotated[list[Length], SharesUnit()] | None = Field(
+    beside: Annotated[list[Length], SharesUnit(), Exactly(2)] | None = Field(
         None,
-        min_length=2,
-        max_length=2,
         description="How far to the right of the alignment the target is, and how far above it.",
     )
     components: list[TargetComponent] | None = Field(

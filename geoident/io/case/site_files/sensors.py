@@ -13,6 +13,7 @@ from geoident.io.schema.values import (
     AnyQuantity,
     Dimensionless,
     DirectionVector,
+    Exactly,
     Given,
     GivenAngle,
     Length,
@@ -142,10 +143,8 @@ class TransformationSection(Section):
         Given("1", 1.0, None, DIMENSIONLESS),
         description="Of the survey's projection: its lengths by true ones, such as 0.9996.",
     )
-    origin: Annotated[list[Length], SharesUnit()] | None = Field(
+    origin: Annotated[list[Length], SharesUnit(), Exactly(3)] | None = Field(
         None,
-        min_length=3,
-        max_length=3,
         description="Easting, northing and height of the model's origin: it checks where targets "
         "stand.",
     )

@@ -1,0 +1,81 @@
+"""geoident from Python: the same steps as the commands, with the same files.
+
+    from geoident import fit, load_case, predict
+
+    case = load_case("case.yaml")
+    result = fit(case)
+    print(result)                       # the outcome, as the command says it
+    result.parameters["E_rock"].value   # SI
+    result.gauges.to_frame()            # pandas, in the units of the case
+    result.plot.overview()              # matplotlib
+    later = predict(result, stages=["bench 3"])
+
+A result of the same input is kept, one of other input is not overwritten unless ``force`` says so.
+Numbers are in SI units; tables and data frames in the units of the case, which stand beside them.
+What is wrong is raised as an error of `geoident.errors`, with all faults of the input and with
+remedies in terms of Python.
+"""
+
+from geoident.api.calling import AnyPath, Progress
+from geoident.api.cases import (
+    CaseFile,
+    CheckResult,
+    SimulationResult,
+    check,
+    init,
+    load_case,
+    simulate,
+)
+from geoident.api.files import compare, export, read_result, report
+from geoident.api.plots import Drawing
+from geoident.api.results import (
+    BacktestResult,
+    FitResult,
+    ModelChoice,
+    PredictionResult,
+    ResultFile,
+    SampleResult,
+    ScanResult,
+)
+from geoident.api.runs import backtest, fit, predict, sample, scan
+from geoident.api.tables import (
+    ChannelReadings,
+    GaugeReadings,
+    ParameterEstimate,
+    Parameters,
+    ResultTable,
+)
+
+__all__ = [
+    "AnyPath",
+    "BacktestResult",
+    "CaseFile",
+    "ChannelReadings",
+    "CheckResult",
+    "Drawing",
+    "FitResult",
+    "GaugeReadings",
+    "ModelChoice",
+    "ParameterEstimate",
+    "Parameters",
+    "PredictionResult",
+    "Progress",
+    "ResultFile",
+    "ResultTable",
+    "SampleResult",
+    "ScanResult",
+    "SimulationResult",
+    "backtest",
+    "check",
+    "compare",
+    "export",
+    "fit",
+    "init",
+    "load_case",
+    "predict",
+    "read_result",
+    "report",
+    "sample",
+    "scan",
+    "simulate",
+]

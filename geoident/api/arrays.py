@@ -1,0 +1,149 @@
+"""A result as one labelled data set of xarray, SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geoident.api.calling import needed
+from geoident.model.results.result import Result
+from geoident.units import si_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+Variable = tuple[tuple[str, ...], Any]
+"""Names of the dimensions of an array, and the array."""
+
+
+def dataset(result: Result) -> xr.Dataset:
+    """All arrays of a result under the names of their dimensions.
+
+    Args:
+        result: what was found.
+
+    Raises:
+        MissingExtra: xarray is not installed.
+    """
+    xarray = needed("xarray", extra="notebook", what="to_xarray")
+    shown = result.for_people
+    variables: dict[str, Variable] = {}
+    for part in (_readings, _parameters, _predictions, _fields, _scan, _draws):
+        variables |= dict(part(shown))
+    found: xr.Dataset = xarray.Dataset(
+        {name: (dims, _plain(values)) for name, (dims, values) in variables.items()},
+        coords=_coordinates(shown),
+        attrs={
+            "kind": shown.kind,
+            "status": shown.status,
+            "reason": shown.reason,
+            "method": shown.method,
+            "objective": float(shown.objective),
+            "case_file": shown.provenance.case_file,
+            "created": shown.provenance.created,
+            "units": "SI; those of readings and parameters are coordinates",
+        },
+    )
+    for name, unit in {"displacement": "m", "stress": "Pa", "points": "m"}.items():
+        if name in found:
+            found[name].attrs["units"] = unit
+    return found
+
+
+def _plain(values: Any) -> Any:
+    """Texts as objects, so that xarray keeps names of any length as they are."""
+    found = np.asarray(values)
+    return found.astype(object) if found.dtype.kind == "U" else found
+
+
+def _coordinates(result: Result) -> dict[str, Variable]:
+    gauges, table = result.gauges, result.parameters
+    found: dict[str, Variable] = {
+        "channel": (("channel",), _names(gauges.channels)),
+        "stage": (("stage",), _names(gauges.stages)),
+        "gauge": (("channel",), _names(gauges.gauges)),
+        "reading_unit": (("channel",), _names([si_unit(d) for d in gauges.dimensions])),
+        "parameter": (("parameter",), _names(table.names)),
+        "parameter_unit": (("parameter",), _names([si_unit(d) for d in table.dimensions])),
+        "parameter_2": (("parameter_2",), _names(table.names)),
+    }
+    if result.fields is not None:
+        states = ("virgin", *gauges.stages)[: len(result.fields.present)]
+        found["state"] = ("state",), _names(states)
+        found["axis"] = ("axis",), _names("xyz"[: result.fields.mesh.dim])
+        found["component"] = ("component",), _names(COMPONENTS)
+    if result.grid is not None:
+        for name, axis in zip(result.grid.names, result.grid.axes, strict=True):
+            found[name] = (name,), axis
+    return found
+
+
+def _names(names: Any) -> Any:
+    return np.array(list(names), dtype=object)
+
+
+def _readings(result: Result) -> Iterator[tuple[str, Variable]]:
+    table, both = result.gauges, ("channel", "stage")
+    for name in ("measured", "computed", "sd", "used", "bad"):
+        yield name, (both, getattr(table, name))
+    if result.sensitivity is not None:
+        yield "sensitivity", ((*both, "parameter"), result.sensitivity)
+
+
+def _parameters(result: Result) -> Iterator[tuple[str, Variable]]:
+    table = result.parameters
+    known = table.determined | np.isfinite(table.sd)
+    columns = {
+        "estimate": np.where(known, table.values, np.nan),
+        "estimate_sd": table.sd,
+        "estimate_lower95": table.lower95,
+        "estimate_upper95": table.upper95,
+        "lower_bound": table.lower,
+        "upper_bound": table.upper,
+        "start": table.start,
+        "at_bound": table.at_bound,
+        "determined": table.determined,
+    }
+    for name, column in columns.items():
+        yield name, (("parameter",), column)
+    yield "covariance", (("parameter", "parameter_2"), table.covariance)
+    yield "correlation", (("parameter", "parameter_2"), table.correlation)
+
+
+def _predictions(result: Result) -> Iterator[tuple[str, Variable]]:
+    found = result.prediction
+    if found is None:
+        return
+    mean = np.where(np.isfinite(found.sd), found.mean, np.nan)
+    columns = {
+        "predicted": mean,
+        "predicted_sd": found.sd,
+        "predicted_lower95": found.lower95,
+        "predicted_upper95": found.upper95,
+    }
+    for name, column in columns.items():
+        yield name, (("channel", "stage"), column)
+
+
+def _fields(result: Result) -> Iterator[tuple[str, Variable]]:
+    found = result.fields
+    if found is None:
+        return
+    yield "points", (("node", "axis"), found.mesh.points)
+    yield "displacement", (("state", "node", "axis"), found.displacement)
+    yield "stress", (("state", "element", "component"), found.stress)
+    yield "present", (("state", "element"), found.present)
+    yield "yielded", (("state", "element"), found.yielded)
+
+
+def _scan(result: Result) -> Iterator[tuple[str, Variable]]:
+    if result.grid is not None:
+        yield "misfit", (result.grid.names, result.grid.objective)
+
+
+def _draws(result: Result) -> Iterator[tuple[str, Variable]]:
+    if result.posterior is not None:
+        yield "draws", (("draw", "parameter"), result.posterior.flat)

@@ -1,0 +1,135 @@
+"""Results in files: read again, as a page, for other programs, and side by side."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from geoident.api.calling import AnyPath, needed, spoken
+from geoident.api.results import KINDS, ModelChoice, ResultFile
+from geoident.api.runs import path_of
+from geoident.errors import UsageError
+from geoident.io.result.file import read_result as read_file
+from geoident.report.text.csv_tables import csv_tables, csv_text
+from geoident.workflow.compare import compare as run_comparison
+from geoident.workflow.export import (
+    Export,
+    export_folder,
+    export_texts,
+    export_vtkhdf,
+    export_vtu,
+)
+from geoident.workflow.report import files_read, page_path, read_results, write_page
+
+_FORMATS = ("csv", "vtu", "vtkhdf")
+
+
+@spoken
+def read_result(path: AnyPath) -> ResultFile:
+    """Read a result that a command or a call has written.
+
+    Args:
+        path: of the result.
+
+    Returns:
+        A `FitResult`, `PredictionResult`, `ScanResult`, `SampleResult` or `BacktestResult`.
+
+    Raises:
+        InputError: the file is missing, damaged, or no result.
+    """
+    file = os.fspath(path)
+    data = read_file(file)
+    return KINDS.get(data.kind, ResultFile)(data, file, up_to_date=True)
+
+
+@spoken
+def compare(*results: ResultFile | AnyPath) -> ModelChoice:
+    """Say which of several models of the same readings these ask for.
+
+    Args:
+        results: what `fit` found with each, or the paths of the results; two at least.
+
+    Raises:
+        InputError: one of them is no fit, has no evidence, or is of other readings.
+        UsageError: there are fewer than two.
+    """
+    if len(results) < 2:
+        msg = "Two results at least are needed: compare(one, other)."
+        raise UsageError(msg)
+    return ModelChoice(run_comparison([path_of(result) for result in results]))
+
+
+@spoken
+def report(
+    *results: ResultFile | AnyPath, output: AnyPath | None = None, force: bool = False
+) -> str:
+    """Write the report: one page that opens in any browser, prints, and needs no other file.
+
+    Args:
+        results: one, or several for a page that compares them.
+        output: file or existing folder of the page; beside the first result if None.
+        force: replace a different file of that name.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        InputError: a result is missing or damaged.
+        MissingExtra: matplotlib is not installed.
+        OutputError: the page cannot be written, or another file of that name is there.
+        UsageError: no result is given.
+    """
+    if not results:
+        msg = "A report needs a result: report(result)."
+        raise UsageError(msg)
+    needed("matplotlib", extra="report", what="a report")
+    from geoident.report.page.page import report_page  # noqa: PLC0415
+
+    paths = [path_of(result) for result in results]
+    place = page_path(paths, output=None if output is None else os.fspath(output))
+    read = read_results(paths)
+    inputs = files_read(paths, read)
+    return write_page(read, place, overwrite=force, inputs=inputs, render=report_page)
+
+
+@spoken
+def export(
+    result: ResultFile | AnyPath,
+    formats: str | Sequence[str] = "csv",
+    *,
+    output: AnyPath | None = None,
+    force: bool = False,
+) -> tuple[str, ...]:
+    """Write a result for spreadsheets (``csv``) and for ParaView (``vtu``, ``vtkhdf``).
+
+    Args:
+        result: what a call found, or the path of a result.
+        formats: one of them, or several.
+        output: folder of the files, made if it is missing; ``RESULT.export`` if None.
+        force: replace files of the same names.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        InputError: the result is missing or damaged, or holds no fields for ParaView.
+        OutputError: a file exists or cannot be written.
+        UsageError: there is no such format.
+    """
+    wanted = (formats,) if isinstance(formats, str) else tuple(dict.fromkeys(formats))
+    unknown = [name for name in wanted if name not in _FORMATS]
+    if unknown:
+        msg = f"There is no format {unknown[0]!r}; there are {', '.join(_FORMATS)}."
+        raise UsageError(msg)
+    path = path_of(result)
+    data = read_file(path)
+    folder = export_folder(path, None if output is None else os.fspath(output))
+    files = Export(path, data, folder, force)
+    return tuple(file for name in wanted for file in _exported(name, files))
+
+
+def _exported(name: str, files: Export) -> tuple[str, ...]:
+    if name == "csv":
+        texts = {name: csv_text(table) for name, table in csv_tables(files.result).items()}
+        return export_texts(files, texts)
+    return export_vtu(files) if name == "vtu" else export_vtkhdf(files)

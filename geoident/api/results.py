@@ -1,0 +1,270 @@
+"""Results as calls give them: what was found, the file it stands in, and ways to look at it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geoident.api.arrays import dataset
+from geoident.api.calling import spoken
+from geoident.api.notebook import result_html
+from geoident.api.plots import Plots
+from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_of, tables_of
+from geoident.model.arrays import Floats
+from geoident.model.results.backtest import Scores
+from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.result import Grid, Result
+from geoident.model.results.rivals import Evidence, ModelComparison
+from geoident.report.page.html import joined, table, tag
+from geoident.report.text.result import summary_text
+from geoident.report.text.rivals import MODELS_LEGEND, models_table, models_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+_MOST = 4
+"""Parameters in the short form of a result."""
+
+
+@dataclass(frozen=True, repr=False)
+class ResultFile:
+    """A result and where it stands. In a notebook it shows its parameters and the overview.
+
+    Args:
+        data: all that was found, as arrays, SI.
+        path: of the result file.
+        up_to_date: it stood there already and was not computed again.
+    """
+
+    data: Result
+    path: str
+    up_to_date: bool = False
+
+    @property
+    def status(self) -> str:
+        """How it ended, such as ``converged`` or ``not-determined``; `reason` says why."""
+        return self.data.status
+
+    @property
+    def reason(self) -> str:
+        """Why it ended so, in words."""
+        return self.data.reason
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ended as it should; `reason` says why."""
+        return self.data.exit_code == 0
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Sentences on what an engineer must know before using the numbers."""
+        return self.data.findings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what else was noticed."""
+        return self.data.notes
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The identified parameters by name."""
+        return Parameters(self.data)
+
+    @cached_property
+    def gauges(self) -> GaugeReadings:
+        """The channels of the gauges by name: measured, computed, predicted."""
+        return GaugeReadings(self.data)
+
+    @cached_property
+    def tables(self) -> Mapping[str, ResultTable]:
+        """All tables by name, in the units of the case: those that ``geoident export`` writes."""
+        return tables_of(self.data)
+
+    @cached_property
+    def plot(self) -> Plots:
+        """The figures, as axes of matplotlib."""
+        return Plots(self.data)
+
+    @spoken
+    def to_xarray(self) -> xr.Dataset:
+        """All arrays as one ``xarray.Dataset``, SI.
+
+        Dimensions: channel, stage, parameter; of the fields state (the virgin one first), node,
+        element, axis, component; of draws draw; of a scan its parameters. The units of readings and
+        parameters are the coordinates ``reading_unit`` and ``parameter_unit``.
+
+        Raises:
+            MissingExtra: xarray is not installed.
+        """
+        return dataset(self.data)
+
+    def __str__(self) -> str:
+        return summary_text(self.data)
+
+    def __repr__(self) -> str:
+        said = summary_of(self.parameters, most=_MOST)
+        return (
+            f"{type(self).__name__}({Path(self.path).name}: {self.status}{'; ' * bool(said)}{said})"
+        )
+
+    def _repr_html_(self) -> str:
+        return result_html(self.data, title=f"{self.data.kind} of {self.path}", plots=self.plot)
+
+
+@dataclass(frozen=True, repr=False)
+class FitResult(ResultFile):
+    """What `fit` found: parameters, how well the readings determine them, and later stages."""
+
+    @property
+    def predictions(self) -> ResultTable:
+        """Later stages with 95 % bands, in the units of the case; no rows where there are none."""
+        return _predictions(self)
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """How well the model explains the readings; None where that is not known."""
+        return self.data.evidence
+
+
+@dataclass(frozen=True, repr=False)
+class PredictionResult(ResultFile):
+    """What `predict` found: later stages, or another case, with 95 % bands."""
+
+    @property
+    def predictions(self) -> ResultTable:
+        """Predicted readings with 95 % bands, in the units of the case."""
+        return _predictions(self)
+
+
+@dataclass(frozen=True, repr=False)
+class ScanResult(ResultFile):
+    """What `scan` found: the misfit over one or two parameters."""
+
+    @property
+    def grid(self) -> Grid:
+        """Names of the parameters, their values (k,), SI, and the misfit at all of them."""
+        assert self.data.grid is not None
+        return self.data.grid
+
+    @spoken
+    def to_frame(self) -> pd.DataFrame:
+        """The grid as a ``pandas.DataFrame``, one row a point, in the units of the case.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        return self.tables["grid"].to_frame()
+
+
+@dataclass(frozen=True, repr=False)
+class SampleResult(ResultFile):
+    """What `sample` found: draws of the parameters; ``arviz.from_netcdf`` opens its file."""
+
+    @property
+    def posterior(self) -> PosteriorDraws:
+        """The draws and how far they are to be believed."""
+        assert self.data.posterior is not None
+        return self.data.posterior
+
+    @property
+    def draws(self) -> Floats:
+        """(n_draws, n_parameters) draws of all chains, SI."""
+        assert self.data.for_people.posterior is not None
+        return self.data.for_people.posterior.flat
+
+    @spoken
+    def to_frame(self) -> pd.DataFrame:
+        """The draws as a ``pandas.DataFrame``, one row a draw, in the units of the case.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        return self.tables["draws"].to_frame()
+
+
+@dataclass(frozen=True, repr=False)
+class BacktestResult(ResultFile):
+    """What `backtest` found: how predictions of stages that were read came true."""
+
+    @property
+    def scores(self) -> Scores:
+        """How well the next stages that were read were predicted, all together."""
+        assert self.data.backtest is not None
+        return self.data.backtest.next
+
+    @property
+    def later_scores(self) -> Scores:
+        """The same of all stages after the next ones."""
+        assert self.data.backtest is not None
+        return self.data.backtest.further
+
+    @spoken
+    def to_frame(self) -> pd.DataFrame:
+        """Every prediction and what was read, as a ``pandas.DataFrame``, in the units of the case.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        return self.tables["backtest"].to_frame()
+
+
+KINDS: Mapping[str, type[ResultFile]] = {
+    "fit": FitResult,
+    "predict": PredictionResult,
+    "scan": ScanResult,
+    "sample": SampleResult,
+    "backtest": BacktestResult,
+}
+"""Kind of a result to its class."""
+
+
+def _predictions(found: ResultFile) -> ResultTable:
+    return found.tables.get("prediction", ResultTable((), ()))
+
+
+@dataclass(frozen=True, repr=False)
+class ModelChoice:
+    """Which of several models of the same readings these ask for.
+
+    Args:
+        data: evidence and backtest of every model.
+    """
+
+    data: ModelComparison
+
+    @property
+    def chosen(self) -> str:
+        """Name of the model that the readings ask for: the simplest that none beats clearly."""
+        return self.data.models[self.data.chosen].name
+
+    @property
+    def decided(self) -> bool:
+        """Whether all others are clearly worse."""
+        return self.data.decided
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Name to probability, all being as likely before the readings and one of them right."""
+        names = [model.name for model in self.data.models]
+        return dict(zip(names, self.data.probabilities, strict=True))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What the readings support, in words."""
+        return self.data.sentences
+
+    def __str__(self) -> str:
+        return models_text(self.data)
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{name} {100 * p:.2g} %" for name, p in self.probabilities.items())
+        how = "clearly" if self.decided else "not clearly"
+        return f"ModelChoice({self.chosen} is chosen, {how}; {parts})"
+
+    def _repr_html_(self) -> str:
+        said = tag("ul", *(tag("li", text) for text in self.sentences))
+        return joined([table(models_table(self.data)), said, tag("p", MODELS_LEGEND)])

@@ -1,0 +1,265 @@
+"""Runs that leave a result: the same steps as the commands, with the same files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+
+from geoident.api.calling import AnyPath, Progress, control, spoken
+from geoident.api.cases import CaseFile, case_of
+from geoident.api.results import (
+    BacktestResult,
+    FitResult,
+    PredictionResult,
+    ResultFile,
+    SampleResult,
+    ScanResult,
+)
+from geoident.model.results.result import Result
+from geoident.workflow.backtest import backtest as run_backtest
+from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.fit import fit as run_fit
+from geoident.workflow.predict import PredictRequest, plan_prediction
+from geoident.workflow.predict import predict as run_prediction
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Job, Request, plan_backtest, plan_fit, plan_scan
+from geoident.workflow.sample import SampleRequest, plan_sample
+from geoident.workflow.sample import sample as run_sample
+from geoident.workflow.scan import scan as run_scan
+
+
+@spoken
+def fit(
+    case: CaseFile | AnyPath,
+    *,
+    output: AnyPath | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    force: bool = False,
+    fresh: bool = False,
+    progress: Progress | None = None,
+    solver: str = "auto",
+) -> FitResult:
+    """Identify the parameters from the readings.
+
+    A result of the same input is kept and comes back at once. A call that is interrupted leaves a
+    checkpoint beside the result, and the same call goes on from there.
+
+    Args:
+        case: as loaded, or its path.
+        output: file or existing folder of the result; ``CASE.fit.h5`` beside the case if None.
+        seed: of random numbers.
+        max_time: seconds after which the search ends with what it has.
+        force: overwrite a result of other input.
+        fresh: compute again what is up to date.
+        progress: is told of every iteration.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case, its mesh or its readings are wrong; with all faults.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: there is no such solver.
+    """
+    request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
+    return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time)))
+
+
+@spoken
+def scan(
+    case: CaseFile | AnyPath,
+    *,
+    output: AnyPath | None = None,
+    max_time: float | None = None,
+    force: bool = False,
+    fresh: bool = False,
+    progress: Progress | None = None,
+    solver: str = "auto",
+) -> ScanResult:
+    """Compute the misfit on a grid over one or two parameters (``fit.scan`` of the case).
+
+    Args:
+        case: as loaded, or its path.
+        output: file or existing folder of the result; ``CASE.scan.h5`` beside the case if None.
+        max_time: seconds after which the scan ends with what it has.
+        force: overwrite a result of other input.
+        fresh: compute again what is up to date.
+        progress: is told of every point.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case, its mesh or its readings are wrong; with all faults.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: there is no such solver.
+    """
+    request = _request(case, output, seed=0, force=force, fresh=fresh, solver=solver)
+    return ScanResult(*_run(request, plan_scan, run_scan, control(progress, max_time)))
+
+
+@spoken
+def backtest(
+    case: CaseFile | AnyPath,
+    *,
+    output: AnyPath | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    force: bool = False,
+    fresh: bool = False,
+    progress: Progress | None = None,
+    solver: str = "auto",
+) -> BacktestResult:
+    """Fit the first stages, predict those after them, and score; for every number of stages.
+
+    Args:
+        case: as loaded, or its path.
+        output: file or existing folder of the result; ``CASE.backtest.h5`` beside the case if None.
+        seed: of random numbers.
+        max_time: seconds after which it ends with what it has.
+        force: overwrite a result of other input.
+        fresh: compute again what is up to date.
+        progress: is told of every iteration.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case is wrong, or fewer than two stages were read.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: there is no such solver.
+    """
+    request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
+    return BacktestResult(*_run(request, plan_backtest, run_backtest, control(progress, max_time)))
+
+
+@spoken
+def predict(
+    fitted: ResultFile | AnyPath,
+    *,
+    stages: Sequence[str] = (),
+    case: CaseFile | AnyPath | None = None,
+    output: AnyPath | None = None,
+    force: bool = False,
+    fresh: bool = False,
+    solver: str = "auto",
+) -> PredictionResult:
+    """Predict readings, with 95 % bands, from a fit.
+
+    Args:
+        fitted: what `fit` found, or the path of its result.
+        stages: those to predict; all that took no part in the fit if empty.
+        case: another case, whose parameters are those of the fit.
+        output: file or existing folder of the result; beside the fit if None.
+        force: overwrite a prediction of other input.
+        fresh: compute again what is up to date.
+        solver: name of the sparse solver, or ``auto``.
+
+    Returns:
+        The prediction; ``.data.prediction`` has means and bands, (n_channels, n_stages), SI.
+
+    Raises:
+        InputError: the result is no fit, or the case does not suit it.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: there is no such stage or solver.
+    """
+    new = None if case is None else case_of(case)
+    request = PredictRequest(
+        result=path_of(fitted),
+        stages=tuple(stages),
+        case=None if new is None else new.path,
+        overrides=() if new is None else new.overrides,
+        output=None if output is None else os.fspath(output),
+        solver=solver,
+        force=force,
+        fresh=fresh,
+        text=None if new is None else new.text,
+    )
+    return PredictionResult(*_parts(run_prediction(plan_prediction(request), control())))
+
+
+@spoken
+def sample(
+    fitted: ResultFile | AnyPath,
+    *,
+    draws: int = 10_000,
+    effective: int = 1000,
+    output: AnyPath | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    force: bool = False,
+    fresh: bool = False,
+) -> SampleResult:
+    """Draw parameters from their posterior, and predict readings with each draw.
+
+    Args:
+        fitted: what `fit` found, or the path of its result.
+        draws: how many to write.
+        effective: how many independent draws they are to be worth.
+        output: file or existing folder of the result; beside the fit if None.
+        seed: of random numbers.
+        max_time: seconds after which sampling ends with what it has.
+        force: overwrite a sample of other input.
+        fresh: compute again what is up to date.
+
+    Returns:
+        The draws; ``.draws`` has them as an array, and ``arviz.from_netcdf`` opens ``.path``.
+
+    Raises:
+        InputError: the result is no fit.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: a package that samples is not installed.
+    """
+    request = SampleRequest(
+        result=path_of(fitted),
+        draws=draws,
+        effective=effective,
+        output=None if output is None else os.fspath(output),
+        seed=seed,
+        force=force,
+        fresh=fresh,
+    )
+    return SampleResult(*_parts(run_sample(plan_sample(request), control(max_time=max_time))))
+
+
+def path_of(found: ResultFile | AnyPath) -> str:
+    """The path of a result, from itself or its path."""
+    return found.path if isinstance(found, ResultFile) else os.fspath(found)
+
+
+def _request(
+    case: CaseFile | AnyPath,
+    output: AnyPath | None,
+    *,
+    seed: int,
+    force: bool,
+    fresh: bool,
+    solver: str,
+) -> Request:
+    loaded = case_of(case)
+    return Request(
+        case=loaded.path,
+        overrides=loaded.overrides,
+        output=None if output is None else os.fspath(output),
+        seed=seed,
+        solver=solver,
+        force=force,
+        fresh=fresh,
+        text=loaded.text,
+    )
+
+
+_Parts = tuple[Result, str, bool]
+
+
+def _run(
+    request: Request,
+    plan: Callable[[Request], Job],
+    run: Callable[[Job, Control], Finished],
+    obeyed: Control,
+) -> _Parts:
+    return _parts(run(plan(request), obeyed))
+
+
+def _parts(finished: Finished) -> _Parts:
+    return finished.result, finished.paths[0], finished.up_to_date

@@ -1,0 +1,190 @@
+"""What readings are drawn over and how far their axes reach: dates or stages; shared limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from geoident.io.text.dates import DateError, date_text, read_date
+from geoident.model.arrays import Floats
+from geoident.model.results.result import NORMAL_95, GaugeTable, Result
+from geoident.report.drawing.gauges.instruments import Instrument
+from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
+from geoident.report.text.case import case_mapping
+
+_DAY = 86400.0  # s
+_CLOSE = 0.035
+"""Part of an axis by which two stages are apart at least if both have their numbers."""
+
+
+@dataclass(frozen=True)
+class StageAxis:
+    """Where the stages lie on an axis.
+
+    Args:
+        stages: their names.
+        at: (n_stages,) days since 1970 where there are dates, else numbers from 0.
+        dated: these are days.
+        ends: the first and the last of stages and readings.
+    """
+
+    stages: tuple[str, ...]
+    at: Floats
+    dated: bool
+    ends: tuple[float, float] = (0.0, 1.0)
+
+    def of_reading(self, stage: int, time: float) -> float:
+        """Where a reading of a stage lies that was taken at a time (s since 1970, or NaN)."""
+        return time / _DAY if self.dated and np.isfinite(time) else float(self.at[stage])
+
+    def finish(self, axes: Axes) -> None:
+        """Dates with a faint line at each stage, or the names of the stages."""
+        if not self.dated:
+            stage_ticks(axes, self.stages)
+            return
+        low, high = self.ends
+        margin = 0.03 * (high - low)
+        axes.set_xlim(low - margin, high + margin)
+        days = _round_days(low, high)
+        axes.set_xticks(days, [date_text(_DAY * day) for day in days])
+        for x in self.at:
+            axes.axvline(float(x), color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
+        last = -np.inf
+        for number, x in enumerate(self.at, start=1):
+            if x - last > _CLOSE * (high - low):
+                axes.text(float(x), 0.99, str(number), transform=axes.get_xaxis_transform(),
+                          ha="center", va="top", fontsize=SMALL - 1.5, color=FAINT)  # fmt: skip
+                last = float(x)
+
+
+def _round_days(low: float, high: float) -> list[float]:
+    """Two to four first days of months or weeks, or days, between two days since 1970."""
+    first = datetime.fromtimestamp(low * _DAY, tz=UTC)
+    for months in (60, 24, 12, 6, 3, 2, 1):
+        count = int((high - low) / 30.0 / months) + 2
+        begin = (first.year * 12 + first.month - 1) // months * months
+        found = []
+        for k in range(count + 1):
+            year, month = divmod(begin + k * months, 12)
+            day = datetime(year, month + 1, 1, tzinfo=UTC).timestamp() / _DAY
+            found += [day] if low <= day <= high else []
+        if len(found) >= 2:
+            return found[:: -(-len(found) // _MOST_DATES)]
+    for step in (7.0, 2.0, 1.0):
+        found = np.arange(np.ceil(low), high + 1e-9, step).tolist()
+        if len(found) >= 2:
+            return found[:: -(-len(found) // _MOST_DATES)]
+    return [low, high]
+
+
+_MOST_DATES = 3
+
+
+def stage_axis(result: Result) -> StageAxis:
+    """Dates of the stages, from the case or else from their readings; numbers if any has none."""
+    stages = result.gauges.stages
+    dates = _dates(result)
+    in_order = len(dates) > 1 and np.isfinite(dates).all() and bool((np.diff(dates) >= 0.0).all())
+    if in_order and np.ptp(dates) > 0.0:
+        every = np.r_[dates, result.gauges.readings.time] / _DAY
+        ends = float(np.nanmin(every)), float(np.nanmax(every))
+        return StageAxis(stages, dates / _DAY, dated=True, ends=ends)
+    return StageAxis(stages, np.arange(len(stages), dtype=np.float64), dated=False)
+
+
+def _dates(result: Result) -> Floats:
+    """(n_stages,) seconds since 1970; NaN where nobody says."""
+    table, given = result.gauges.readings, case_mapping(result, "dates")
+    found = np.full(len(result.gauges.stages), np.nan)
+    names = np.array(table.stage)
+    for k, stage in enumerate(result.gauges.stages):
+        read = table.time[names == stage] if len(table) else np.empty(0)
+        try:
+            found[k] = read_date(str(given[stage]))
+        except (KeyError, DateError):
+            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
+    return found
+
+
+def value_limits(
+    result: Result, shown: Sequence[Instrument], stages: Sequence[int] | None = None
+) -> Mapping[str, tuple[float, float]]:
+    """Limits for the values of instruments, one for all that read the same quantity.
+
+    All that is measured with its error bar, all that is computed and all bands lie inside; so does
+    zero where a change is read.
+
+    Args:
+        result: of a fit.
+        shown: the instruments.
+        stages: those that are drawn; None for all.
+    """
+    ends: dict[str, list[float]] = {}
+    low, high = extremes(result, stages)
+    for one in shown:
+        rows = list(one.rows)
+        inside = np.concatenate([low[rows], high[rows]])
+        ends.setdefault(one.quantity, [0.0] if _is_change(one) else []).extend(
+            inside[np.isfinite(inside)].tolist()
+        )
+    return {quantity: _with_margin(values) for quantity, values in ends.items()}
+
+
+def _is_change(one: Instrument) -> bool:
+    """It reads a motion, or what has changed since its zero."""
+    return "mm" in one.quantity or "change" in one.quantity or bool(one.line)
+
+
+def _with_margin(values: list[float]) -> tuple[float, float]:
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    margin = 0.07 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - margin, high + margin
+
+
+def extremes(result: Result, stages: Sequence[int] | None = None) -> tuple[Floats, Floats]:
+    """(n_channels,) least and largest of what is drawn of each channel, in units; NaN for nothing.
+
+    Args:
+        result: of a fit.
+        stages: those that are drawn; None for all.
+    """
+    gauges = result.gauges
+    chosen = list(range(len(gauges.stages))) if stages is None else list(stages)
+    tables = [gauges.in_units(computed_of(result))]
+    prediction = result.prediction
+    if prediction is not None:
+        tables += [gauges.in_units(end) for end in (prediction.lower95, prediction.upper95)]
+    every = np.concatenate([table[:, chosen] for table in tables], axis=1)
+    every = np.where(np.isfinite(every), every, np.nan)
+    low, high = np.fmin.reduce(every, axis=1), np.fmax.reduce(every, axis=1)
+    names = {gauges.stages[k] for k in chosen}
+    read = gauges.readings
+    half = NORMAL_95 * np.nan_to_num(read.sd)
+    rows = {name: row for row, name in enumerate(gauges.channels)}
+    for k in np.flatnonzero(np.isfinite(read.value)).tolist():
+        row = rows.get(read.channel[k])
+        if row is not None and read.stage[k] in names:
+            size = _unit_size(gauges, row)
+            low[row] = np.fmin(low[row], (read.value[k] - half[k]) / size)
+            high[row] = np.fmax(high[row], (read.value[k] + half[k]) / size)
+    return low, high
+
+
+def _unit_size(gauges: GaugeTable, row: int) -> float:
+    """The unit of a channel in SI."""
+    ones = np.ones((len(gauges.channels), 1))
+    return 1.0 / float(gauges.in_units(ones)[row, 0])
+
+
+def computed_of(result: Result) -> Floats:
+    """(n_channels, n_stages) computed, SI: the mean of a prediction; NaN where not determined."""
+    gauges, prediction = result.gauges, result.prediction
+    if prediction is None:
+        return gauges.computed
+    found = np.where(np.isfinite(prediction.mean) & ~gauges.used, prediction.mean, gauges.computed)
+    loose = np.isfinite(prediction.mean) & ~np.isfinite(prediction.sd)
+    return np.where(loose, np.nan, found)

@@ -1,0 +1,1 @@
+"""Figures of matplotlib as files, with words that can be searched, copied and read aloud."""

@@ -1,0 +1,299 @@
+"""Parameters, size of the model error and scatter of the gauges, found together (theory 9.2).
+
+They take turns: at the parameters of least misfit the size and the scatter that the residuals
+speak for, with these the parameters again, until none changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.findings import join
+from geoident.identify.assessment.model_error import (
+    FACTORS,
+    PRIOR_SD,
+    SIZES,
+    ZEROS,
+    SizeWeights,
+    at_size,
+    weigh_all,
+    weigh_sizes,
+)
+from geoident.identify.assessment.variance_components import (
+    RestrictedLikelihood,
+    VarianceComponents,
+    likelihood_at,
+)
+from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.problem import STOPPED, HasIncrements, Outcome, Problem
+from geoident.model.arrays import Floats
+from geoident.model.gauges import Channel, Reads
+from geoident.model.methods import ModelErrorOptions
+from geoident.workflow.estimating.accuracies import after, own_accuracy
+from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
+from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
+
+ROUNDS = 12
+"""At most so many times parameters and size of the model error take turns."""
+
+AT_REST = 0.002
+"""Change of the logarithm of the size that ends it."""
+
+SCATTER = "stated accuracies"
+"""Component of all errors of the gauges together, where one factor on them is found along."""
+
+ZERO = "zeros"
+"""Component of the errors of zeros that the case does not declare."""
+
+TELLS = 3.84
+"""Difference of -2 l from which on one explanation is better than another: 95 %, one factor."""
+
+
+@dataclass(frozen=True)
+class WithModelError:
+    """Parameters, accuracies and model error that go together.
+
+    Args:
+        problem: with the accuracies and the model error.
+        outcome: of the search for the parameters.
+        components: what is known of the accuracies that are estimated.
+        found: the model error.
+    """
+
+    problem: Problem
+    outcome: Outcome
+    components: VarianceComponents
+    found: FittedModelError
+
+
+@dataclass(frozen=True)
+class ModelErrorSearch:
+    """Parameters and size of the model error, in turns.
+
+    Args:
+        options: what the case says.
+        length: over which it is correlated, m.
+        stated: the errors of the readings without it, as the case states them.
+        channels: of the readings.
+        steps_at: what it is made of where each step changes what the channels see by increments
+            (n_states, n_channels), SI.
+        search: for the parameters, from where the problem begins.
+        plain: the loss is that of squares.
+    """
+
+    options: ModelErrorOptions
+    length: float
+    stated: ErrorStructure
+    channels: tuple[Channel, ...]
+    steps_at: Callable[[Floats], ReadingSteps]
+    search: Callable[[Problem], Outcome]
+    plain: bool = True
+
+    def run(self, problem: Problem, outcome: Outcome) -> WithModelError | None:
+        """Both, in turns, until neither changes; None where no reading can have a model error.
+
+        With a robust loss readings that are far off lose their weight, so the first turn takes a
+        model error for granted: what it explains is not wrong.
+
+        Args:
+            problem: without model error.
+            outcome: of the search without it.
+        """
+        t = np.zeros(len(self.structure.names))
+        used = self._steps(problem, outcome.values)
+        if not used.any():
+            return None
+        size, given = PRIOR_SD, self.options.kind == "given"
+        if given:
+            size = self.options.size
+        elif self.plain:
+            weighed = self._weighed(problem, outcome, used, t)
+            size, t = weighed.size, weighed.components.log_factor
+        for _ in range(ROUNDS):
+            problem, outcome = self._again(problem, outcome, used, t, size)
+            now = self._steps(problem, outcome.values)
+            weighed = self._weighed(problem, outcome, now, t, size if given else None)
+            known = FittedModelError(used, size, self.length, None if given else weighed)
+            factor, zero = self._gauges(t)
+            known = replace(known, factor=factor, zero=zero)
+            # the accuracies of the problem, so that all that is said of it comes from one posterior
+            components = replace(weighed.components, log_factor=t)
+            found = WithModelError(problem, outcome, components, known)
+            rest = given or _near(weighed.size, size)
+            if outcome.status == STOPPED or (
+                rest and _alike(now, used) and _close(weighed.components.log_factor, t)
+            ):
+                return self._explained(found)
+            used, t = now, weighed.components.log_factor
+            size = size if given else weighed.size
+        remark = f"parameters and model error did not come to rest in {ROUNDS} rounds"
+        found = replace(found, outcome=replace(outcome, remarks=(*outcome.remarks, remark)))
+        return self._explained(found)
+
+    @cached_property
+    def scatters(self) -> bool:
+        """Whether one factor on all stated accuracies is found along.
+
+        Not where some are to be estimated: then the others are known. Nor with a robust loss, which
+        explains by wrong readings what the factor explains by all gauges.
+        """
+        return self.options.kind == "estimate" and self.plain and not self.stated.names
+
+    @cached_property
+    def structure(self) -> ErrorStructure:
+        """The errors of the readings without model error, with components for what is estimated."""
+        if not self.scatters:
+            return self.stated
+        found = self.stated.with_one_factor(SCATTER)
+        return found if self.zeros is None else found.with_component(self.zeros, ZERO)
+
+    def _gauges(self, t: Floats) -> tuple[float, float]:
+        """Factor on the accuracies, and error of the zeros in these, of components t (c,)."""
+        root = np.exp(0.5 * t) if self.scatters else np.ones(1)
+        return float(root[0]), float(root[1] / root[0]) if len(root) > 1 else 0.0
+
+    def _explained(self, found: WithModelError) -> WithModelError:
+        """The same with sentences on what explains the residuals as well."""
+        said = explanations(found.found)
+        return replace(found, found=replace(found.found, findings=said))
+
+    def _steps(self, problem: Problem, values: Floats) -> ReadingSteps:
+        """What the model error is made of at parameters (n,), SI."""
+        assert isinstance(problem.response, HasIncrements)
+        return self.steps_at(problem.response.increments(values))
+
+    def _structure(self, used: ReadingSteps) -> ErrorStructure:
+        """The errors of the readings, the model error last."""
+        return self.structure.with_component(shared_columns([used], self.length), NAME)
+
+    def _weighed(
+        self,
+        problem: Problem,
+        outcome: Outcome,
+        used: ReadingSteps,
+        t: Floats,
+        size: float | None = None,
+    ) -> SizeWeights:
+        """What the residuals say of the sizes; of the accuracies alone where the size is given."""
+        columns = sp.csr_array(shared_columns([used], self.length))
+        if size is None and not self.stated.names:
+            whole = self.stated.with_one_factor(SCATTER).with_component(columns, NAME)
+            likelihood = self._likelihood(problem, outcome, whole)
+            return weigh_all(likelihood, self.zeros, free=self.scatters)
+        whole = self.structure.with_component(columns, NAME)
+        likelihood = self._likelihood(problem, outcome, whole)
+        if size is None:
+            return weigh_sizes(likelihood, t)
+        nothing = np.zeros((len(SIZES), 1, 1))
+        return SizeWeights(nothing, nothing, np.ones((1, 1)), at_size(likelihood, size, t))
+
+    def _likelihood(
+        self, problem: Problem, outcome: Outcome, structure: ErrorStructure
+    ) -> RestrictedLikelihood:
+        readings, jacobian = problem.response.evaluate(outcome.values)
+        left = effective_sd(problem, readings) / problem.sd  # of a robust loss
+        weakened = replace(structure, sd=structure.sd * left)
+        return likelihood_at(problem, weakened, outcome.values, readings, jacobian)
+
+    @cached_property
+    def zeros(self) -> sp.csr_array | None:
+        """Errors of the zeros (g, channels) as large as the accuracies; None if they are known.
+
+        They are where the case declares some; where no channel has several readings, nothing tells
+        of them.
+        """
+        channels = self.channels
+        if any(c.errors is not None and c.errors.zero > 0.0 for c in channels):
+            return None
+        zeroed = np.flatnonzero([c.reads is Reads.CHANGE for c in channels])
+        names = [channels[k].name for k in zeroed.tolist()]
+        number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+        if len(number) == len(names):
+            return None
+        at = np.array([number[name] for name in names])
+        size = np.array([own_accuracy(channels[k]) for k in zeroed.tolist()])
+        return sp.csr_array((size, (zeroed, at)), shape=(len(channels), len(number)))
+
+    def _again(
+        self, problem: Problem, outcome: Outcome, used: ReadingSteps, t: Floats, size: float
+    ) -> tuple[Problem, Outcome]:
+        """The problem with these accuracies (c,) and this size, and its solution."""
+        factors = np.append(t, 2.0 * np.log(max(size, SIZES[0])))
+        sd, shared = self._structure(used).at(factors)
+        problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
+        return problem, after(outcome, self.search(problem))
+
+
+def _near(size: float, other: float) -> bool:
+    least = 0.01  # below one per cent of the motion nothing changes any more
+    return bool(abs(np.log(max(size, least) / max(other, least))) <= AT_REST)
+
+
+def _alike(now: ReadingSteps, before: ReadingSteps) -> bool:
+    size = np.abs(before.steps).max(axis=0, initial=0.0)
+    return bool(np.all(np.abs(now.steps - before.steps) <= AT_REST * size))
+
+
+def _close(t: Floats, before: Floats) -> bool:
+    return float(np.abs(t - before).max(initial=0.0)) <= AT_REST
+
+
+# What cannot be told from it ---------------------------------------------------------------------
+
+
+def explanations(found: FittedModelError) -> tuple[str, ...]:
+    """Sentences on what explains the residuals by itself as well as the model error, or better.
+
+    Args:
+        found: the model error, and what was weighed beside it.
+    """
+    weighed = found.weighed
+    if weighed is None or weighed.minus_two_l.shape[1] == 1:
+        return ()
+    values = weighed.minus_two_l
+    nothing, of_model = float(values[0, 0, 0]), float(values[:, 0, 0].min())
+    others = []
+    f, z = int(values[0, :, 0].argmin()), int(values[0, 0].argmin())
+    if f > 0:
+        words = f"gauges {FACTORS[f]:.2g} times less accurate than stated"
+        others.append((words, float(values[0, f, 0])))
+    if z > 0:
+        words = f"errors of the zeros {ZEROS[z]:.2g} times as large as the accuracies"
+        others.append((words, float(values[0, 0, z])))
+    others = [other for other in others if other[1] < nothing - TELLS]
+    better = [words for words, value in others if value < of_model - TELLS]
+    alike = [words for words, value in others if abs(value - of_model) <= TELLS]
+    said = f"a model error of {percent(found.size)}"
+    if better:
+        return (
+            f"{_capital(join(better, 'or'))} would explain the residuals better than {said}: check "
+            f"that first. {_REMEDY}",
+        )
+    if alike:
+        scatters = weighed.prior.size > 1 and weighed.prior[0, 0] < 1.0
+        of = (
+            "all of them, each as likely as the readings leave it"
+            if scatters
+            else "the model error"
+        )
+        return (
+            f"The readings cannot tell {said} from {join(alike, 'or')}: intervals and bands are "
+            f"those of {of}. {_REMEDY}",
+        )
+    return ()
+
+
+_REMEDY = (
+    "'accuracies: estimate' under 'fit' lets the residuals say how accurate the gauges are; "
+    "'zero: estimate' in the accuracy of a gauge, what its zero is worth."
+)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,190 @@
+"""A model and the readings that it is to meet, and the problem that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.forward.model import StagedResponse
+from geoident.forward.protocols import CaseModel
+from geoident.identify import refusals
+from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Bools
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
+from geoident.model.methods import (
+    MethodOptions,
+)
+from geoident.model.response import Response
+from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.result import AccuracyTable, Result
+from geoident.workflow.estimating.mesh_error import (
+    FittedMesh,
+)
+from geoident.workflow.estimating.model_error import (
+    FittedModelError,
+    of_result,
+)
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
+from geoident.workflow.running.evaluation_log import Log, Remembered
+from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.readings import (
+    reading_table,
+    require_enough,
+    select_readings,
+    times_of,
+)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A model and the readings that it is to meet.
+
+    Args:
+        model: the staged model of the case.
+        case: the case.
+        readings: all of them, and which take part.
+        accuracies: those that were estimated; None where all are given.
+        model_error: that of the fit; None where there is none.
+        mesh: what the mesh does to the readings, or did at the end of another fit; None where
+            it was not asked.
+        stated: the case before errors of gauges were found with the model error; None where none
+            were.
+    """
+
+    model: CaseModel
+    case: Case
+    readings: ReadingTable
+    accuracies: AccuracyTable | None = None
+    model_error: FittedModelError | None = None
+    mesh: FittedMesh | None = None
+    stated: Case | None = None
+
+    def as_stated(self) -> Setup:
+        """Without model error, with the errors of gauges as they were before it was found."""
+        if self.stated is None:
+            return replace(self, model_error=None)
+        table = reading_table(self.stated, self.readings.reason)
+        return replace(self, case=self.stated, readings=table, model_error=None, stated=None)
+
+    @property
+    def model_error_table(self) -> ModelErrorTable | None:
+        """The model error for a result."""
+        return None if self.model_error is None else self.model_error.table(self.readings.used)
+
+
+def prepare(job: Job) -> Setup:
+    """Build the model of a job and select its readings.
+
+    Raises:
+        InputError: the case does not fit its mesh, or there are too few readings.
+        ModelError: the model moves freely somewhere.
+    """
+    model = build_model(job.inputs, solver=job.request.solver)
+    case = model.case
+    readings = select_readings(case, model)
+    require_enough(case, readings)
+    require_possible(model, case, job.methods)
+    return Setup(model, case, readings)
+
+
+def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
+    """Refuse methods that need what the model cannot offer.
+
+    Args:
+        model: of the case.
+        case: the case.
+        methods: their options.
+
+    Raises:
+        InputError: with the reasons.
+    """
+    response, loss = model.response(()), case.fit.loss
+    faults = [
+        case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
+        for reason in refusals(response, methods, loss)
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
+    """The readings of a setup and its model, whose evaluations are logged.
+
+    Args:
+        setup: model and selected readings.
+        log: takes what is evaluated, and gives it again.
+        control: is told of stages, and stops the run.
+    """
+    case, readings, used = setup.case, setup.readings, setup.readings.used
+    names = case.stage_names
+    setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
+    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    staged = setup.model.response(pairs, times_of(readings, used))
+    # the closed form costs nothing: there is nothing to remember
+    response: Response = staged
+    if isinstance(staged, StagedResponse):
+        response = Remembered(staged, log, before=control.stop.check)
+    structure = structure_of_used(case, used)
+    if structure is None:
+        sd, shared = readings.sd[used], None
+    else:
+        sd, shared = structure.at(np.zeros(len(structure.names)))
+    return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
+
+
+def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
+    """The problem that a fit ended with, from its result: the readings used and all their errors.
+
+    What is computed from it is what the fit computed: accuracies and model error are those that
+    were estimated with the parameters.
+
+    Args:
+        fit: the result.
+        case: of the fit, as `geoident.workflow.running.jobs.inputs_of_result` gives it.
+        response: in the readings used, or of a model whose readings are not asked for.
+    """
+    readings = fit.gauges.readings
+    used = readings.used
+    structure = gauge_errors(used_rows(case, used))
+    found = model_error_of_result(fit, case)
+    if found is not None:
+        structure = found.with_later(structure)
+    _, shared = structure.at(np.zeros(len(structure.names)))
+    own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
+    return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
+
+
+def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
+    """The model error of a fit, from its result; None for none.
+
+    Args:
+        fit: the result.
+        case: of the fit.
+    """
+    if fit.model_error is None:
+        return None
+    used = fit.gauges.readings.used
+    return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
+
+
+def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
+    """The errors of the used readings of a case; None where all are independent.
+
+    Args:
+        case: with k readings.
+        used: (k,) which of them.
+    """
+    return error_structure(used_rows(case, used))
+
+
+def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
+    """The used readings (k,) of a case with their channels."""
+    channels = {channel.name: channel for channel in case.channels}
+    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
+    return tuple((channels[reading.channel], reading) for reading in taken)

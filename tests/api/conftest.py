@@ -1,0 +1,18 @@
+"""A fit that many tests of the Python interface look at."""
+
+import pytest
+
+from geoident import fit, load_case
+from tests.support.trench import write_case
+
+
+@pytest.fixture(scope="session")
+def fitted(tmp_path_factory):
+    """A fit of the trench; nobody changes it."""
+    return fit(load_case(write_case(tmp_path_factory.mktemp("trench"))))
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A case whose folder is the test's own."""
+    return load_case(write_case(tmp_path))
