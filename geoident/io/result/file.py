@@ -1,4 +1,4 @@
-"""Result files: HDF5, one group a table, described in README ("Result file").
+"""Result files: HDF5, one group a table, described in docs/result_file.md.
 
 Everything that identifies a result stands in the attributes of the root group. A file appears under
 its name only when it is complete (`geoident.io.text.atomic`).
