@@ -176,11 +176,13 @@ _BARE = re.compile(r"(?!(?:null|Null|NULL|~)$)[\w$](?:[\w$ .,/%^*+-]*[\w%])?")
 def _value(value: object) -> str:
     """A value as it may be written in a case.
 
-    >>> _value("20 GPa"), _value("a: b"), _value(None), _value((1, 2))
-    ('20 GPa', '"a: b"', 'null', '[1, 2]')
+    >>> _value("20 GPa"), _value("a: b"), _value(2e7), _value(None), _value((1, 2))
+    ('20 GPa', '"a: b"', '20000000', 'null', '[1, 2]')
     """
     if isinstance(value, str) and _BARE.fullmatch(value):
         return value
+    if isinstance(value, float):
+        return repr(float(value)).removesuffix(".0")
     return json.dumps(value, default=_plain, ensure_ascii=False)
 
 
@@ -257,7 +259,7 @@ class CasePlots:
             UsageError: the case has no mesh.
         """
         needed("matplotlib", extra="report", what="a figure")
-        from geoident.report.drawing.case import model_picture  # noqa: PLC0415
+        from geoident.report.drawing.model.figure import model_picture  # noqa: PLC0415
 
         if self._checked.mesh is None:
             msg = "The case has no mesh, so there is nothing to draw."

@@ -135,7 +135,7 @@ def backtest(
 def predict(
     fitted: ResultFile | AnyPath,
     *,
-    stages: Sequence[str] = (),
+    stages: str | Sequence[str] = (),
     case: CaseFile | AnyPath | None = None,
     output: AnyPath | None = None,
     force: bool = False,
@@ -146,7 +146,7 @@ def predict(
 
     Args:
         fitted: what `fit` found, or the path of its result.
-        stages: those to predict; all that took no part in the fit if empty.
+        stages: one or several to predict; all that took no part in the fit if empty.
         case: another case, whose parameters are those of the fit.
         output: file or existing folder of the result; beside the fit if None.
         force: overwrite a prediction of other input.
@@ -165,7 +165,7 @@ def predict(
     new = None if case is None else case_of(case)
     request = PredictRequest(
         result=path_of(fitted),
-        stages=tuple(stages),
+        stages=(stages,) if isinstance(stages, str) else tuple(stages),
         case=None if new is None else new.path,
         overrides=() if new is None else new.overrides,
         output=None if output is None else os.fspath(output),

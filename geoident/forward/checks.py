@@ -49,6 +49,7 @@ from geoident.forward.structures.checks import (
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.case import Case, KeyPath, format_path
+from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar, Values
 
@@ -99,7 +100,7 @@ def notes_on_mesh(
     if observation.snapped:
         notes.append(
             "points just outside the mesh, taken by the nearest element: "
-            + ", ".join(observation.snapped)
+            + named_channels(observation.snapped)
         )
     if n_outside:
         notes.append(

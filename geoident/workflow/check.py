@@ -24,7 +24,7 @@ from geoident.model.results.summary import (
     StageSummary,
 )
 from geoident.workflow.estimating.setup import require_possible
-from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.scoring.ladder import require_sound
@@ -110,6 +110,11 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
+        evaluations=evaluations_text(
+            case.fit.methods,
+            sum(not parameter.field for parameter in case.parameters),
+            yields=staged is not None and staged.yields,
+        ),
     )
 
 

@@ -20,6 +20,7 @@ from geoident.model.ground import Field
 from geoident.model.results.result import ParameterTable, Prediction, Provenance, Result
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
+from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, keep, write
 from geoident.workflow.estimating.model_error import FittedModelError
 from geoident.workflow.estimating.predictions import (
@@ -187,6 +188,7 @@ def predict(task: Task, control: Control) -> Finished:
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
+    require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, _followed(task, known, survey, model), survey, model)

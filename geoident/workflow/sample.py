@@ -25,7 +25,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
 from geoident.workflow.estimating.estimate import known_errors
-from geoident.workflow.estimating.fields import drawn_fields
+from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
 from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.estimating.setup import (
@@ -178,6 +178,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
         return keep(job.place)
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
+    require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
     with evaluation_log(job, control) as log:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)

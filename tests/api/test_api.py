@@ -4,6 +4,7 @@ import inspect
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_warnings_are_those_of_python():
 
 
 def test_predictions_come_from_a_fit_or_its_file(fitted, case, tmp_path):
-    one = predict(fitted, stages=["second"])
+    one = predict(fitted, stages="second")
     other = predict(fitted.path, stages=["second"], case=case, output=tmp_path / "other.h5")
     assert isinstance(one, PredictionResult)
     column = one.gauges.stages.index("second")
@@ -225,6 +226,20 @@ def test_names_are_found_and_wrong_ones_are_not():
     assert {"fit", "load_case", "predict"} <= set(dir(geoident))
     with pytest.raises(AttributeError, match="no attribute 'fitt'"):
         geoident.fitt  # noqa: B018
+
+
+def test_a_star_brings_all_of_them():
+    names = {}
+    exec("from geoident import *", names)
+    assert set(geoident._API) <= set(names)
+    assert names["report"] is report
+
+
+def test_the_function_stays_what_imports_of_its_namesake_do():
+    """A folder of the package is called `report` too."""
+    assert import_module("geoident.report.text.layout").number(1.0) == "1"
+    assert geoident.report is report
+    assert callable(report)
 
 
 def test_names_and_types_are_the_same_everywhere():

@@ -69,6 +69,15 @@ class TestNext:
         (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()
         assert run(*shlex.split(step)[1:]).exit_code == 0
 
+    def test_what_was_drawn_is_drawn_again_as_it_says(self, trench, run):
+        told = run("simulate", "case.yaml", "--noise", "--seed", "3")
+        (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()
+        assert run(*shlex.split(step)[1:]).exit_code == 0
+        assert (trench / "simulated.csv").read_text() == told.stdout
+        field = "materials.rock.E={field: {mean: $E, sd: 30 %, length: 3 m, modes: 3}}"
+        told = run("simulate", "case.yaml", "--set", field, "--draw", "--seed", "3")
+        assert "--draw --seed 3 -o" in told.stderr
+
     def test_changes_are_kept(self, trench, run):
         told = run("check", "case.yaml", "--set", "parameters.E.start=3 GPa")
         (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()

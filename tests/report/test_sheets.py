@@ -10,7 +10,7 @@ from geoident.fem.faces import face_table
 from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
-from geoident.report.drawing.case import _solid_figure
+from geoident.report.drawing.model.figure import model_figure
 from geoident.report.drawing.scene import Scene, gauge_planes, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
 from geoident.report.drawing.solid import surface_figure
@@ -198,7 +198,7 @@ def test_faces_of_all_kinds_hide_each_other_in_the_picture_of_a_case():
         supports=rollers(3),
         stages=(Stage("nothing"),),
     )
-    axes = _solid_figure(case, mesh).axes[0]
+    axes = model_figure(case, mesh).axes[0]
     (faces,) = [c for c in axes.collections if isinstance(c, Poly3DCollection)]
     table = face_table(mesh)
     assert len(faces.get_facecolor()) == len(table.free(np.ones(mesh.n_elements, dtype=bool)))

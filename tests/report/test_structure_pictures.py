@@ -11,7 +11,7 @@ from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
-from geoident.report.drawing.case import _plane_figure
+from geoident.report.drawing.model.figure import model_figure
 from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import drawing_style
 from geoident.report.text.structures import force_table, structures_list
@@ -65,7 +65,7 @@ def members(pit):
 
 def test_the_picture_of_a_case_names_all_structures_and_says_how_they_end(pit):
     with drawing_style():
-        figure = _plane_figure(pit.case, pit.mesh)
+        figure = model_figure(pit.case, pit.mesh)
         said = {text.get_text().strip() for text in visible_texts(figure)}
     assert {"wall", "S1", "S2", "A1", "nail"} <= said
     assert {

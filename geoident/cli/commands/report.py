@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import shlex
+
 import click
 
-from geoident.cli.options import Options, always, takes
+from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
 
 EPILOG = """\b
@@ -18,20 +20,24 @@ Examples:
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["no_page"]:
+        return (f"look at the figures in {shlex.quote(arguments['folder'])}",)
+    return ("open the page in a browser, which also prints it to PDF",)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...")
 @click.option("--figures", "folder", metavar="DIR", help="Write the figures as files as well.")
 @click.option(
     "--format",
     "suffixes",
-    type=click.Choice(["svg", "png", "pdf"]),
+    type=OneOf(["svg", "png", "pdf"]),
     multiple=True,
     help="Format of these files; may be repeated.  [default: svg]",
 )
 @click.option("--no-page", is_flag=True, help="Only the figures.")
-@takes(
-    "output", "force", after=always("open it in a browser or a viewer; a browser prints it to PDF")
-)
+@takes("output", "force", after=_next)
 def command(
     results: tuple[str, ...],
     folder: str | None,

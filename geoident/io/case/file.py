@@ -88,13 +88,16 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
     return parse_case(text, path, overrides=overrides)
 
 
-def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+def parse_case(
+    text: str, path: str, *, overrides: Sequence[str] = (), with_mesh: bool = True
+) -> LoadedCase:
     """Read the text of a case as if it stood in a file, which need not be there any more.
 
     Args:
         text: the case.
         path: of that file, for the files that the case names; ``-`` for stdin.
         overrides: see `read_case`.
+        with_mesh: whether the file of the mesh has to be there.
 
     Raises:
         InputError: with all faults found.
@@ -108,7 +111,9 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     section = _validate(places)
     faults = Faults(places)
     mesh_path = None
-    if section.mesh is not None:
+    if section.mesh is not None and not with_mesh:
+        mesh_path = section.mesh.file
+    elif section.mesh is not None:
         mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)

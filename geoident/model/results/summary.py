@@ -167,6 +167,7 @@ class CaseSummary:
         readings: which are used at which stage, and why the others are not.
         parameters: names of the unknowns.
         methods: names of the identifiers in their order.
+        evaluations: about how often they evaluate the model, in words.
         used: number of readings that take part.
         unused: reason to number of readings that do not, for it.
         cost: estimate of what the computation needs, or None.
@@ -192,6 +193,7 @@ class CaseSummary:
     cost: CostEstimate | None
     notes: tuple[str, ...]
     when_read: tuple[StageReadings, ...] = ()
+    evaluations: str = ""
 
 
 @dataclass(frozen=True)
@@ -268,9 +270,11 @@ class Identifiability:
         findings: sentences on what would stay undetermined.
         singular_values: (min(g, n),) of the scaled sensitivities of the readings.
         readings: number g of planned readings: all channels at all stages of the fit.
+        read: the case has readings already.
     """
 
     parameters: ParameterTable
     findings: tuple[str, ...]
     singular_values: Floats
     readings: int
+    read: bool = True

@@ -11,13 +11,14 @@ from geoident.report.drawing.fields import field_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
+from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.overview import overview_pictures
-from geoident.report.drawing.parameters import (
+from geoident.report.drawing.parameters.corner import pair_pictures
+from geoident.report.drawing.parameters.intervals import (
     compared_parameter_pictures,
     parameter_pictures,
-    scan_pictures,
 )
-from geoident.report.drawing.posterior import posterior_pictures
+from geoident.report.drawing.parameters.scan import scan_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
@@ -31,6 +32,7 @@ from geoident.report.drawing.varied import varied_pictures
 class Album:
     """The figures of one result by the section of the page in which they stand."""
 
+    model: tuple[Picture, ...]
     overview: tuple[Picture, ...]
     parameters: tuple[Picture, ...]
     readings: tuple[Picture, ...]
@@ -43,7 +45,8 @@ class Album:
     def all(self) -> tuple[Picture, ...]:
         """Every figure."""
         return (
-            *self.overview, *self.parameters, *self.readings, *self.fields, *self.quality,
+            *self.model, *self.overview, *self.parameters, *self.readings, *self.fields,
+            *self.quality,
             *self.structures, *self.backtest,
         )  # fmt: skip
 
@@ -60,8 +63,9 @@ def album(result: Result, *, prefix: str = "") -> Album:
     if scene is not None:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
+        model_pictures(result),
         overview_pictures(result, scene),
-        (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
+        (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
         (
             *profile_pictures(result),
             *reading_pictures(result),

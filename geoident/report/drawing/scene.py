@@ -228,7 +228,16 @@ def gauge_planes(gauges: GaugeTable, box: tuple[Floats, Floats]) -> tuple[Plane,
         gauges: with points in three dimensions.
         box: corners (dim,) of the mesh; planes on its border are moved inside by a hair.
     """
-    points = gauge_points(gauges)
+    return planes_through(gauge_points(gauges), box)
+
+
+def planes_through(points: Floats, box: tuple[Floats, Floats]) -> tuple[Plane, ...]:
+    """For up to two coordinates, the plane across it that holds most of some points.
+
+    Args:
+        points: (k, 3), m; without any the planes go through the middle of the box.
+        box: corners (3,) of the mesh; planes on its border are moved inside by a hair.
+    """
     if not len(points):
         points = np.mean(box, axis=0)[None]
     found = []

@@ -18,6 +18,7 @@ from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.results.result import MemberForces, Result
 from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import FAINT, SMALL, Picture, colour, hide_unused, key, short
 
 INK = "#6a1b6a"
@@ -34,13 +35,14 @@ _KILO = 1e3
 _PER_ROW = 4
 
 
-def draw_structures(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
+def draw_structures(axes: Any, case: Case, mesh: Mesh, *, names: bool = True) -> list[Any]:
     """Draws all structures of a case into the picture of its mesh; what the lines mean.
 
     Args:
         axes: of the plane or of space.
         case: the case.
         mesh: its mesh.
+        names: whether their names are written.
     """
     meanings: dict[str, Any] = {}
     for name, structure in case.structures.items():
@@ -53,9 +55,9 @@ def draw_structures(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
             meanings |= _draw_ends(axes, structure)
         else:
             meanings |= _draw_hinges(axes, mesh, structure)
-        place = lines[len(lines) // 2].mean(axis=0)
-        axes.text(*place, f" {short(name)}", fontsize=SMALL, color=INK, zorder=7, clip_on=True,
-                  va="bottom", path_effects=_HALO)  # fmt: skip
+        if names:
+            middles = [line.mean(axis=0) for line in lines]
+            place_labels(axes, [middles], [short(name)], avoid=lines, colour=INK)
     return list(meanings.values())
 
 

@@ -85,7 +85,7 @@ def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
     return (
         tag("p", " ".join(outcome_sentences(result)), class_="lead"),
         _warnings(result),
-        _figures(pictures.overview),
+        _figures((*pictures.model, *pictures.overview)),
         _section(
             "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
         ),

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import yaml
 
+from geoident.io.text.dates import DateError, read_date
+from geoident.model.arrays import Floats
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.gauges import moment_text
@@ -38,6 +41,24 @@ def axis_names(result: Result) -> tuple[str, str, str]:
 def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
     """What a key of the case holds, as texts; empty where it holds no mapping."""
     return _mapping(_case(result.case_resolved), key)
+
+
+def stage_dates(result: Result) -> Floats:
+    """When the stages end, from the case or else from their readings.
+
+    Returns:
+        (n_stages,) seconds since 1970; NaN where nobody says.
+    """
+    table, given = result.gauges.readings, case_mapping(result, "dates")
+    found = np.full(len(result.gauges.stages), np.nan)
+    names = np.array(table.stage)
+    for k, stage in enumerate(result.gauges.stages):
+        read = table.time[names == stage] if len(table) else np.empty(0)
+        try:
+            found[k] = read_date(str(given[stage]))
+        except (KeyError, DateError):
+            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
+    return found
 
 
 def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
@@ -148,7 +169,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Positions of the gauges", _places(summary)),
         _readings(summary),
         section("Dates of the readings", _when_read(summary)),
-        section("Computation", _cost(summary.cost)),
+        section("Computation", _cost(summary.cost, summary.evaluations)),
         section("Notes", bullets(summary.notes)),
     )
 
@@ -283,21 +304,18 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
-def _cost(cost: CostEstimate | None) -> str:
+def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
-    fit = "a fit by gauss-newton takes 5 to 10 evaluations."
+    yields = ""
     if cost.newton_steps > 1:
-        fit = (
-            f"ground yields, so {cost.newton_steps} Newton steps per stage are assumed. A fit by "
-            "complementarity takes 20 to 60 evaluations, most of them close to an earlier one, "
-            "with two to four steps per stage."
-        )
+        yields = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
         f"stages take {_many(cost.factor_flops)} operations (counted).",
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
-        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); {fit}",
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){yields}. "
+        + evaluations,
     ]
     return "\n".join(sentence(line) for line in lines)
 

@@ -18,7 +18,7 @@ from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Channel, Reading, ReadingTable
+from geoident.model.gauges import Channel, Reading, ReadingTable, named_channels
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.running.errors import own_sd, total_sd
 
@@ -258,9 +258,13 @@ def unused_notes(readings: ReadingTable) -> tuple[str, ...]:
 
 
 def bad_notes(readings: ReadingTable) -> tuple[str, ...]:
-    """One sentence for every reading that is known to be wrong, with the reason."""
+    """Readings that are known to be wrong: a sentence for every stage and reason."""
+    together: dict[tuple[str, str], list[str]] = {}
+    for k in readings.unused:
+        if readings.bad[k] and not np.isnan(readings.value[k]):
+            at = readings.stage[k], readings.reason[k]
+            together.setdefault(at, []).append(readings.channel[k])
     return tuple(
-        f"{readings.channel[k]} at {readings.stage[k]} is not used, {readings.reason[k]}."
-        for k in readings.unused
-        if readings.bad[k] and not np.isnan(readings.value[k])
+        f"{named_channels(names)} at {stage} {'is' if len(names) == 1 else 'are'} not used, {why}."
+        for (stage, why), names in together.items()
     )
