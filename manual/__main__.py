@@ -10,6 +10,7 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from geoident.io.docs.case_schema import key_page_text
+from manual import gallery, verification
 from manual.commands import command_page
 from manual.drawings import DRAWINGS, STYLE, svg
 from manual.pages import DOCS, page_name, pages_that_are_run, read_page
@@ -48,6 +49,8 @@ PARTS: dict[str, Callable[[], None]] = {
     "keys": keys,
     "commands": commands,
     "drawings": drawings,
+    "verification": verification.main,
+    "gallery": gallery.write,
     **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
 }
 

@@ -114,12 +114,12 @@ def renew(page: Page, run: Run) -> None:
         )
 
 
-def small(picture: bytes) -> bytes:
+def small(picture: bytes, *, width: int = WIDTH) -> bytes:
     """A PNG with few colours, no wider than a page."""
     image = Image.open(io.BytesIO(picture)).convert("RGB")
-    if image.width > WIDTH:
-        height = round(image.height * WIDTH / image.width)
-        image = image.resize((WIDTH, height), Image.Resampling.LANCZOS)
+    if image.width > width:
+        height = round(image.height * width / image.width)
+        image = image.resize((width, height), Image.Resampling.LANCZOS)
     kept = io.BytesIO()
     image.quantize(COLOURS, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
     return kept.getvalue()

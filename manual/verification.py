@@ -22,6 +22,7 @@ FOLDER = DOCS / "verification"
 ROOT = DOCS.parents[1]
 COLOURS = ("#1f4e79", "#b5651d", "#3a7d44", "#7b3f8c", "#8a9096", "#c0392b", "#00808a", "#5d4037")
 MARKERS = "osD^vP*X"
+NUMBERS = ("node", "number of the reading")  # of things without order: found over exact
 TAKES = re.compile(r"^def (test_\w+)\(([^)]*)\)", re.MULTILINE)
 
 HEAD = """\
@@ -177,7 +178,7 @@ def _figure(entry: Entry, found: dict[str, Record]) -> bytes:
         if all(isinstance(x, float | int) for r in found.values() for x in r.x) and all(
             len(r.x) > 1 for r in found.values()
         ):
-            _curves(figure, entry, found)
+            (_one_to_one if entry.x in NUMBERS else _curves)(figure, entry, found)
         else:
             _deviations(figure, found)
         kept = io.BytesIO()
@@ -200,6 +201,21 @@ def _curves(figure: Figure, entry: Entry, found: dict[str, Record]) -> None:
         axes.plot(record.x, answers, color=colour, label=name or "geoident", **dots)
     axes.set_xlabel(entry.x)
     axes.set_ylabel(entry.quantity)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside right upper", frameon=False)
+
+
+def _one_to_one(figure: Figure, entry: Entry, found: dict[str, Record]) -> None:
+    axes = figure.subplots()
+    every = [entry.scale * e for record in found.values() for e in record.exact]
+    ends = [min(every), max(every)]
+    axes.plot(ends, ends, color="#5b6670", lw=1.2, label="equal")
+    for k, (name, record) in enumerate(found.items()):
+        exact, answers = (entry.scale * np.array(v) for v in (record.exact, record.found))
+        dots = {"marker": MARKERS[k % len(MARKERS)], "ls": "none", "ms": 4.5, "mfc": "none"}
+        axes.plot(exact, answers, color=COLOURS[k % len(COLOURS)], label=name or "geoident", **dots)
+    axes.set_xlabel(f"exact: {entry.quantity}")
+    axes.set_ylabel("geoident")
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside right upper", frameon=False)
 
