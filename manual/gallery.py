@@ -28,6 +28,7 @@ ROOT = DOCS.parents[1]
 FOLDER = DOCS / "gallery"
 WANTED = ("model", "overview")
 WIDTH = 900  # px
+MOST = 60_000  # bytes of a picture
 
 HEAD = """\
 # Gallery
@@ -122,10 +123,18 @@ def write() -> None:
         result = _result(one)
         pictures = [p for p in album(result).all if p.name in WANTED]
         for picture in pictures:
-            drawn = small(image(picture, "png"), width=WIDTH)
-            (FOLDER / f"{file_name(one, picture.name)}").write_bytes(drawn)
+            (FOLDER / file_name(one, picture.name)).write_bytes(_light(image(picture, "png")))
         parts.append(_part(one, result, pictures))
     (DOCS / "gallery.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def _light(picture: bytes) -> bytes:
+    """A picture of at most `MOST` bytes, with fewer colours and points where it must."""
+    for width, colours in ((WIDTH, 64), (WIDTH, 32), (800, 24), (700, 16)):
+        made = small(picture, width=width, colours=colours)
+        if len(made) < MOST:
+            break
+    return made
 
 
 def file_name(one: Shown, picture: str) -> str:
@@ -135,11 +144,8 @@ def file_name(one: Shown, picture: str) -> str:
 
 def _result(one: Shown) -> Result:
     folder = Path(os.environ.get("GEOIDENT_RESULTS", ROOT / "build" / "results"))
-    path = folder / one.name / "case.fit.h5"
-    if one.template and (folder / f"template-{one.name}").is_dir():
-        path = folder / f"template-{one.name}" / "case.fit.h5"
-    elif one.template and (ROOT / "cases" / one.name).is_dir():
-        path = folder / f"template-{one.name}" / "case.fit.h5"
+    both = one.template and (ROOT / "cases" / one.name).is_dir()
+    path = folder / (f"template-{one.name}" if both else one.name) / "case.fit.h5"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         done = CliRunner().invoke(geoident, ["fit", str(one.case), "-o", str(path)])

@@ -114,14 +114,14 @@ def renew(page: Page, run: Run) -> None:
         )
 
 
-def small(picture: bytes, *, width: int = WIDTH) -> bytes:
+def small(picture: bytes, *, width: int = WIDTH, colours: int = COLOURS) -> bytes:
     """A PNG with few colours, no wider than a page."""
     image = Image.open(io.BytesIO(picture)).convert("RGB")
     if image.width > width:
         height = round(image.height * width / image.width)
         image = image.resize((width, height), Image.Resampling.LANCZOS)
     kept = io.BytesIO()
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
+    image.quantize(colours, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
     return kept.getvalue()
 
 
