@@ -208,6 +208,13 @@ class ModelError(GeoidentError):
         self.args = (str(self.fault),)
 
 
+class TimeIsUp(ModelError):
+    """The time that was given ended within an evaluation, so that there is no answer.
+
+    A search takes it for a place without solution, and then ends, since its observer says so too.
+    """
+
+
 class CollapseError(ModelError):
     """The ground cannot carry the loads of a stage (plastic collapse).
 

@@ -13,7 +13,8 @@ from functools import reduce
 
 import numpy as np
 
-from geoident.errors import ExitCode, InputError, ModelError
+from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
+from geoident.identify.assessment.findings import join
 from geoident.identify.problem.problem import STOPPED
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -164,6 +165,8 @@ def run_trials(
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
             part = FitLog(log, f"to {last}:")
             trial = tried(setup, last, chain, part, control, start=start, until=until)
+        except TimeIsUp:
+            break
         except (InputError, ModelError) as error:
             skipped.append(Skipped(name, clause(error)))
             control.monitor.inform(f"up to {name}: skipped, {skipped[-1].why}")
@@ -199,7 +202,7 @@ def _result(
         return _without_trials(job, setup, skipped, out_of_time=out_of_time)
     last = trials[-1]
     found = backtest_of(setup, trials, skipped)
-    said = verdict(found, last.gauges)
+    said = _judged(setup, trials, found)
     restless, others = settling_sentences(
         case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
     )
@@ -245,6 +248,33 @@ def _result(
             *unused_notes(setup.readings),
         ),
     )
+
+
+def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verdict:
+    """Whether the bands hold; fits that know no model error, beside others, do not decide it.
+
+    Fits of the first stages have often too few readings to estimate one. Their bands are those of a
+    model without error, as each says, and are no test of the later ones.
+
+    Args:
+        setup: with all usable readings.
+        trials: the fits.
+        found: what they say together.
+    """
+    said = verdict(found, trials[-1].gauges)
+    full = [trial for trial in trials if trial.setup.model_error is not None]
+    if said.holds or not full or len(full) == len(trials):
+        return said
+    rest = verdict(backtest_of(setup, full, ()), trials[-1].gauges)
+    if not rest.holds:
+        return said
+    bare = [trial for trial in trials if trial.setup.model_error is None]
+    names = join([setup.case.stages[trial.step.last].name for trial in bare], "and")
+    text = (
+        f"{rest.sentence} Predictions from the readings up to {names} alone are not counted: these "
+        "are too few to estimate a model error, and bands without it do not hold."
+    )
+    return Verdict(True, text, remarkable=True)
 
 
 def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) -> tuple[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from geoident.errors import InputError, Interrupted, ModelError, Term
+from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
 from geoident.identify.problem.problem import STOPPED
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
@@ -36,6 +36,9 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     except Interrupted as stop:
         log.close()
         raise Interrupted(_how_to_go_on(job), exit_code=stop.exit_code) from stop
+    except TimeIsUp as end:
+        log.close()
+        raise Interrupted(_too_short(job, log), exit_code=ExitCode.NOT_CONVERGED) from end
     except (InputError, ModelError):
         log.remove()  # it would end the same way again
         raise
@@ -46,6 +49,17 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
         log.close()
     else:
         log.remove()
+
+
+def _too_short(job: Job, log: EvaluationLog) -> str:
+    """That no result could be written in the time that was given."""
+    if not len(log):
+        return "The time that was given is used up before the model was evaluated once."
+    return (
+        "The time that was given is used up before a result could be written. "
+        f"What was computed is kept in {job.place.checkpoint}.\n"
+        f"    {Term.SAME_AGAIN} goes on from there."
+    )
 
 
 def _how_to_go_on(job: Job) -> str:
