@@ -7,12 +7,10 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from matplotlib import rc_context
-
 from geoident.io.docs.case_schema import key_page_text
 from manual import gallery, verification
 from manual.commands import command_page
-from manual.drawings import DRAWINGS, STYLE, svg
+from manual.drawings import DRAWINGS, svg
 from manual.pages import DOCS, page_name, pages_that_are_run, read_page
 from manual.transcript import renew, run_page
 
@@ -30,8 +28,7 @@ def commands() -> None:
 def drawings() -> None:
     """The drawings of the conventions."""
     for name, draw in DRAWINGS.items():
-        with rc_context(STYLE):
-            (DOCS / f"{name}.svg").write_bytes(svg(draw()))
+        (DOCS / f"{name}.svg").write_bytes(svg(draw))
 
 
 def page_that_is_run(path: Path) -> Callable[[], None]:
@@ -50,6 +47,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "commands": commands,
     "drawings": drawings,
     "verification": verification.main,
+    "verification/pages": verification.write,
     "gallery": gallery.write,
     **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
 }

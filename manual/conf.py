@@ -57,9 +57,12 @@ def contents(text: str) -> str:
 
 
 def add_contents(_app: object, page: str, source: list[str]) -> None:
-    """Give the first page its trees."""
+    """Give the first page its trees, and the first page of a folder that of its pages."""
     if page == root_doc:
         source[0] += "\n\n" + contents(source[0]) + "\n"
+    elif page.endswith("/index"):
+        pages = dict.fromkeys(re.findall(r"\]\((\w+)\.md\)", source[0]))
+        source[0] += "\n".join(["\n\n```{toctree}", ":hidden:", "", *pages, "```", ""])
 
 
 def setup(app) -> dict[str, bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,10 +17,11 @@ STYLE = {"svg.hashsalt": "geoident", "svg.fonttype": "none", "font.size": 9.0}
 ARROW = {"arrowstyle": "-|>", "color": INK, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
 
 
-def svg(figure: Figure) -> bytes:
-    """A figure as SVG: text as text, the same bytes each time."""
+def svg(draw: Callable[[], Figure]) -> bytes:
+    """A drawing as SVG: text as text, the same bytes each time."""
     kept = io.BytesIO()
-    figure.savefig(kept, format="svg", metadata={"Date": None}, bbox_inches="tight")
+    with rc_context(STYLE):
+        draw().savefig(kept, format="svg", metadata={"Date": None}, bbox_inches="tight")
     return kept.getvalue()
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -44,12 +46,12 @@ runs these tests, slow ones included, and makes the pages again.
 def main() -> None:
     """Run the tests that keep numbers, and make the pages."""
     environment = {**os.environ, RENEW: "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "slow or not slow", *tests()]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "slow or not slow", *recording_tests()]
     subprocess.run(command, cwd=ROOT, env=environment, check=True)
     write()
 
 
-def tests() -> list[str]:
+def recording_tests() -> list[str]:
     """Names of the tests that keep numbers."""
     return [
         f"{path.relative_to(ROOT).as_posix()}::{name}"
@@ -74,9 +76,9 @@ def pages() -> dict[str, str]:
     return {"index.md": _index(), **made}
 
 
-def figures() -> dict[str, bytes]:
+def figures(names: Iterable[str] = ENTRIES) -> dict[str, bytes]:
     """Entry to its figure (SVG)."""
-    return {name: _figure(entry, records(name)) for name, entry in ENTRIES.items()}
+    return {name: _figure(ENTRIES[name], records(name)) for name in names}
 
 
 def percent(part: float) -> str:
@@ -182,8 +184,14 @@ def _figure(entry: Entry, found: dict[str, Record]) -> bytes:
         else:
             _deviations(figure, found)
         kept = io.BytesIO()
-        figure.savefig(kept, format="svg", metadata={"Date": None})
+        metadata = {"Date": None, "Description": fingerprint(entry, found)}
+        figure.savefig(kept, format="svg", metadata=metadata)
     return kept.getvalue()
+
+
+def fingerprint(entry: Entry, found: dict[str, Record]) -> str:
+    """What a figure was made from, as a hash that stands in it."""
+    return hashlib.sha256(repr((entry, sorted(found.items()))).encode()).hexdigest()[:16]
 
 
 def _curves(figure: Figure, entry: Entry, found: dict[str, Record]) -> None:
@@ -237,4 +245,4 @@ def _deviations(figure: Figure, found: dict[str, Record]) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-__all__ = ["figures", "main", "pages", "percent", "tests", "write"]
+__all__ = ["figures", "fingerprint", "main", "pages", "percent", "recording_tests", "write"]
