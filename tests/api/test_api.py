@@ -125,12 +125,11 @@ def test_a_backtest_has_its_scores(case):
     assert len(found.to_frame()) >= 2
 
 
-def test_a_result_is_read_again_as_what_it_is(fitted, case):
+def test_a_result_is_read_again_as_what_it_is(fitted, scanned, case):
     again = read_result(fitted.path)
     assert type(again) is FitResult
     assert again.up_to_date
     assert dict(again.parameters) == dict(fitted.parameters)
-    scanned = scan(case.with_values({"fit.scan.points": 3}))
     assert type(read_result(scanned.path)) is ScanResult
     with pytest.raises(InputError):
         read_result(case.path)
@@ -154,9 +153,9 @@ def test_models_are_compared(case, tmp_path):
         compare(free)
 
 
-def test_a_report_is_that_of_the_command(fitted, tmp_path):
-    page = report(fitted, output=tmp_path / "here.html")
-    CliRunner().invoke(program, ["report", fitted.path, "-o", str(tmp_path / "there.html")])
+def test_a_report_is_that_of_the_command(scanned, tmp_path):
+    page = report(scanned, output=tmp_path / "here.html")
+    CliRunner().invoke(program, ["report", scanned.path, "-o", str(tmp_path / "there.html")])
     assert Path(page).read_bytes() == (tmp_path / "there.html").read_bytes()
     with pytest.raises(UsageError, match="a result"):
         report()
@@ -279,3 +278,21 @@ def test_calls_take_what_their_commands_take():
                      if hasattr(request, f)}  # fmt: skip
             if name in known:
                 assert parameter.default == known[name], (call, name)
+
+
+def test_an_interrupted_call_goes_on(case):
+    """As with the stop button of a notebook."""
+
+    def stop(step):
+        if step.number == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(case, progress=stop)
+    checkpoint = Path(case.path).with_name("case.fit.checkpoint")
+    assert checkpoint.exists()
+    found = fit(case)
+    assert found.converged
+    assert not checkpoint.exists()
+    whole = fit(case, output=Path(case.path).with_name("whole.h5"))
+    assert found.parameters["E"].value == whole.parameters["E"].value

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.forces import structure_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
@@ -23,7 +24,6 @@ from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
-from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import Picture, image
 from geoident.report.drawing.varied import varied_pictures
 
