@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
-from geoident.api.cases import CaseFile, case_of
+from geoident.api.cases import CaseFile, origin_of
 from geoident.api.results import (
     BacktestResult,
     FitResult,
@@ -162,7 +162,7 @@ def predict(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: there is no such stage or solver.
     """
-    new = None if case is None else case_of(case)
+    new = None if case is None else origin_of(case)
     request = PredictRequest(
         result=path_of(fitted),
         stages=(stages,) if isinstance(stages, str) else tuple(stages),
@@ -236,16 +236,16 @@ def _request(
     fresh: bool,
     solver: str,
 ) -> Request:
-    loaded = case_of(case)
+    origin = origin_of(case)
     return Request(
-        case=loaded.path,
-        overrides=loaded.overrides,
+        case=origin.path,
+        overrides=origin.overrides,
         output=None if output is None else os.fspath(output),
         seed=seed,
         solver=solver,
         force=force,
         fresh=fresh,
-        text=loaded.text,
+        text=origin.text,
     )
 
 

@@ -23,7 +23,7 @@ from geoident.model.results.backtest import Backtest, Skipped
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.predictions import collapse_findings
 from geoident.workflow.estimating.setup import Setup, require_possible
 from geoident.workflow.running.control import OUT_OF_TIME, Control
@@ -61,13 +61,13 @@ def backtest(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     setup, stages = prepare_backtest(job)
     with evaluation_log(job, control) as log:
         trials, skipped = run_trials(setup, stages, job.methods, log, control)
         result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
-        return write(result, job.place, job.found, inputs=job.inputs.files)
+        return write(result, job.place, job.found, inputs=job.inputs.files, force=job.request.force)
 
 
 def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:

@@ -15,6 +15,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
+from geoident.model.parameter import Scalar
 from geoident.model.results.summary import (
     CaseSummary,
     GaugeSummary,
@@ -110,6 +111,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
+        resolved=inputs.loaded.resolved,
         evaluations=evaluations_text(
             case.fit.methods,
             sum(not parameter.field for parameter in case.parameters),
@@ -162,11 +164,19 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             built=stage.build,
             dismantled=stage.dismantle,
             stressed=tuple(name for name in stage.prestress if name not in stage.build),
+            released=tuple((group, _share(part)) for group, part in stage.release.items()),
         )
         for n, (stage, state, dofs) in enumerate(
             zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
+
+
+def _share(part: Scalar) -> str:
+    """A part of a whole in words: per cent, or the name of a parameter."""
+    if part.parameter is None:
+        return f"{100.0 * part.factor:.4g} %"
+    return part.parameter if part.factor == 1.0 else f"{part.factor:g} {part.parameter}"
 
 
 def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:

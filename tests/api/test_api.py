@@ -278,3 +278,21 @@ def test_calls_take_what_their_commands_take():
                      if hasattr(request, f)}  # fmt: skip
             if name in known:
                 assert parameter.default == known[name], (call, name)
+
+
+def test_an_interrupted_call_goes_on(case):
+    """As with the stop button of a notebook."""
+
+    def stop(step):
+        if step.number == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(case, progress=stop)
+    checkpoint = Path(case.path).with_name("case.fit.checkpoint")
+    assert checkpoint.exists()
+    found = fit(case)
+    assert found.converged
+    assert not checkpoint.exists()
+    whole = fit(case, output=Path(case.path).with_name("whole.h5"))
+    assert found.parameters["E"].value == whole.parameters["E"].value

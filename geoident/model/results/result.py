@@ -441,6 +441,7 @@ class Provenance:
         identity: hash of everything that it depends on.
         created: date and time.
         format: of the file that it was read from, if that is not the present one.
+        seconds: that the computation took, NaN if unknown.
     """
 
     command: str
@@ -453,6 +454,7 @@ class Provenance:
     identity: str
     created: str
     format: str = ""
+    seconds: float = float("nan")
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ class StageSummary:
         built: names of structures that are built.
         dismantled: names of structures that are removed.
         stressed: names of structures whose bars are stressed anew.
+        released: group to the part of its stress that is released by now, in words.
     """
 
     name: str
@@ -66,6 +67,7 @@ class StageSummary:
     built: tuple[str, ...] = ()
     dismantled: tuple[str, ...] = ()
     stressed: tuple[str, ...] = ()
+    released: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -173,6 +175,7 @@ class CaseSummary:
         cost: estimate of what the computation needs, or None.
         notes: what else the user should know.
         when_read: when the dated readings were taken, stage by stage; empty without dates.
+        resolved: the case as YAML, with overrides and defaults filled in.
     """
 
     case: str
@@ -193,6 +196,7 @@ class CaseSummary:
     cost: CostEstimate | None
     notes: tuple[str, ...]
     when_read: tuple[StageReadings, ...] = ()
+    resolved: str = ""
     evaluations: str = ""
 
 

@@ -18,7 +18,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import Counts, Diagnostics, Prediction, Result
 from geoident.model.results.rivals import Evidence, Rivals
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
@@ -229,15 +229,15 @@ def searched(
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
         found = estimated(setup, job.methods, log, control)
         control.finish()
-        written = result(*found, log)
-        return write(written, job.place, job.found, inputs=job.inputs.files)
+        written, force = result(*found, log), job.request.force
+        return write(written, job.place, job.found, inputs=job.inputs.files, force=force)
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:
