@@ -83,7 +83,7 @@ stiff = fit(case.with_values({"materials.rock.nu": 0.35}), output=folder / "nu-0
 compare(result, stiff)
 
 # %% Where else would the readings be met? The misfit over two parameters
-valley = scan(case.with_values({"fit.scan.points": 7}))
+valley = scan(case.with_values({"fit.scan.points": 5}))
 valley.plot.parameters()
 
 # %% What would the gauges read in softer rock?

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geoident import check, fit, load_case, predict, simulate
+from geoident import check, fit, init, load_case, predict, simulate
 from geoident.errors import InputError, OutputError, UsageError
 
 
@@ -146,5 +146,9 @@ def test_errors_speak_python(case, fitted, tmp_path):
         predict(fitted, stages=["third"])
 
 
-def test_a_case_without_a_mesh_has_no_picture(case, tmp_path):
-    assert len(check(case).plot.model()) == 3  # whole, closer, legend
+def test_the_model_is_drawn_if_there_is_a_mesh(case, tmp_path):
+    drawn = check(case).plot.model()
+    assert len(drawn) >= 1
+    assert "Trench" in drawn.captions[0]
+    with pytest.raises(UsageError, match="no mesh"):
+        check(init(tmp_path / "opening", "opening")).plot.model()
