@@ -175,6 +175,12 @@ def test_a_field_is_that_of_its_stage(fitted):
         assert len(fitted.plot.field("second", quantity)) >= 1
 
 
+def test_a_result_without_fields_says_so(scanned):
+    assert scanned.plot.quantities() == ()
+    with pytest.raises(UsageError, match="This scan holds no displacements and stresses: draw"):
+        scanned.plot.field()
+
+
 def test_figures_go_by_the_names_of_the_report(fitted, scanned, tmp_path):
     CliRunner().invoke(program, ["report", scanned.path, "--no-page", "--figures", str(tmp_path)])
     assert {path.stem for path in tmp_path.glob("*.svg")} == set(scanned.plot.names())
