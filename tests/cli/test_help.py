@@ -17,7 +17,7 @@ from geoident.cli.options import takes
 from geoident.io.docs.templates import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
-README = ROOT / "README.md"
+PAGE = ROOT / "geoident" / "docs" / "commands.md"
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -40,7 +40,7 @@ class TestEveryCommand:
         assert flags <= known
 
     def test_it_is_documented(self, name):
-        assert f"geoident {name}" in README.read_text(encoding="utf-8")
+        assert f"geoident {name}" in PAGE.read_text(encoding="utf-8")
 
 
 def test_every_template_stands_apart_from_what_it_is(run):
