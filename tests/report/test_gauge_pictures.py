@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import NORMAL_95, Prediction
+from geoident.report.drawing.album import album
 from geoident.report.drawing.gauges.axis import computed_of, stage_axis
 from geoident.report.drawing.gauges.course import (
     face_pictures,
@@ -18,6 +19,7 @@ from geoident.report.drawing.gauges.instruments import PLUMB, TROUGH, instrument
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
+from tests.report import test_figures
 from tests.support.results import example_result, wide_gauges
 
 STAGES = ("dig", "line", "later")
@@ -119,6 +121,12 @@ def test_the_depth_of_an_inclinometer_goes_down():
         (axes,) = drawn(picture.draw()).axes
     assert axes.yaxis_inverted()
     assert axes.get_ylabel() == "depth along the casing (m)"
+    for picture in album(given).readings:
+        with drawing_style():
+            figure = drawn(picture.draw())
+            shown = {"plane": {picture.name: figure}}
+            test_figures.test_no_text_is_cut("plane", picture.name, shown)
+            test_figures.test_no_text_lies_on_another("plane", picture.name, shown)
 
 
 def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough):
