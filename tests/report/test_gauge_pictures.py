@@ -8,7 +8,6 @@ from matplotlib.text import Text
 
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import NORMAL_95, Prediction
-from geoident.report.drawing.album import album
 from geoident.report.drawing.gauges.axis import computed_of, stage_axis
 from geoident.report.drawing.gauges.course import (
     face_pictures,
@@ -121,12 +120,12 @@ def test_the_depth_of_an_inclinometer_goes_down():
         (axes,) = drawn(picture.draw()).axes
     assert axes.yaxis_inverted()
     assert axes.get_ylabel() == "depth along the casing (m)"
-    for picture in album(given).readings:
+    for each in (picture, *reading_pictures(given)):
         with drawing_style():
-            figure = drawn(picture.draw())
-            shown = {"plane": {picture.name: figure}}
-            test_figures.test_no_text_is_cut("plane", picture.name, shown)
-            test_figures.test_no_text_lies_on_another("plane", picture.name, shown)
+            figure = drawn(each.draw())
+            shown = {"plane": {each.name: figure}}
+            test_figures.test_no_text_is_cut("plane", each.name, shown)
+            test_figures.test_no_text_lies_on_another("plane", each.name, shown)
 
 
 def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough):
