@@ -3,8 +3,8 @@
 Shipped mesh:        python make_mesh.py
 Mesh of the truth:   python make_mesh.py --size 0.333 --output fine.msh
 
-The same call makes the same mesh, mostly of quadrilaterals, with some triangles, all quadratic: linear
-elements of the same file size take half of the accuracy of the gauges. Needs gmsh
+The same call makes the same mesh, mostly of quadrilaterals, with some triangles, all quadratic:
+linear elements in a file of this size take half of the accuracy of the gauges. Needs gmsh
 (`pip install gmsh`). Lengths in m: x is the radius, y upwards from the surface along the axis.
 """
 
