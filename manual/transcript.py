@@ -22,7 +22,7 @@ from PIL import Image
 from geoident.cli.app import geoident
 from geoident.io.result.file import read_result
 from geoident.report.drawing.album import album
-from geoident.report.drawing.style import Picture
+from geoident.report.drawing.style import Picture, image
 from manual.pages import Command, File, Page, cut, difference, read_page
 
 PICTURES = {".png", ".svg"}
