@@ -38,8 +38,9 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
         text: what it shows, for those who cannot see it.
     """
     root = ElementTree.fromstring(svg)
-    used = {_target(*item) for element in root.iter() for item in element.attrib.items()}
-    names = {old: f"{name}-{k}" for k, old in enumerate(sorted(used - {""}))}
+    targets = (_target(*item) for element in root.iter() for item in element.attrib.items())
+    used = dict.fromkeys(old for old in targets if old)  # in their order: names may be of memory
+    names = {old: f"{name}-{k}" for k, old in enumerate(used)}
     _clean(root, names)
     width, height = (
         round(float(root.attrib.pop(key).removesuffix("pt")) * 4 / 3) for key in ("width", "height")
