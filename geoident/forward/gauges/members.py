@@ -227,7 +227,7 @@ def _of_beam(
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    found = section_forces(part.members, members[part.rows])
+    found = part.section_forces(members)
     if channel.kind == "load-cell" and channel.quantity != "M":
         forces = found.axial if channel.quantity == "N" else found.shear
         return np.asarray(forces[place.pieces].mean(axis=0))
