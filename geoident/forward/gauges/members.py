@@ -5,7 +5,8 @@ arc with the inside of the beam to the right,
 
     N                       axial force, from the piece that holds the place (of a shell along
                             its meridian)
-    M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
+    M                       bending moment, linear between the ends of the piece (see
+                            `forward.structures.end_moments`), positive with tension on the inside
     Q = dM/ds               shear force
 
 and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI

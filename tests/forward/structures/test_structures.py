@@ -15,6 +15,7 @@ from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts
 from tests.support.cases import displacement, material, model, rollers
+from tests.support.force_gauges import gauge
 from tests.support.meshes import box, regroup
 from tests.support.tunnels import ringed, walled, with_lines
 
@@ -153,6 +154,29 @@ def test_lining_under_even_stress_does_not_bend():
     found = staged.survey(NOTHING, fields=False).members
     assert np.abs(found.moment).max() < 1e-6 * P0
     assert np.abs(found.shear).max() < 1e-6 * P0
+
+
+def test_gauges_read_the_moments_and_shears_of_the_table():
+    lining = Beam("wall", EA=Scalar(2e9), EI=Scalar(1.67e6), clamped_on=("x0", "y0"))
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    mesh, stress = _tunnel(4), _stress(P0, 0.5 * P0)
+    piece = 5
+    table = _lined(mesh, stages, in_situ=stress, lining=lining)
+    table = table.survey(NOTHING, fields=False).members
+    first, second = (tuple(map(float, end)) for end in table.ends[piece])
+    middle = tuple(map(float, table.ends[piece].mean(axis=0)))
+    cells = [
+        gauge("load-cell", name, place, name[0], structure="lining", dimension=dimension)
+        for name, place, dimension in (
+            ("M first", first, "moment per length"),
+            ("M second", second, "moment per length"),
+            ("Q", middle, "line load"),
+        )
+    ]
+    staged = _lined(mesh, stages, in_situ=stress, lining=lining, channels=cells)
+    read = staged.survey(NOTHING, fields=False).computed[:, 0]
+    expected = [*table.moment[piece, :, 0], table.shear[piece, 0]]
+    np.testing.assert_allclose(read, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("upwards", [True, False])
