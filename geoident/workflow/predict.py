@@ -497,6 +497,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         prediction=prediction,
         fields=survey.fields,
         members=survey.members,
+        reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
         notes=(*left_out, *bad_notes(readings), *score(gauges, prediction)),

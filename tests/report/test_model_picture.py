@@ -14,6 +14,7 @@ from geoident.model.actions import Pressure, Water, WaterPressure
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.report.drawing.album import album
+from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.model.construction import (
     construction_of,
     marked_places,
@@ -21,7 +22,7 @@ from geoident.report.drawing.model.construction import (
     material_label,
 )
 from geoident.report.drawing.model.drawn import DrawnModel
-from geoident.report.drawing.model.figure import case_of, model_figure
+from geoident.report.drawing.model.figure import model_figure
 from geoident.report.drawing.style import GAUGE, drawing_style
 from tests.report.test_labels import overlapping
 from tests.support.cases import make_case, material

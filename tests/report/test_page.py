@@ -97,9 +97,10 @@ def test_the_policy_forbids_all_but_the_own_style_and_images(text):
 def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
     result, text = request.getfixturevalue(kind), request.getfixturevalue(f"{kind}_page")
     names = [picture.name for picture in album(result).all]
-    expected = {"overview", "parameters", "readings-1", "extensometers-1", "one-to-one",
+    expected = {"overview", "parameters", "pairs", "readings-1", "extensometers-1", "one-to-one",
                 "residuals", "history", "correlation"}  # fmt: skip
-    fields = ["displacement", "stress-minimum", "stress-maximum", "deformed", "vectors"]
+    fields = ["displacement", "displacement-parts", "stress-minimum", "stress-maximum",
+              "stress-crosses", "deformed", "vectors"]  # fmt: skip
     sections = [""] if kind == "plane" else ["section-1-", "section-2-"]
     expected |= {section + field for section in sections for field in fields}
     expected |= {"yielded"} if kind == "plane" else {"surface", "cut-away", "cut-away-deformed"}

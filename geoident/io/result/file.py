@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, posterior, reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, opening, posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
@@ -127,6 +127,8 @@ def _write(file: h5py.File, result: Result) -> None:
     write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
+    if result.reaction is not None:
+        opening.write_reaction(file, result.reaction)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
     tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
@@ -270,6 +272,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         diagnostics=diagnostics,
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
+        reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
         comparison=tables.read_models(file) if tables.MODELS in contents else None,

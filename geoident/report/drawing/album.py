@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
-from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.fields.pictures import field_pictures
 from geoident.report.drawing.forces import structure_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.model.figure import model_pictures
+from geoident.report.drawing.opening import opening_pictures
 from geoident.report.drawing.overview import overview_pictures
 from geoident.report.drawing.parameters.corner import pair_pictures
 from geoident.report.drawing.parameters.intervals import (
@@ -59,7 +60,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         prefix: put before the names of the figures, where several results share a page.
     """
     scene = scene_of(result)
-    fields: tuple[Picture, ...] = ()
+    fields = opening_pictures(result)
     if scene is not None:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (

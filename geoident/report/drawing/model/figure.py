@@ -10,11 +10,10 @@ from functools import partial
 
 from matplotlib.figure import Figure
 
-from geoident.errors import InputError
-from geoident.io.case.file import parse_case
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.results.result import ParameterTable, Result
+from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.model.plane import plane_figure
 from geoident.report.drawing.model.solid import solid_figure
@@ -51,16 +50,6 @@ def model_pictures(result: Result) -> tuple[Picture, ...]:
         caption += " Constants that were identified have their values."
     draw = partial(model_figure, case, mesh, result.parameters)
     return (Picture("model", "The model: materials, construction, gauges", caption, draw),)
-
-
-def case_of(result: Result) -> Case | None:
-    """The case of a result without its readings; None where this version cannot read it."""
-    try:
-        return parse_case(
-            result.case_resolved, "case.yaml", overrides=["readings=[]"], with_mesh=False
-        ).case
-    except InputError:
-        return None
 
 
 def model_figure(case: Case, mesh: Mesh, found: ParameterTable | None = None) -> Figure:

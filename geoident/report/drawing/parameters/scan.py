@@ -24,7 +24,7 @@ from scipy.sparse.linalg import spsolve
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import Grid, ParameterTable, Result
-from geoident.report.drawing.fields import bands
+from geoident.report.drawing.fields.panels import bands
 from geoident.report.drawing.parameters.scale import (
     logarithmic,
     scaled,
