@@ -103,8 +103,9 @@ class FineGrid:
 
     @property
     def rise(self) -> Floats:
-        """(k, k) the misfit less its least value."""
-        return np.asarray(self.objective - np.nanmin(self.objective))
+        """(k, k) the misfit less its least value; NaN everywhere if there is none."""
+        known = self.objective[np.isfinite(self.objective)]
+        return np.asarray(self.objective - known.min(initial=np.inf))
 
     def profile(self, k: int) -> tuple[Floats, Floats]:
         """Least rise over the other parameter: values (m,) of the k-th parameter, and it."""
@@ -210,6 +211,8 @@ def region(grid: Grid, logs: Set[str]) -> FineGrid:
         logs: names of the parameters that are identified on the logarithm.
     """
     surface = _away_from_holes(grid, _surface(grid, logs))
+    if not surface.cells.any():
+        return refined(grid, logs)  # between the places that have a solution there is nothing
     low, high = surface.box
     size, origin, axes = high - low, np.zeros(2), np.eye(2)
     ends = np.array([[0.0, 1.0], [0.0, 1.0]])
