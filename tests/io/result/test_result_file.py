@@ -145,7 +145,8 @@ def test_identity_of_existing_results(tmp_path: Path, result_maker: Make) -> Non
     expected = ResultIdentity("d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf)
     assert read_identity(path) == expected
     took = result_maker()
-    took = dataclasses.replace(took, provenance=dataclasses.replace(took.provenance, seconds=4000.0))
+    provenance = dataclasses.replace(took.provenance, seconds=4000.0)
+    took = dataclasses.replace(took, provenance=provenance)
     write_result(took, path, overwrite=True)
     assert read_identity(path) == dataclasses.replace(expected, seconds=4000.0)
     path.write_bytes(path.read_bytes()[:-1])

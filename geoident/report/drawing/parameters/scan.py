@@ -378,7 +378,8 @@ def _plane_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Fig
     shown = near.at[:, np.nan_to_num(near.rise, nan=np.inf) <= _PROFILE_TOP]
     for k, (name, unit) in enumerate(zip(grid.names, units, strict=True)):
         log, name_axis = name in logs, "xy"[k]
-        ends = (grid.axes[k].min(), grid.axes[k].max()), (shown[k].min(), shown[k].max())
+        whole_axis = (grid.axes[k].min(), grid.axes[k].max())
+        ends = whole_axis, (shown[k].min(), shown[k].max()) if shown.size else whole_axis
         for each, (low, high) in zip((axes, around), ends, strict=True):
             axis = getattr(each, f"{name_axis}axis")
             set_scale(axis, low=size[k] * low, high=size[k] * high, log=log, most=5)
@@ -389,7 +390,9 @@ def _plane_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Fig
 
 
 def _draw_regions(axes: Axes, near: FineGrid, size: Floats) -> None:
-    """Borders of the regions of two parameters."""
+    """Borders of the regions of two parameters, where there is a misfit between the places."""
+    if not np.isfinite(near.objective).any():
+        return
     at = size[:, None, None] * near.at
     axes.contour(*at, np.ma.masked_invalid(near.rise), levels=list(region_levels(2)),
                  colors="black", linewidths=1.0, linestyles=list(_REGION_STYLES))  # fmt: skip
