@@ -101,8 +101,8 @@ def with_unit(name: str, unit: Unit, most: int = 16) -> str:
 
     Args:
         name: of the parameter.
-        unit: of its values, as the user wrote it, and its dimension.
-        most: letters of the name that are shown.
+        unit: in which it is shown.
+        most: letters of the name at most.
     """
     shown = shown_unit(*unit)
     return f"{short(name, most)} ({shown})" if shown else short(name, most)
