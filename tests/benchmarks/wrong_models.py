@@ -613,7 +613,7 @@ def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
     path = site.write(folder, mesh, file, truth.fixed_k0)
     overrides: dict[str, object] = {"fit.model_error": setting} if setting else {}
     found = fit(load_case(path, overrides), output=folder / "found.h5", force=True, fresh=True)
-    return _judged(site, found.result, exact, noisy + offset[:, None])
+    return _judged(site, found.data, exact, noisy + offset[:, None])
 
 
 def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
