@@ -226,12 +226,14 @@ def scattered(by, *, each=1):
             value = reading.value + offset[reading.channel] + 5e-6 * by[0] * generator.normal()
             rows.append(f"{reading.channel},{reading.stage},{float(value)!r},m")
     Path("readings.csv").write_text("\n".join(rows) + "\n")
+    text, every = Path("case.yaml").read_text(), "readings: {file: readings.csv, several: all}"
+    Path("case.yaml").write_text(text.replace("readings: readings.csv", every))
 
 
 def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
     """The bands are those of the scatter, and a prediction from the result knows it."""
     scattered((3.0, 0.0), each=6)
-    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
+    fitted = site({"fit.backtest": "false"})
     found, error = fitted.data, fitted.data.model_error
     assert 2.0 < error.factor < 4.0
     assert error.factor_lower95 < error.factor < error.factor_upper95
@@ -248,7 +250,7 @@ def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
 
 def test_errors_of_zeros_that_nobody_declared_are_found(site):
     scattered((1.0, 4.0), each=12)
-    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
+    fitted = site({"fit.backtest": "false"})
     found, error = fitted.data, fitted.data.model_error
     assert 0.5 < error.zero < error.zero_upper95
     errors = found.gauges.errors[0]
