@@ -46,6 +46,9 @@ _API = (
 )
 
 
+__all__ = ["__version__", *_API]  # noqa: PLE0604 - they are texts
+
+
 class _Package(ModuleType):
     """This package, in which `report` is a function, though a folder of it has that name too.
 

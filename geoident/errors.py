@@ -1,7 +1,7 @@
 """Everything that geoident refuses or cannot do, and the exit code that says so.
 
 The command line turns each of these into a message on stderr and the exit code; nothing
-else ends a command. Codes are those of the table in README ("Exit codes").
+else ends a command. Codes are those of docs/commands.md.
 
 Remedies are the same for all who call, their words are not: what is ``--force`` on a command line
 is ``force=True`` in Python. A message therefore names such a thing by a `Term`; each caller is
@@ -206,6 +206,13 @@ class ModelError(GeoidentError):
         self.fault = self.fault.told(caller)
         self.message, self.hint = self.fault.message, self.fault.hint
         self.args = (str(self.fault),)
+
+
+class TimeIsUp(ModelError):
+    """The time that was given ended within an evaluation, so that there is no answer.
+
+    A search takes it for a place without solution, and then ends, since its observer says so too.
+    """
 
 
 class CollapseError(ModelError):

@@ -10,7 +10,8 @@
     result.plot.overview()              # matplotlib
     later = predict(result, stages=["bench 3"])
 
-A result of the same input is kept, one of other input is not overwritten unless ``force`` says so.
+A result of the same input is kept; one of other input of the same case is set aside beside it
+(case.fit.1.h5) unless ``force`` says that it may go.
 Numbers are in SI units; tables and data frames in the units of the case, which stand beside them.
 What is wrong is raised as an error of `geoident.errors`, with all faults of the input and with
 remedies in terms of Python.

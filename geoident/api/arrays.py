@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geoident.api.calling import needed
+from geoident.api.tables import dates_of
 from geoident.model.results.result import Result
 from geoident.units import si_unit
 
@@ -70,6 +71,9 @@ def _coordinates(result: Result) -> dict[str, Variable]:
         "parameter_unit": (("parameter",), _names([si_unit(d) for d in table.dimensions])),
         "parameter_2": (("parameter_2",), _names(table.names)),
     }
+    dates = dates_of(result)
+    if dates is not None:
+        found["date"] = ("stage",), dates
     if result.fields is not None:
         states = ("virgin", *gauges.stages)[: len(result.fields.present)]
         found["state"] = ("state",), _names(states)

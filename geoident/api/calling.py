@@ -31,7 +31,8 @@ def spoken(function: Callable[_Given, _Returned]) -> Callable[_Given, _Returned]
             return function(*args, **given)
         except GeoidentError as error:
             error.tell(Caller.PYTHON)
-            raise
+            # where in geoident it was found, and what it was before, is of no use to who calls
+            raise error.with_traceback(None) from None
 
     return speaking
 

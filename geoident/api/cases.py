@@ -152,13 +152,26 @@ def init(folder: AnyPath, template: str = "cavern", *, force: bool = False) -> C
     return load_case(init_template(template, os.fspath(folder), force=force)[0])
 
 
-def case_of(case: CaseFile | AnyPath) -> CaseFile:
-    """A case as loaded, from itself or its path.
+@dataclass(frozen=True)
+class CaseOrigin:
+    """Where a case is read from, which a run does by itself.
 
-    Raises:
-        InputError: with all faults of the case.
+    Args:
+        path: of the file, or where it would stand.
+        overrides: texts ``path=value``.
+        text: of a case that stands in no file.
     """
-    return case if isinstance(case, CaseFile) else load_case(case)
+
+    path: str
+    overrides: tuple[str, ...] = ()
+    text: str | None = None
+
+
+def origin_of(case: CaseFile | AnyPath) -> CaseOrigin:
+    """Where a case is read from: one that was loaded, or a path."""
+    if isinstance(case, CaseFile):
+        return CaseOrigin(case.path, case.overrides, case.text)
+    return CaseOrigin(os.fspath(case))
 
 
 def _loaded(path: str, overrides: tuple[str, ...], text: str | None) -> CaseFile:
@@ -176,11 +189,13 @@ _BARE = re.compile(r"(?!(?:null|Null|NULL|~)$)[\w$](?:[\w$ .,/%^*+-]*[\w%])?")
 def _value(value: object) -> str:
     """A value as it may be written in a case.
 
-    >>> _value("20 GPa"), _value("a: b"), _value(None), _value((1, 2))
-    ('20 GPa', '"a: b"', 'null', '[1, 2]')
+    >>> _value("20 GPa"), _value("a: b"), _value(2e7), _value(None), _value((1, 2))
+    ('20 GPa', '"a: b"', '20000000', 'null', '[1, 2]')
     """
     if isinstance(value, str) and _BARE.fullmatch(value):
         return value
+    if isinstance(value, float):
+        return repr(float(value)).removesuffix(".0")
     return json.dumps(value, default=_plain, ensure_ascii=False)
 
 
@@ -257,7 +272,7 @@ class CasePlots:
             UsageError: the case has no mesh.
         """
         needed("matplotlib", extra="report", what="a figure")
-        from geoident.report.drawing.case import model_picture  # noqa: PLC0415
+        from geoident.report.drawing.model.figure import model_picture  # noqa: PLC0415
 
         if self._checked.mesh is None:
             msg = "The case has no mesh, so there is nothing to draw."
@@ -281,9 +296,9 @@ def check(case: CaseFile | AnyPath, *, solver: str = "auto") -> CheckResult:
         ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
         UsageError: there is no such solver.
     """
-    loaded = case_of(case)
+    origin = origin_of(case)
     return CheckResult(
-        run_check(loaded.path, overrides=loaded.overrides, solver=solver, text=loaded.text)
+        run_check(origin.path, overrides=origin.overrides, solver=solver, text=origin.text)
     )
 
 
@@ -383,14 +398,14 @@ def simulate(
         ModelError: the model has no solution at the start values.
         UsageError: there is no such solver.
     """
-    loaded = case_of(case)
+    origin = origin_of(case)
     found = run_simulation(
-        loaded.path,
-        overrides=loaded.overrides,
+        origin.path,
+        overrides=origin.overrides,
         noise=Noise.ACCURACY if noise else Noise.NONE,
         draw=draw,
         seed=seed,
         solver=solver,
-        text=loaded.text,
+        text=origin.text,
     )
     return SimulationResult(found)

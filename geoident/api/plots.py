@@ -193,7 +193,13 @@ class Plots:
 
         gauges, fields = self._result.gauges, self._result.fields
         if fields is None:
-            msg = f"A {self._result.kind} holds no displacements and stresses: draw those of a fit."
+            kind = self._result.kind
+            why = (
+                "draw those of a fit"
+                if kind in ("scan", "backtest", "sample")
+                else "it has no mesh"
+            )
+            msg = f"This {kind} holds no displacements and stresses: {why}."
             raise UsageError(msg)
         if stage is None:
             used = np.flatnonzero(gauges.used.any(axis=0))

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
-from geoident.api.cases import CaseFile, case_of
+from geoident.api.cases import CaseFile, origin_of
 from geoident.api.results import (
     BacktestResult,
     FitResult,
@@ -135,7 +135,7 @@ def backtest(
 def predict(
     fitted: ResultFile | AnyPath,
     *,
-    stages: Sequence[str] = (),
+    stages: str | Sequence[str] = (),
     case: CaseFile | AnyPath | None = None,
     output: AnyPath | None = None,
     force: bool = False,
@@ -146,7 +146,7 @@ def predict(
 
     Args:
         fitted: what `fit` found, or the path of its result.
-        stages: those to predict; all that took no part in the fit if empty.
+        stages: one or several to predict; all that took no part in the fit if empty.
         case: another case, whose parameters are those of the fit.
         output: file or existing folder of the result; beside the fit if None.
         force: overwrite a prediction of other input.
@@ -162,10 +162,10 @@ def predict(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: there is no such stage or solver.
     """
-    new = None if case is None else case_of(case)
+    new = None if case is None else origin_of(case)
     request = PredictRequest(
         result=path_of(fitted),
-        stages=tuple(stages),
+        stages=(stages,) if isinstance(stages, str) else tuple(stages),
         case=None if new is None else new.path,
         overrides=() if new is None else new.overrides,
         output=None if output is None else os.fspath(output),
@@ -236,16 +236,16 @@ def _request(
     fresh: bool,
     solver: str,
 ) -> Request:
-    loaded = case_of(case)
+    origin = origin_of(case)
     return Request(
-        case=loaded.path,
-        overrides=loaded.overrides,
+        case=origin.path,
+        overrides=origin.overrides,
         output=None if output is None else os.fspath(output),
         seed=seed,
         solver=solver,
         force=force,
         fresh=fresh,
-        text=loaded.text,
+        text=origin.text,
     )
 
 

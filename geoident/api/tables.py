@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geoident.api.calling import needed
+from geoident.io.text.wording import did_you_mean, listing
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, ParameterTable, Result
 from geoident.report.page.html import table as html_table
+from geoident.report.text.case import stage_dates
 from geoident.report.text.csv_tables import CsvCell, CsvTable, csv_tables
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import (
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _Item = TypeVar("_Item")
-_MOST_ROWS = 60
+_MOST_ROWS = 30
 """Rows of a table that are shown; a data frame has them all."""
 
 
@@ -77,6 +80,17 @@ class ResultTable:
 
     def _repr_html_(self) -> str:
         return html_table(self._text)
+
+
+def dates_of(result: Result) -> NDArray[np.datetime64] | None:
+    """When the stages end, (n_stages,), to the second; None where no stage is dated."""
+    seconds = stage_dates(result)
+    if not np.isfinite(seconds).any():
+        return None
+    known = np.isfinite(seconds)
+    dates = np.full(len(seconds), np.datetime64("NaT", "s"))
+    dates[known] = seconds[known].astype("datetime64[s]")
+    return dates.astype("datetime64[ns]")  # as pandas and xarray want them
 
 
 def tables_of(result: Result) -> dict[str, ResultTable]:
@@ -315,8 +329,9 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
     def to_frame(self, *, si: bool = False) -> pd.DataFrame:
         """All channels as a ``pandas.DataFrame``, one row for each channel and stage.
 
-        Columns: gauge, channel, stage, measured, computed, residual, sd, predicted, lower95,
-        upper95, unit, used, bad. Rows with neither a reading nor a computed value are left out.
+        Columns: gauge, channel, stage, date (where stages are dated), measured, computed, residual,
+        sd, predicted, lower95, upper95, unit, used, bad. Rows with neither a reading nor a computed
+        value are left out.
 
         Args:
             si: SI units in place of those of the case.
@@ -337,6 +352,7 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
         }
         there = np.isfinite(table.measured) | np.isfinite(table.computed)
         j, i = np.nonzero(there.T)
+        dates = dates_of(self._result)
         units = [si_unit(d) for d in table.dimensions] if si else list(table.shown_units)
         shown = {name: v if si else table.in_units(v) for name, v in columns.items()}
         return _frame(
@@ -344,6 +360,7 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
                 "gauge": [table.gauges[k] for k in i],
                 "channel": [table.channels[k] for k in i],
                 "stage": [table.stages[k] for k in j],
+                **({"date": dates[j]} if dates is not None else {}),
                 **{name: values[i, j] for name, values in shown.items()},
                 "unit": [units[k] for k in i],
                 "used": table.used[i, j],
@@ -371,7 +388,9 @@ def _known(name: str, names: Sequence[str], kind: str) -> str:
     """
     if name in names:
         return name
-    msg = f"no {kind} {name!r}; there are {', '.join(names)}"
+    within = [known for known in names if known.startswith(f"{name}.")]
+    hint = f"Its {kind}s: {listing(within)}." if within else ""
+    msg = f"no {kind} {name!r}. {hint or did_you_mean(name, names, what=f'{kind.capitalize()}s')}"
     raise KeyError(msg)
 
 

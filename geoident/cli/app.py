@@ -1,5 +1,7 @@
 """The group of commands. A command's module is imported when it is asked for."""
 
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
 from __future__ import annotations
 
 import io
@@ -61,6 +63,41 @@ class Commands(click.Group):
             return None
         found = import_module(f"geoident.cli.commands.{cmd_name}").command
         return found if isinstance(found, click.Command) else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is asked for; of a wrong one the nearest is named.
+
+        Args:
+            ctx: of the group.
+            args: what was written.
+
+        Raises:
+            click.UsageError: there is no such command.
+        """
+        from geoident.io.text.wording import did_you_mean
+
+        name = str(args[0])
+        if name not in COMMANDS and not name.startswith("-"):
+            hint = did_you_mean(name, COMMANDS, what="The commands are")
+            ctx.fail(f"There is no command {name!r}. {hint.replace('are:', 'are')}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of commands, each with its whole first sentence.
+
+        Args:
+            ctx: of the group.
+            formatter: takes the lines.
+        """
+        rows = []
+        for name in self.list_commands(ctx):
+            found = self.get_command(ctx, name)
+            about = (found.help or "") if found is not None else ""
+            rows.append((name, about.partition("\n\n")[0].replace("\n", " ")))
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a closed pipe gets past click's own handling.

@@ -20,6 +20,7 @@ from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
+from geoident.workflow.running.outputs import Standing
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 PlanJob = Callable[[Request], Job]
@@ -90,6 +91,8 @@ def _run(
     with terminal.live(title), stop_on_signals(control.stop):
         finished = work(control)
     result, path = finished.result, finished.paths[0]
+    for remark in finished.remarks:
+        terminal.inform(remark)
     if finished.up_to_date:
         terminal.inform(f"{path} is up to date; --fresh computes it again")
     terminal.inform(summary_text(result))
@@ -116,4 +119,6 @@ def _say_plan(job: Job, options: Options) -> int:
     else:
         click.echo(case_text(summary))
         click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
+        if job.found is Standing.OTHER and not options.force:
+            click.echo("and keep what stands there beside it")
     return ExitCode.DONE

@@ -23,8 +23,10 @@ from geoident.errors import ExitCode
 
 if TYPE_CHECKING:
     _Seconds = click.ParamType[float]
+    _Choice = click.Choice[str]
 else:  # older versions of click know no type of the value
     _Seconds = click.ParamType
+    _Choice = click.Choice
 
 _PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
 _SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -78,6 +80,33 @@ class Duration(_Seconds):
         return sum(float(number) * _SECONDS[unit] for number, unit in parts)
 
 
+class OneOf(_Choice):
+    """A choice that proposes the nearest word for one that is not among them."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        """What is said of a wrong word.
+
+        Args:
+            value: what was written.
+            ctx: of the command.
+        """
+        from geoident.io.text.wording import nearest
+
+        near = nearest(str(value), [str(word) for word in self.choices])
+        said = str(super().get_invalid_choice_message(value, ctx))
+        return f"{said.removesuffix('.')}. Did you mean {near!r}?" if near else said
+
+
+class Whole(click.IntRange):
+    """A whole number from zero on; the help does not say the largest one."""
+
+    def __init__(self) -> None:
+        super().__init__(0, 2**63 - 1)
+
+    def _describe_range(self) -> str:
+        return ""
+
+
 _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "output": click.option(
         "-o",
@@ -103,7 +132,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "seed": click.option(
         "--seed",
-        type=click.IntRange(0, 2**63 - 1),
+        type=Whole(),
         default=0,
         show_default=True,
         metavar="N",
@@ -114,7 +143,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=click.Choice(["auto", "cholmod", "pardiso", "splu"]),
+        type=OneOf(["auto", "cholmod", "pardiso", "splu"]),
         default="auto",
         show_default=True,
         help="Sparse direct solver.",

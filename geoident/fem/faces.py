@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
@@ -216,6 +217,37 @@ def nonconforming(mesh: Mesh, table: FaceTable) -> Floats:
     return np.concatenate(centres)
 
 
+def hanging_nodes(mesh: Mesh, table: FaceTable) -> Ints:
+    """Nodes (k,) that stand inside an outer face or edge of an element that does not have them.
+
+    The element moves there as its own nodes say, so a gap can open or parts can overlap. Faces
+    count as plane and edges as straight; nodes at the place of another node are not among them.
+    """
+    faces = patches(mesh, table, table.free(np.ones(mesh.n_elements, dtype=bool)))
+    outer = np.unique(np.concatenate([patch.nodes.ravel() for patch in faces]))
+    tree = cKDTree(mesh.points[outer])
+    found = [np.empty(0, dtype=np.int64)]
+    for patch in faces:
+        corners = mesh.points[patch.nodes[:, : CELLS[patch.kind].n_corners]]
+        centre = corners.mean(axis=1)
+        reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+        near = tree.query_ball_point(centre, reach)
+        row = np.repeat(np.arange(len(near)), [len(one) for one in near])
+        node = outer[np.concatenate([np.asarray(one, dtype=np.int64) for one in near])]
+        own = np.linalg.norm(mesh.points[patch.nodes[row]] - mesh.points[node][:, None], axis=2)
+        other = own.min(axis=1) > _AT_ONE_PLACE * reach[row]
+        row, node = row[other], node[other]
+        for piece in CELLS[patch.kind].shape.simplices:
+            simplex = mesh.points[patch.nodes[row][:, piece]]
+            away = _to_triangles if mesh.dim == 3 else _to_segments
+            found.append(node[away(simplex, mesh.points[node]) <= _AT_ONE_PLACE * reach[row]])
+    return np.unique(np.concatenate(found))
+
+
+_AT_ONE_PLACE = 1e-6
+"""Distance in parts of the size of a face below which a node is on it."""
+
+
 def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats) -> float:
     """Distance of a point from the nearest of some faces, m; their edges count as straight.
 
@@ -236,7 +268,7 @@ def distance_to_faces(mesh: Mesh, patches: tuple[FacetPatch, ...], point: Floats
 
 
 def _to_segments(ends: Floats, point: Floats) -> Floats:
-    """(n,) distances of a point from segments (n, 2, dim)."""
+    """(n,) distances of a point, or of one for each, (n, dim), from segments (n, 2, dim)."""
     start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     length = np.einsum("ij,ij->i", along, along)
     t = np.einsum("ij,ij->i", point - start, along) / np.where(length > 0, length, 1.0)
@@ -245,7 +277,7 @@ def _to_segments(ends: Floats, point: Floats) -> Floats:
 
 
 def _to_triangles(corners: Floats, point: Floats) -> Floats:
-    """(n,) distances of a point from triangles (n, 3, 3)."""
+    """(n,) distances of a point, or of one for each, (n, 3), from triangles (n, 3, 3)."""
     a, b, c = corners.swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
     area = np.einsum("ij,ij->i", normal, normal)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
-from geoident.fem.faces import nonconforming
+from geoident.fem.faces import hanging_nodes, nonconforming
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
 from geoident.fem.measure import coinciding_nodes
@@ -49,6 +49,7 @@ from geoident.forward.structures.checks import (
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.case import Case, KeyPath, format_path
+from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar, Values
 
@@ -99,7 +100,7 @@ def notes_on_mesh(
     if observation.snapped:
         notes.append(
             "points just outside the mesh, taken by the nearest element: "
-            + ", ".join(observation.snapped)
+            + named_channels(observation.snapped)
         )
     if n_outside:
         notes.append(
@@ -111,6 +112,7 @@ def notes_on_mesh(
     notes += _turned_notes(on_mesh)
     notes += _conformity_notes(on_mesh)
     notes += _duplicate_notes(on_mesh)
+    notes += _hanging_notes(on_mesh)
     notes += _odd_notes(on_mesh, in_tension=in_tension)
     notes += yield_notes(case)
     notes += structure_notes(on_mesh)
@@ -170,6 +172,22 @@ def _duplicate_notes(on_mesh: CaseOnMesh) -> list[str]:
         f"{what} ({'the first ' if n > 1 else ''}near {place}): elements "
         "that do not share a node are not tied there and can part or overlap; if no slit is meant, "
         "merge them (gmsh: Coherence Mesh)"
+    ]
+
+
+def _hanging_notes(on_mesh: CaseOnMesh) -> list[str]:
+    """Where nodes stand on elements that do not have them."""
+    mesh = on_mesh.mesh
+    nodes = hanging_nodes(mesh, on_mesh.table)
+    if not len(nodes):
+        return []
+    n, place = len(nodes), format_point(mesh.points[nodes[0]])
+    what = f"{n} nodes stand" if n > 1 else "a node stands"
+    return [
+        f"{what} inside the side of an element that does not have {'them' if n > 1 else 'it'} "
+        f"({'the first ' if n > 1 else ''}near {place}): the elements are not tied there and can "
+        "part or overlap; let neighbours share whole sides (gmsh: fragment or Coherence before "
+        "meshing)"
     ]
 
 

@@ -13,6 +13,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
+from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import Counts, FieldSeries, MemberForces
 from geoident.model.yielding import Activity
 
@@ -32,6 +33,7 @@ class Survey:
         notes: what the user should know of this march.
         increments: (n_states, n_channels) what the step of each state changes in what the channels
             see, SI; of the virgin state what is there. 0 where they cannot be read.
+        reaction: of the ground around an opening in closed form, or None.
     """
 
     computed: Floats
@@ -42,6 +44,7 @@ class Survey:
     activity: Activity | None = None
     notes: tuple[str, ...] = ()
     increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    reaction: GroundReaction | None = None
 
 
 class CaseModel(Protocol):

@@ -8,6 +8,7 @@ kinds have one channel, named as the gauge.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -25,6 +26,20 @@ A vector without unit adds a length; one in 1/m adds an angle.
 
 PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
+
+
+def named_channels(names: Sequence[str], *, most: int = 6) -> str:
+    """Names of channels for a sentence; of many how many they are, and the first ones.
+
+    >>> named_channels(["CV", "EX.a5"])
+    'CV, EX.a5'
+    >>> named_channels([f"P{n}" for n in range(1, 25)])
+    '24 channels (P1, P2, P3, P4, P5, P6 and 18 more)'
+    """
+    names = list(dict.fromkeys(names))
+    if len(names) <= most:
+        return ", ".join(names)
+    return f"{len(names)} channels ({', '.join(names[:most])} and {len(names) - most} more)"
 
 
 @dataclass(frozen=True)

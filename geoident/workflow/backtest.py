@@ -13,7 +13,8 @@ from functools import reduce
 
 import numpy as np
 
-from geoident.errors import ExitCode, InputError, ModelError
+from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
+from geoident.identify.assessment.findings import join
 from geoident.identify.problem.problem import STOPPED
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -22,7 +23,7 @@ from geoident.model.results.backtest import Backtest, Skipped
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.predictions import collapse_findings
 from geoident.workflow.estimating.setup import Setup, require_possible
 from geoident.workflow.running.control import OUT_OF_TIME, Control
@@ -60,13 +61,13 @@ def backtest(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     setup, stages = prepare_backtest(job)
     with evaluation_log(job, control) as log:
         trials, skipped = run_trials(setup, stages, job.methods, log, control)
         result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
-        return write(result, job.place, job.found, inputs=job.inputs.files)
+        return write(result, job.place, job.found, inputs=job.inputs.files, force=job.request.force)
 
 
 def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
@@ -164,6 +165,8 @@ def run_trials(
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
             part = FitLog(log, f"to {last}:")
             trial = tried(setup, last, chain, part, control, start=start, until=until)
+        except TimeIsUp:
+            break
         except (InputError, ModelError) as error:
             skipped.append(Skipped(name, clause(error)))
             control.monitor.inform(f"up to {name}: skipped, {skipped[-1].why}")
@@ -199,7 +202,7 @@ def _result(
         return _without_trials(job, setup, skipped, out_of_time=out_of_time)
     last = trials[-1]
     found = backtest_of(setup, trials, skipped)
-    said = verdict(found, last.gauges)
+    said = _judged(setup, trials, found)
     restless, others = settling_sentences(
         case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
     )
@@ -245,6 +248,33 @@ def _result(
             *unused_notes(setup.readings),
         ),
     )
+
+
+def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verdict:
+    """Whether the bands hold; fits that know no model error, beside others, do not decide it.
+
+    Fits of the first stages have often too few readings to estimate one. Their bands are those of a
+    model without error, as each says, and are no test of the later ones.
+
+    Args:
+        setup: with all usable readings.
+        trials: the fits.
+        found: what they say together.
+    """
+    said = verdict(found, trials[-1].gauges)
+    full = [trial for trial in trials if trial.setup.model_error is not None]
+    if said.holds or not full or len(full) == len(trials):
+        return said
+    rest = verdict(backtest_of(setup, full, ()), trials[-1].gauges)
+    if not rest.holds:
+        return said
+    bare = [trial for trial in trials if trial.setup.model_error is None]
+    names = join([setup.case.stages[trial.step.last].name for trial in bare], "and")
+    text = (
+        f"{rest.sentence} Predictions from the readings up to {names} alone are not counted: these "
+        "are too few to estimate a model error, and bands without it do not hold."
+    )
+    return Verdict(True, text, remarkable=True)
 
 
 def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) -> tuple[str, str]:

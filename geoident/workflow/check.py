@@ -15,6 +15,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
+from geoident.model.parameter import Scalar
 from geoident.model.results.summary import (
     CaseSummary,
     GaugeSummary,
@@ -24,7 +25,7 @@ from geoident.model.results.summary import (
     StageSummary,
 )
 from geoident.workflow.estimating.setup import require_possible
-from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.scoring.ladder import require_sound
@@ -110,6 +111,12 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
+        resolved=inputs.loaded.resolved,
+        evaluations=evaluations_text(
+            case.fit.methods,
+            sum(not parameter.field for parameter in case.parameters),
+            yields=staged is not None and staged.yields,
+        ),
     )
 
 
@@ -157,11 +164,19 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             built=stage.build,
             dismantled=stage.dismantle,
             stressed=tuple(name for name in stage.prestress if name not in stage.build),
+            released=tuple((group, _share(part)) for group, part in stage.release.items()),
         )
         for n, (stage, state, dofs) in enumerate(
             zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
+
+
+def _share(part: Scalar) -> str:
+    """A part of a whole in words: per cent, or the name of a parameter."""
+    if part.parameter is None:
+        return f"{100.0 * part.factor:.4g} %"
+    return part.parameter if part.factor == 1.0 else f"{part.factor:g} {part.parameter}"
 
 
 def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from geoident.errors import UsageError
 from geoident.io.result.hdf5 import refusal
+from geoident.io.result.structure_lines import write_structures_vtkhdf
 from geoident.io.result.vtkhdf import (
     REFIT,
     copy_fields,
@@ -17,7 +18,7 @@ from geoident.io.result.vtkhdf import (
     sidecar_target,
     write_sidecar,
 )
-from geoident.io.result.vtu import write_pvd, write_vtu
+from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.model.results.result import FieldSeries, Result
 from geoident.workflow.running.jobs import files_of_result
@@ -112,6 +113,8 @@ def _write_text(text: str, part: str) -> None:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
+    Where there are structures, also those as lines: ``RESULT.structures.NN.vtu`` and their list.
+
     Raises:
         InputError: the result has no fields.
     """
@@ -125,7 +128,23 @@ def export_vtu(export: Export) -> tuple[str, ...]:
         for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part)
-    return export.write(writers)
+    return export.write(writers | _structure_writers(export, digits))
+
+
+def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
+    """Writers of ``FOLDER/RESULT.structures.NN.vtu`` and their list; none without structures."""
+    found, folder = export.result.members, export.folder
+    if found is None:
+        return {}
+    name = f"{stem(export.path)}.structures"
+    states = ("virgin", *found.stages)
+    files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
+    writers: dict[Path, Writer] = {
+        folder / file: partial(write_structures_vtu, found, state)
+        for state, file in enumerate(files)
+    }
+    writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part)
+    return writers
 
 
 def state_names(result: Result) -> tuple[str, ...]:
@@ -137,6 +156,8 @@ def state_names(result: Result) -> tuple[str, ...]:
 def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
+    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines.
+
     In the folder of the result it is the sidecar that every fit has, a link to the result.
 
     Raises:
@@ -145,11 +166,16 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
+    found = export.result.members
+    lines: dict[Path, Writer] = {}
+    if found is not None:
+        lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(write_structures_vtkhdf, found)
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
-        return export.write({file: lambda part: copy_fields(path, part)})
+        return export.write({file: lambda part: copy_fields(path, part)} | lines)
     own = sidecar_target(sidecar) == name
-    return export.write({file: lambda part: write_sidecar(part, name)}, own=own)
+    written = export.write({file: lambda part: write_sidecar(part, name)}, own=own)
+    return (*written, *(export.write(lines) if lines else ()))
 
 
 def _fields(path: str, result: Result) -> FieldSeries:

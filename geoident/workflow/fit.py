@@ -140,6 +140,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         history=found.outcome.iterations,
         fields=survey.fields,
         members=survey.members,
+        reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,

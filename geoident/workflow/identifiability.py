@@ -13,13 +13,20 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem
+from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.summary import Identifiability
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.running.errors import error_structure
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import (
+    NO_READINGS,
+    Inputs,
+    build_model,
+    load_inputs,
+    start_values,
+)
 
 
 def identifiability(
@@ -61,8 +68,18 @@ def identifiability(
     known = assess(problem, p, survey.sensitivity[*rows.T])
     table = parameter_table(case.parameters, p, known)
     return Identifiability(
-        table.picked(table.named), known.findings, known.singular_values, len(rows)
+        table.picked(table.named),
+        known.findings,
+        known.singular_values,
+        len(rows),
+        read=_has_readings(inputs),
     )
+
+
+def _has_readings(inputs: Inputs) -> bool:
+    """Whether the case names readings, which planning does not read."""
+    data = parse_yaml(inputs.loaded.text, inputs.path).data
+    return isinstance(data, dict) and bool(data.get("readings"))
 
 
 def planned_readings(case: Case, computed: Floats) -> Ints:

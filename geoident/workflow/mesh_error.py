@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,5 +67,18 @@ def check_mesh_error(
     values = start_values(model.case, model)
     at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
     found = mesh_error(model, inputs.case, at)
+    if len(at):
+        found = replace(found, notes=(_where(path), *found.notes))
     which = np.isfinite(found.error)
     return MeshChecked(found, mesh_sentence(found, which))
+
+
+def _where(path: str) -> str:
+    """At which parameters the error was computed, a sentence."""
+    if path.endswith(RESULT):
+        return "Computed at the parameters of the fit."
+    return (
+        "Computed at the start values of the parameters; motions, and their errors, go with the "
+        "stress and against the stiffness. After a fit, 'geoident check CASE.fit.h5 --mesh-error' "
+        "computes at its answer."
+    )

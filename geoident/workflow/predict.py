@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,7 +21,8 @@ from geoident.model.ground import Field
 from geoident.model.results.result import ParameterTable, Prediction, Provenance, Result
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
-from geoident.workflow.estimating.finished import Finished, keep, write
+from geoident.workflow.estimating.fields import require_same_modes
+from geoident.workflow.estimating.finished import Finished, at_hand, write
 from geoident.workflow.estimating.model_error import FittedModelError
 from geoident.workflow.estimating.predictions import (
     Bends,
@@ -176,21 +178,26 @@ def plan_prediction(request: PredictRequest) -> Task:
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.provenance.identity} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
-    return Task(request, fit, origin, inputs, place, identity, standing(place, identity))
+    found = standing(place, identity, kind="predict", case=inputs.path)
+    return Task(request, fit, origin, inputs, place, identity, found)
 
 
 def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
     request, place, found = task.request, task.place, task.found
-    if found is Standing.UP_TO_DATE and not request.fresh:
-        return keep(place)
+    before = at_hand(place, task.identity, found, force=request.force, fresh=request.fresh)
+    if before is not None:
+        return before
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = build_model(task.inputs, solver=request.solver)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
+    require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     result = _result(task, _followed(task, known, survey, model), survey, model)
-    return write(result, place, found, inputs=task.files_read)
+    took = time.monotonic() - control.started
+    result = replace(result, provenance=replace(result.provenance, seconds=took))
+    return write(result, place, found, inputs=task.files_read, force=request.force)
 
 
 def _read_fit(path: str) -> Result:
@@ -490,6 +497,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         prediction=prediction,
         fields=survey.fields,
         members=survey.members,
+        reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
         notes=(*left_out, *bad_notes(readings), *score(gauges, prediction)),

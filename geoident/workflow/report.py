@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from geoident.errors import Term, UsageError
+from geoident.io.case.file import read_report_head
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import make_folder, refuse_inputs
-from geoident.io.text.text_file import STDIN
-from geoident.model.results.result import Labelled
-from geoident.workflow.running.jobs import files_of_result
+from geoident.io.text.text_file import STDIN, decode, read_bytes
+from geoident.io.text.yaml_reader import MAX_BYTES
+from geoident.model.results.head import ReportHead
+from geoident.model.results.result import Labelled, Result
+from geoident.workflow.running.jobs import case_path, files_of_result
 from geoident.workflow.running.outputs import write_bytes
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
+
+_MOST_LOGO = 2_000_000
 
 
 def read_results(paths: Sequence[str]) -> Labelled:
@@ -55,6 +61,47 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
         place = Path(output) / name if Path(output).is_dir() else Path(output)
     refuse_inputs(place.as_posix(), paths)
     return place.as_posix()
+
+
+def head_of(paths: Sequence[str], results: Labelled, given: ReportHead) -> ReportHead:
+    """The head of a report: as given, else as the cases say.
+
+    A case is read where it stands today, since its head may be written after the fit without asking
+    for another; as the result holds it where it stands no more. Of several cases counts what they
+    agree on.
+
+    Args:
+        paths: of the results.
+        results: the same, with their labels.
+        given: what stands above the cases.
+
+    Raises:
+        InputError: what a case says of its report is wrong.
+    """
+    heads = [_head(path, result) for path, (_, result) in zip(paths, results, strict=True)]
+    agreed = {
+        field.name: values.pop()
+        for field in fields(ReportHead)
+        if len(values := {getattr(head, field.name) for head in heads}) == 1
+    }
+    return given.over(ReportHead(**agreed))
+
+
+def _head(path: str, result: Result) -> ReportHead:
+    """What the case of a result says of its report."""
+    case = case_path(path, result.provenance.case_file)
+    if not Path(case).is_file():
+        return read_report_head(result.case_text, case)
+    return read_report_head(decode(read_bytes(case, limit=MAX_BYTES, what="case"), case), case)
+
+
+def read_logo(head: ReportHead) -> bytes:
+    """The content of the file of the logo; empty where there is none.
+
+    Raises:
+        InputError: it cannot be read, or is larger than 2 MB.
+    """
+    return read_bytes(head.logo, limit=_MOST_LOGO, what="logo") if head.logo else b""
 
 
 def files_read(paths: Sequence[str], results: Labelled) -> tuple[str, ...]:

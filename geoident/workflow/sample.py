@@ -25,8 +25,8 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
 from geoident.workflow.estimating.estimate import known_errors
-from geoident.workflow.estimating.fields import drawn_fields
-from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.predictions import KnownErrors
 from geoident.workflow.estimating.setup import (
     Setup,
@@ -44,7 +44,7 @@ from geoident.workflow.running.jobs import (
     case_path,
     files_of_result,
     inputs_of_result,
-    provenance,
+    job_provenance,
 )
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.readings import accuracies
@@ -144,7 +144,15 @@ def plan_sample(request: SampleRequest) -> SampleTask:
         force=request.force,
         fresh=request.fresh,
     )
-    job = Job(asked, "sample", (), inputs, place, identity, standing(place, identity))
+    job = Job(
+        asked,
+        "sample",
+        (),
+        inputs,
+        place,
+        identity,
+        standing(place, identity, kind="sample", case=inputs.path),
+    )
     return SampleTask(request, fit, job)
 
 
@@ -174,10 +182,11 @@ def sample(task: SampleTask, control: Control) -> Finished:
         ModelError: the model has no solution at the fit.
     """
     job, request = task.job, task.request
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
+    require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
     with evaluation_log(job, control) as log:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)
@@ -186,7 +195,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
             draws = _drawn(task, density, control)
             found = _Found(task, setup, problem, density, draws, answers, asked.places)
             result = found.result()
-        return write(result, job.place, job.found, inputs=task.files_read)
+        return write(result, job.place, job.found, inputs=task.files_read, force=job.request.force)
 
 
 def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:
@@ -295,13 +304,7 @@ class _Found:
             reason=reason,
             findings=(*_findings(table), *fit.findings),
             notes=(*granted(fit, case.parameters), *case.notes),
-            provenance=provenance(
-                self.task.job.inputs,
-                command="sample",
-                identity=self.task.job.identity,
-                seed=self.task.request.seed,
-                output=self.task.job.place.path,
-            ),
+            provenance=job_provenance(self.task.job),
             parameters=table,
             counts=self._counts(),
             prediction=self._prediction(posterior),

@@ -1,8 +1,10 @@
 """A fit that many tests of the Python interface look at."""
 
+from pathlib import Path
+
 import pytest
 
-from geoident import fit, load_case
+from geoident import fit, load_case, scan
 from tests.support.trench import write_case
 
 
@@ -10,6 +12,13 @@ from tests.support.trench import write_case
 def fitted(tmp_path_factory):
     """A fit of the trench; nobody changes it."""
     return fit(load_case(write_case(tmp_path_factory.mktemp("trench"))))
+
+
+@pytest.fixture(scope="session")
+def scanned(fitted):
+    """A scan, which has few figures."""
+    case = load_case(Path(fitted.path).with_name("case.yaml"))
+    return scan(case.with_values({"fit.scan.points": 3}))
 
 
 @pytest.fixture

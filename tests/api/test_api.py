@@ -4,6 +4,7 @@ import inspect
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_warnings_are_those_of_python():
 
 
 def test_predictions_come_from_a_fit_or_its_file(fitted, case, tmp_path):
-    one = predict(fitted, stages=["second"])
+    one = predict(fitted, stages="second")
     other = predict(fitted.path, stages=["second"], case=case, output=tmp_path / "other.h5")
     assert isinstance(one, PredictionResult)
     column = one.gauges.stages.index("second")
@@ -124,12 +125,11 @@ def test_a_backtest_has_its_scores(case):
     assert len(found.to_frame()) >= 2
 
 
-def test_a_result_is_read_again_as_what_it_is(fitted, case):
+def test_a_result_is_read_again_as_what_it_is(fitted, scanned, case):
     again = read_result(fitted.path)
     assert type(again) is FitResult
     assert again.up_to_date
     assert dict(again.parameters) == dict(fitted.parameters)
-    scanned = scan(case.with_values({"fit.scan.points": 3}))
     assert type(read_result(scanned.path)) is ScanResult
     with pytest.raises(InputError):
         read_result(case.path)
@@ -153,9 +153,9 @@ def test_models_are_compared(case, tmp_path):
         compare(free)
 
 
-def test_a_report_is_that_of_the_command(fitted, tmp_path):
-    page = report(fitted, output=tmp_path / "here.html")
-    CliRunner().invoke(program, ["report", fitted.path, "-o", str(tmp_path / "there.html")])
+def test_a_report_is_that_of_the_command(scanned, tmp_path):
+    page = report(scanned, output=tmp_path / "here.html")
+    CliRunner().invoke(program, ["report", scanned.path, "-o", str(tmp_path / "there.html")])
     assert Path(page).read_bytes() == (tmp_path / "there.html").read_bytes()
     with pytest.raises(UsageError, match="a result"):
         report()
@@ -227,6 +227,20 @@ def test_names_are_found_and_wrong_ones_are_not():
         geoident.fitt  # noqa: B018
 
 
+def test_a_star_brings_all_of_them():
+    names = {}
+    exec("from geoident import *", names)
+    assert set(geoident._API) <= set(names)
+    assert names["report"] is report
+
+
+def test_the_function_stays_what_imports_of_its_namesake_do():
+    """A folder of the package is called `report` too."""
+    assert import_module("geoident.report.text.layout").number(1.0) == "1"
+    assert geoident.report is report
+    assert callable(report)
+
+
 def test_names_and_types_are_the_same_everywhere():
     stub = (ROOT / "geoident" / "__init__.pyi").read_text()
     assert [line.split()[-1] for line in stub.splitlines() if " as " in line] == [*geoident._API]
@@ -264,3 +278,21 @@ def test_calls_take_what_their_commands_take():
                      if hasattr(request, f)}  # fmt: skip
             if name in known:
                 assert parameter.default == known[name], (call, name)
+
+
+def test_an_interrupted_call_goes_on(case):
+    """As with the stop button of a notebook."""
+
+    def stop(step):
+        if step.number == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(case, progress=stop)
+    checkpoint = Path(case.path).with_name("case.fit.checkpoint")
+    assert checkpoint.exists()
+    found = fit(case)
+    assert found.converged
+    assert not checkpoint.exists()
+    whole = fit(case, output=Path(case.path).with_name("whole.h5"))
+    assert found.parameters["E"].value == whole.parameters["E"].value

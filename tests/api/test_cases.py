@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geoident import check, fit, load_case, predict, simulate
+from geoident import check, fit, init, load_case, predict, simulate
 from geoident.errors import InputError, OutputError, UsageError
 
 
@@ -100,6 +100,15 @@ def test_faults_are_raised_with_their_places(case):
     assert caught.value.faults[0].location.line > 1
 
 
+def test_errors_come_from_the_call_alone(case):
+    """Nobody has to read through the frames of geoident and of what it uses."""
+    with pytest.raises(InputError) as caught:
+        case.with_values({"materials.rock.mu": 0.3})
+    assert caught.value.__cause__ is None
+    assert caught.value.__suppress_context__
+    assert [Path(entry.path).name for entry in caught.traceback] == ["test_cases.py", "calling.py"]
+
+
 def test_faults_of_a_text_have_lines_and_those_of_a_mapping_keys(case):
     text = Path(case.path).read_text().replace("E: $E", "E: $F")
     for content, line in ((text, True), (yaml.safe_load(text), False)):
@@ -137,5 +146,9 @@ def test_errors_speak_python(case, fitted, tmp_path):
         predict(fitted, stages=["third"])
 
 
-def test_a_case_without_a_mesh_has_no_picture(case, tmp_path):
-    assert len(check(case).plot.model()) == 2
+def test_the_model_is_drawn_if_there_is_a_mesh(case, tmp_path):
+    drawn = check(case).plot.model()
+    assert len(drawn) >= 1
+    assert "Trench" in drawn.captions[0]
+    with pytest.raises(UsageError, match="no mesh"):
+        check(init(tmp_path / "opening", "opening")).plot.model()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib.axes
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -23,7 +24,7 @@ def test_a_parameter_says_itself_in_the_unit_of_the_case(fitted):
     assert modulus.unit == "Pa"
     assert modulus.lower95 < modulus.value < modulus.upper95
     assert re.fullmatch(r"4\.9\d? GPa \(95 %: \d.* to \d.*\)", str(modulus))
-    with pytest.raises(KeyError, match="no parameter 'G'; there are E, K0"):
+    with pytest.raises(KeyError, match=r"no parameter 'G'\. Parameters: E, K0"):
         fitted.parameters["G"]
     assert len(fitted.parameters) == 2
     assert fitted.parameters.values_si == {n: p.value for n, p in fitted.parameters.items()}
@@ -66,8 +67,10 @@ def test_a_channel_stage_by_stage(fitted):
     assert channel.lower95[1] < channel.predicted[1] < channel.upper95[1]
     assert math.isnan(channel.predicted[0])
     assert set(fitted.gauges) == {"CV", "S", "X.a"}
-    with pytest.raises(KeyError, match="no channel 'Y'; there are CV, S, X"):
+    with pytest.raises(KeyError, match=r"no channel 'Y'\. Channels: CV, S, X"):
         fitted.gauges["Y"]
+    with pytest.raises(KeyError, match=r"no channel 'X'\. Its channels: X\.a"):
+        fitted.gauges["X"]
     with pytest.raises(KeyError, match="no stage 'third'"):
         channel.at("third")
 
@@ -88,6 +91,17 @@ def test_gauges_as_a_frame_agree_with_the_table_of_the_command(fitted):
     assert 1e3 * si["measured"].to_numpy() == pytest.approx(frame["measured"].to_numpy())
 
 
+def test_dated_stages_have_their_dates(case, fitted):
+    assert "date" not in fitted.gauges.to_frame()
+    assert "date" not in fitted.to_xarray().coords
+    dates = {"first": "2025-03-03", "second": "2025-04-07 12:00"}
+    found = fit(case.with_values({"dates": dates}))
+    days = found.gauges.to_frame().set_index("stage")["date"]
+    assert days.loc["first"].unique().tolist() == [pd.Timestamp("2025-03-03")]
+    assert days.loc["second"].unique().tolist() == [pd.Timestamp("2025-04-07 12:00")]
+    assert found.to_xarray()["date"].values[0] == np.datetime64("2025-03-03")
+
+
 def test_every_table_of_the_export_is_there(fitted):
     told = csv_tables(fitted.data)
     assert list(fitted.tables) == list(told)
@@ -103,7 +117,7 @@ def test_every_table_of_the_export_is_there(fitted):
 
 def test_long_tables_are_shown_in_part(fitted):
     long = type(fitted.predictions)(("k",), tuple((float(k),) for k in range(100)))
-    assert "... 40 more" in repr(long)
+    assert "... 70 more" in repr(long)
     assert len(long.to_frame()) == 100
 
 
@@ -161,10 +175,15 @@ def test_a_field_is_that_of_its_stage(fitted):
         assert len(fitted.plot.field("second", quantity)) >= 1
 
 
-def test_figures_go_by_the_names_of_the_report(fitted, tmp_path):
-    CliRunner().invoke(program, ["report", fitted.path, "--no-page", "--figures", str(tmp_path)])
-    names = fitted.plot.names()
-    assert {path.stem for path in tmp_path.glob("*.svg")} == set(names)
+def test_a_result_without_fields_says_so(scanned):
+    assert scanned.plot.quantities() == ()
+    with pytest.raises(UsageError, match="This scan holds no displacements and stresses: draw"):
+        scanned.plot.field()
+
+
+def test_figures_go_by_the_names_of_the_report(fitted, scanned, tmp_path):
+    CliRunner().invoke(program, ["report", scanned.path, "--no-page", "--figures", str(tmp_path)])
+    assert {path.stem for path in tmp_path.glob("*.svg")} == set(scanned.plot.names())
     drawn = fitted.plot.named("residuals")
     drawn[0].set_title("mine")
     assert drawn.figure.axes[0].get_title() == "mine"

@@ -119,7 +119,7 @@ def test_the_fit_finds_the_truth_and_predicts_the_later_stages(name, tmp_path):
 def test_heterogeneous_rock_is_met_by_model_error_and_by_a_field(name, tmp_path):
     """Of ground taken as uniform the model error keeps the bands honest; a field makes them small.
 
-    Without either, half of the later readings are outside (see the README).
+    Without either, half of the later readings are outside (see its page in the gallery).
     """
     output = tmp_path / "result.h5"
     case = str(CASES / "cavern-field" / name)

@@ -41,8 +41,8 @@ def test_a_result_of_the_same_input_is_kept_and_of_another_is_not_lost(pit, run)
     assert "up to date" in run("backtest", "case.yaml").stderr
     assert (pit / "case.backtest.h5").read_bytes() == before
     other = ("backtest", "case.yaml", "--set", "parameters.E.start=3 GPa")
-    assert run(*other).exit_code == 6
-    assert run(*other, "--force").exit_code == 0
+    assert run(*other).exit_code == 0
+    assert (pit / "case.backtest.1.h5").read_bytes() == before
 
 
 def test_json_has_all_of_it(pit, run_json):
@@ -67,6 +67,28 @@ def test_show_has_tables_of_fits_scores_and_errors(pit, run):
     header = next(line.split() for line in lines if line.startswith("gauge  lift 2"))
     assert header == ["gauge", "lift", "2", "lift", "3", "lift", "4"]
     assert "E settles: " in shown
+
+
+def test_show_fits_a_terminal_of_80_columns(pit, run):
+    """Also with five parameters, of which each fit says value and interval."""
+    changed = (pit / "case.yaml").read_text()
+    for n in range(3):
+        number = (
+            f"E{n}: {{start: 2 GPa, bounds: [0.1 GPa, 50 GPa], prior: {{mean: 5 GPa, sd: 1 GPa}}}}"
+        )
+        changed = changed.replace("parameters:\n", f"parameters:\n  {number}\n")
+    changed = changed.replace("materials:\n", "materials:\n  a: {E: $E0, nu: 0.2}\n"
+                              "  b: {E: $E1, nu: 0.2}\n  c: {E: $E2, nu: 0.2}\n")  # fmt: skip
+    for n, name in enumerate(("lift-1", "lift-2", "lift-3")):
+        changed = changed.replace(f"{name}: rock", f"{name}: {'abc'[n]}")
+    (pit / "case.yaml").write_text(changed)
+    done = run("backtest", "case.yaml")
+    assert done.exit_code in (0, 4), done.output
+    shown = run("show", "case.backtest.h5").stdout
+    part = shown.split("Fits of the first stages")[1].split("Predictions that came true")[0]
+    assert max(map(len, part.splitlines())) <= 80
+    assert part.count("up to ") >= 2
+    assert "E2 (GPa)" in part
 
 
 def test_the_page_has_both_figures(pit, run):

@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import h5py
 import pytest
+from support.trench import READINGS
 
 from geoident.workflow.estimating import estimate as fit_workflow
+from geoident.workflow.running import outputs
 
 E_UNKNOWN_STRESS = [
     "--set",
@@ -96,22 +99,122 @@ def change_readings(trench):
 
 
 @pytest.mark.parametrize("change", [change_case, change_mesh, change_readings])
-def test_a_result_of_other_input_is_not_overwritten(trench, run, change):
+def test_an_edited_case_is_fitted_and_the_old_result_is_kept_beside(trench, run, change):
     run("fit", "case.yaml")
     before = (trench / "case.fit.h5").read_bytes()
     change(trench)
-    refused = run("fit", "case.yaml")
-    assert refused.exit_code == 6
-    assert "--force" in refused.stderr
-    assert refused.stdout == ""
-    assert (trench / "case.fit.h5").read_bytes() == before
-    assert run("fit", "case.yaml", "--force").exit_code == 0
+    done = run("fit", "case.yaml")
+    assert done.exit_code == 0
+    assert done.stdout == "case.fit.h5\n"
+    said = " ".join(done.stderr.split())
+    assert "case.fit.h5 was made from other input: it is kept as case.fit.1.h5" in said
+    assert (trench / "case.fit.1.h5").read_bytes() == before
     assert (trench / "case.fit.h5").read_bytes() != before
+    assert "up to date" in run("fit", "case.yaml").stderr
+    assert run("diff", "case.fit.1.h5", "case.fit.h5").exit_code in (0, 1)
+
+
+def test_with_force_nothing_is_kept(trench, run):
+    run("fit", "case.yaml")
+    change_readings(trench)
+    assert run("fit", "case.yaml", "--force").exit_code == 0
+    assert [path.name for path in trench.glob("*.fit*.h5")] == ["case.fit.h5"]
+
+
+def test_a_case_that_is_as_before_has_its_result_back_without_computing(trench, run, monkeypatch):
+    text = (trench / "case.yaml").read_text()
+    run("fit", "case.yaml")
+    first = (trench / "case.fit.h5").read_bytes()
+    change_readings(trench)
+    run("fit", "case.yaml")
+    second = (trench / "case.fit.h5").read_bytes()
+    (trench / "readings.csv").write_text(READINGS)
+    assert (trench / "case.yaml").read_text() == text
+    monkeypatch.setattr(fit_workflow, "prepare", None)
+    again = run("fit", "case.yaml")
+    assert again.exit_code == 0
+    said = " ".join(again.stderr.split())
+    assert "case.fit.1.h5 was made from this input: it is case.fit.h5 again" in said
+    assert "what stood there is kept as case.fit.2.h5" in said
+    assert (trench / "case.fit.h5").read_bytes() == first
+    assert (trench / "case.fit.2.h5").read_bytes() == second
+    assert not (trench / "case.fit.1.h5").exists()
 
 
 def test_an_override_is_other_input(trench, run):
     run("fit", "case.yaml")
-    assert run("fit", "case.yaml", "--set", "parameters.E.start=3 GPa").exit_code == 6
+    assert run("fit", "case.yaml", "--set", "parameters.E.start=3 GPa").exit_code == 0
+    assert (trench / "case.fit.1.h5").exists()
+
+
+def test_a_dry_run_says_that_the_old_result_will_be_kept(trench, run):
+    run("fit", "case.yaml")
+    change_readings(trench)
+    said = run("fit", "case.yaml", "--dry-run").stdout
+    assert "Would write case.fit.h5\nand keep what stands there beside it" in said
+    assert not (trench / "case.fit.1.h5").exists()
+
+
+def test_a_result_of_another_case_or_command_is_not_touched(trench, run):
+    run("fit", "case.yaml")
+    (trench / "other.yaml").write_text((trench / "case.yaml").read_text())
+    change_readings(trench)
+    before = (trench / "case.fit.h5").read_bytes()
+    for command in (("fit", "other.yaml"), ("scan", "case.yaml"), ("backtest", "case.yaml")):
+        refused = run(*command, "-o", "case.fit.h5")
+        assert refused.exit_code == 6
+        said = " ".join(refused.stderr.split())
+        assert "a result of another case or command; it is not overwritten" in said
+        assert "--force" in said
+    assert (trench / "case.fit.h5").read_bytes() == before
+    assert run("fit", "case.yaml", "-o", "case.fit.h5").exit_code == 0  # its own, named
+    assert (trench / "case.fit.1.h5").read_bytes() == before
+
+
+def test_old_results_are_kept_within_bounds_but_never_one_that_took_long(trench, run, monkeypatch):
+    monkeypatch.setattr(outputs, "KEPT", 3)
+    start, said = "parameters.E.start={} GPa", ""
+    for n in range(1, 7):
+        said += run("fit", "case.yaml", "--set", start.format(n)).stderr
+        if n == 1:
+            with h5py.File("case.fit.h5", "r+") as file:
+                assert 0.0 < file.attrs["seconds"] < 600.0
+                file.attrs["seconds"] = 3600.0
+    assert sorted(path.name for path in trench.glob("*.fit.?.h5")) == [
+        "case.fit.1.h5", "case.fit.3.h5", "case.fit.4.h5", "case.fit.5.h5",
+    ]  # fmt: skip
+    assert said.count("case.fit.2.h5, an older one, is removed") == 1
+
+
+def test_the_old_result_stays_where_it_is_until_the_new_one_is_there(trench, run, monkeypatch):
+    run("fit", "case.yaml")
+    before = (trench / "case.fit.h5").read_bytes()
+    change_readings(trench)
+
+    def die(*_, **__):
+        assert (trench / "case.fit.h5").read_bytes() == before
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("geoident.workflow.estimating.finished.write_result", die)
+    run("fit", "case.yaml")
+    assert (trench / "case.fit.h5").read_bytes() == before
+    assert (trench / "case.fit.1.h5").read_bytes() == before
+
+
+def test_where_there_are_no_hard_links_the_old_result_is_copied(trench, run, monkeypatch):
+    run("fit", "case.yaml")
+    before = (trench / "case.fit.h5").read_bytes()
+    change_readings(trench)
+    link = Path.hardlink_to
+
+    def none(self, target):
+        if self.name == "case.fit.1.h5":
+            raise NotImplementedError
+        link(self, target)
+
+    monkeypatch.setattr(Path, "hardlink_to", none)
+    assert run("fit", "case.yaml").exit_code == 0
+    assert (trench / "case.fit.1.h5").read_bytes() == before
 
 
 def test_a_file_that_is_no_result_is_not_overwritten(trench, run):

@@ -62,10 +62,10 @@ def test_its_readings_and_priors_are_those_that_it_holds():
     assert result.provenance.format == "geoident-result/1"
 
 
-def test_it_is_not_up_to_date_and_not_overwritten(old, run):
-    refused = run("fit", "case.yaml")
-    assert refused.exit_code == 6
-    assert "--force" in refused.stderr
+def test_it_is_not_up_to_date_and_kept_beside(old, run):
+    before = Path("case.fit.h5").read_bytes()
+    assert run("fit", "case.yaml").exit_code == 0
+    assert Path("case.fit.1.h5").read_bytes() == before
 
 
 def test_drift_in_time_cannot_be_predicted_from_it(old, run):

@@ -17,7 +17,7 @@ from geoident.cli.options import takes
 from geoident.io.docs.templates import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
-README = ROOT / "README.md"
+PAGE = ROOT / "geoident" / "docs" / "commands.md"
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -40,7 +40,7 @@ class TestEveryCommand:
         assert flags <= known
 
     def test_it_is_documented(self, name):
-        assert f"geoident {name}" in README.read_text(encoding="utf-8")
+        assert f"geoident {name}" in PAGE.read_text(encoding="utf-8")
 
 
 def test_every_template_stands_apart_from_what_it_is(run):
@@ -68,6 +68,15 @@ class TestNext:
         told = run("simulate", "case.yaml", "-o", "out/r.csv")
         (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()
         assert run(*shlex.split(step)[1:]).exit_code == 0
+
+    def test_what_was_drawn_is_drawn_again_as_it_says(self, trench, run):
+        told = run("simulate", "case.yaml", "--noise", "--seed", "3")
+        (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()
+        assert run(*shlex.split(step)[1:]).exit_code == 0
+        assert (trench / "simulated.csv").read_text() == told.stdout
+        field = "materials.rock.E={field: {mean: $E, sd: 30 %, length: 3 m, modes: 3}}"
+        told = run("simulate", "case.yaml", "--set", field, "--draw", "--seed", "3")
+        assert "--draw --seed 3 -o" in told.stderr
 
     def test_changes_are_kept(self, trench, run):
         told = run("check", "case.yaml", "--set", "parameters.E.start=3 GPa")

@@ -8,8 +8,6 @@ import pytest
 from matplotlib.image import imread
 
 from geoident.io.docs.templates import TEMPLATES
-from geoident.report.drawing.case import parts_of, window
-from geoident.workflow.check import check
 
 
 def painted(file: str) -> float:
@@ -55,17 +53,3 @@ def test_without_matplotlib_the_remedy_is_said(trench, run, monkeypatch):
     refused = run("check", "case.yaml", "--picture", "a.svg")
     assert refused.exit_code == 2
     assert 'pip install "geoident[report]"' in refused.stderr
-
-
-def test_stages_are_told_apart_and_in_order(trench):
-    checked = check("case.yaml")
-    parts = parts_of(checked.case, checked.mesh)
-    assert [part.label for part in parts] == ["rock", "1  first: excavated", "2  second: excavated"]
-    assert len({part.colour for part in parts}) == 3
-    light = [sum(part.colour) for part in parts if part.mark]
-    assert light == sorted(light, reverse=True)
-    elements = np.concatenate([part.elements for part in parts])
-    assert sorted(elements) == list(range(checked.mesh.n_elements))
-    low, high = window(checked.case, checked.mesh, parts)
-    assert np.all(low >= 0)
-    assert np.all(high <= [6, 4])

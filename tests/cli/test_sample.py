@@ -124,13 +124,13 @@ def test_the_report_has_a_corner_plot(sampled, run):
     assert "Pareto k" in (sampled / "case.sample.html").read_text()
 
 
-def test_the_same_is_up_to_date_and_another_one_is_not_overwritten(sampled, run):
+def test_the_same_is_up_to_date_and_an_earlier_one_is_kept(sampled, run):
     again = run("sample", "case.fit.h5", *FEW)
     assert again.exit_code == 0
     assert "up to date" in again.stderr
-    other = run("sample", "case.fit.h5", *FEW, "--seed", "1")
-    assert other.exit_code == ExitCode.OUTPUT
-    assert run("sample", "case.fit.h5", *FEW, "--seed", "1", "--force").exit_code == 0
+    before = (sampled / "case.sample.h5").read_bytes()
+    assert run("sample", "case.fit.h5", *FEW, "--seed", "1").exit_code == 0
+    assert (sampled / "case.sample.1.h5").read_bytes() == before
 
 
 def test_a_budget_that_is_too_small_is_told(fitted, run):

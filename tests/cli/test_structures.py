@@ -74,11 +74,14 @@ def test_forces_are_in_tables_and_in_the_report(lined, run):
     members = read_result("case.fit.h5").members
     found = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
     forces = "N (kN),M_first (kNm),M_second (kNm),Q (kN),N_hoop (kN),stressed_to (kN)"
-    assert found[0] == f"structure,number,stage,{forces}"
+    places = ",".join(f"{axis}_{end} (m)" for end in ("first", "second") for axis in "xyz")
+    assert found[0] == f"structure,number,stage,{places},{forces}"
     cells = found[1].split(",")
     assert cells[:3] == ["nail", "1", "first"]
-    assert float(cells[3]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-11)
-    assert cells[4:] == [""] * 5
+    ends = [float(cell) if cell else None for cell in cells[3:9]]
+    assert ends == [*members.ends[2, 0], None, *members.ends[2, 1], None]
+    assert float(cells[9]) == pytest.approx(members.axial[2, 0] / 1e3, rel=1e-11)
+    assert cells[10:] == [""] * 5
     assert len(found) == 5
     rows = force_table(read_result("case.fit.h5").members).rows
     assert [row[:2] for row in rows] == [["wall", "second"], ["nail", "first"], ["nail", "second"]]
@@ -121,7 +124,10 @@ stages:
     (row,) = [line.split() for line in shown.splitlines() if line.split()[:2] == ["tie", "second"]]
     assert row[2:] == ["80", "80", "-", "-", "80"]
     table = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
-    assert any(line.startswith("prop,1,second,-50") and line.endswith(",-50") for line in table)
+    assert any(
+        line.startswith("prop,1,second,4,3.5,,3,3.5,,-50") and line.endswith(",-50")
+        for line in table
+    )
     assert run("report", "case.fit.h5").exit_code == 0
     page = Path("case.fit.html").read_text(encoding="utf-8")
     assert "Forces in struts, anchors and bolts" in page

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.meshes import KINDS, box, gaping_box, mixed_box
+from support.meshes import KINDS, KINDS_2D, box, build, gaping_box, mixed_box, opening
 
 from geoident.fem.faces import (
     FaceKeys,
     FacetPatch,
     distance_to_faces,
     face_table,
+    hanging_nodes,
     nonconforming,
     patches,
 )
@@ -82,6 +83,41 @@ def test_a_mixed_mesh_ends_at_the_faces_of_its_box_only(order):
         on = np.isclose(x, 0, atol=1e-12) | np.isclose(x, 1, atol=1e-12)
         assert np.all(on.all(axis=1).any(axis=1))
     assert {block.kind[:3] for block in mesh.blocks} == {"wed", "hex", "pyr", "tet"}
+
+
+def coarse_beside_fine(dim):
+    """A cell beside two of half its height; node 4 (and 12 above it) is no node of the first."""
+    points = np.array(
+        [[0, 0], [1, 0], [1, 1], [0, 1], [1, 0.5], [2, 0], [2, 0.5], [2, 1]], dtype=float
+    )
+    cells = np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]])
+    if dim == 2:
+        return build("quad4", points, cells)
+    solid = np.vstack([np.column_stack([points, np.full(8, z)]) for z in (0.0, 1.0)])
+    return build("hex8", solid, np.hstack([cells, cells + 8]))
+
+
+@pytest.mark.parametrize(("dim", "hanging"), [(2, [4]), (3, [4, 12])])
+def test_nodes_inside_the_side_of_another_element_are_found(dim, hanging):
+    mesh = coarse_beside_fine(dim)
+    assert hanging_nodes(mesh, face_table(mesh)).tolist() == hanging
+    apart = replace(mesh, points=mesh.points + 1e-3 * (np.arange(len(mesh.points)) == 4)[:, None])
+    assert 4 not in hanging_nodes(apart, face_table(apart))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_node_hangs_in_a_sound_mesh(kind):
+    dim = 2 if kind in KINDS_2D else 3
+    meshes = [box(kind, (2, 3, 2)[:dim])]
+    if not kind.startswith("pyramid"):
+        meshes.append(opening(kind, dim, n=2, layers=2, radius=1.0, reach=4.0))
+    for mesh in meshes:
+        assert not len(hanging_nodes(mesh, face_table(mesh)))
+
+
+def test_no_node_hangs_where_kinds_of_elements_meet():
+    for mesh in (mixed_box(1), mixed_box(2, distortion=0.2)):
+        assert not len(hanging_nodes(mesh, face_table(mesh)))
 
 
 def test_quadrilaterals_that_lie_against_triangles_are_found():

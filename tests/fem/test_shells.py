@@ -86,7 +86,7 @@ def test_sphere_under_inner_pressure_converges_to_its_membrane():
     assert errors[1] < 0.3 * errors[0] < 0.01
 
 
-def test_ring_force_at_the_edge_of_a_long_cylinder_decays():
+def test_ring_force_at_the_edge_of_a_long_cylinder_decays(verification):
     """w = P e^-bx cos bx / (2 b^3 B), M = P e^-bx sin bx / b (Timoshenko, section 115)."""
     radius, force = 3.0, 1e4
     b = (E * THICK / (4 * radius**2 * B)) ** 0.25
@@ -108,11 +108,13 @@ def test_ring_force_at_the_edge_of_a_long_cylinder_decays():
         np.testing.assert_allclose(np.abs(found.shear), np.abs(middle), atol=0.05 * force)
         np.testing.assert_allclose(np.abs(found.axial), 0, atol=1e-6 * force)
     assert errors[1] < 0.3 * errors[0] < 0.02
+    near = x < 3 / b
+    verification("cylinder-edge", "", x[near], exact=exact[near], found=u[near, 0])
     assert peak == pytest.approx(0.3224 * force / b, rel=1e-3)
 
 
 @pytest.mark.parametrize(("clamped", "factor"), [(True, 1.0), (False, (5 + NU) / (1 + NU))])
-def test_round_plate_under_uniform_load(clamped, factor):
+def test_round_plate_under_uniform_load(clamped, factor, verification):
     """w(0) = q a^4 / (64 B), of a plate that turns at its edge (5 + nu) / (1 + nu) times that."""
     a, q, errors = 2.0, 1e3, []
     for n in (16, 32):
@@ -122,6 +124,9 @@ def test_round_plate_under_uniform_load(clamped, factor):
         forces[:, 1] = -q * area_shares(mesh, members)
         u, found = _solve(members, forces.ravel(), [0, 2 * n + 1])
         errors.append(abs(-u[0, 1] / (factor * q * a**4 / (64 * B)) - 1))
+        variant = f"{'clamped' if clamped else 'turning'} edge, {n} elements"
+        exact = factor * q * a**4 / (64 * B)
+        verification("round-plate", variant, ["centre"], exact=exact, found=-u[0, 1])
         share = (1 + NU) / 16 if clamped else (3 + NU) / 16
         centre = share / (1 + NU) * q * a**2  # both curvatures are equal there
         assert found.bent_first[1] == pytest.approx(centre, rel=0.03)

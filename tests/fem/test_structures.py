@@ -52,7 +52,7 @@ def test_rigid_motion_makes_no_force():
 
 
 @pytest.mark.parametrize("n", [1, 2, 7])
-def test_cantilever_under_a_force_at_its_tip(n):
+def test_cantilever_under_a_force_at_its_tip(n, verification):
     mesh, edges = _line(n)
     across = np.array([-np.sin(0.3), np.cos(0.3)])
     forces = np.zeros(mesh.points.size)
@@ -64,6 +64,7 @@ def test_cantilever_under_a_force_at_its_tip(n):
     # M = EI w'' = P (L - s): it falls from P L at the clamp to zero at the tip.
     s = (np.arange(n) + 0.5) * 5 / n
     np.testing.assert_allclose(middle, 1e4 * (5 - s), rtol=1e-8)
+    verification("cantilever", f"{n} elements", s, exact=1e4 * (5 - s), found=middle)
     np.testing.assert_allclose(shear, -1e4, rtol=1e-8)
 
 
@@ -107,13 +108,15 @@ def test_ring_under_uniform_pressure():
     assert np.abs(middle).max() < 1e-3 * 1e5 * radius**2
 
 
-def test_ring_under_ovalising_pressure_converges():
+def test_ring_under_ovalising_pressure_converges(verification):
     """p cos 2a: w = p R^4 / (9 EI) cos 2a, |M| = p R^2 / 3, |N| = p R / 3 (Timoshenko, rings)."""
     radius, errors = 3.0, []
     for n in (32, 64):
         _, w, (axial, middle, _) = _on_ring(n, radius, lambda a: 1e4 * np.cos(2 * a))
         sway = 1e4 * radius**2 / 9 * (radius**2 / EI + 1 / EA)  # the ring also stretches
-        errors.append(abs((w.max() - w.min()) / 2 / sway - 1))
+        out_of_round = (w.max() - w.min()) / 2
+        errors.append(abs(out_of_round / sway - 1))
+        verification("ring", f"{n} elements", ["out of round"], exact=sway, found=out_of_round)
         assert np.abs(middle).max() == pytest.approx(1e4 * radius**2 / 3, rel=1.2 / n)
         assert np.abs(axial).max() == pytest.approx(1e4 * radius / 3, rel=1.2 / n)
     assert errors[1] < 0.3 * errors[0] < 0.01

@@ -11,7 +11,7 @@ from geoident.fem.measure import coinciding_nodes
 from geoident.fem.orientation import overlapping
 from geoident.model.mesh import ElementBlock
 from tests.support.cases import material, model, rollers
-from tests.support.meshes import KINDS, KINDS_2D, box
+from tests.support.meshes import KINDS, KINDS_2D, box, build
 
 
 def on(mesh):
@@ -100,3 +100,15 @@ def test_an_element_on_a_node_of_its_own_is_told():
     assert coinciding_nodes(parted).tolist() == [[node, mesh.n_nodes]]
     note = next(note for note in on(parted).notes if "one place" in note)
     assert note.startswith("two nodes stand at one place (near (0.5, 0.5")
+
+
+def test_a_node_inside_the_side_of_another_element_is_told():
+    """Two elements on the right of one on the left share only its corners."""
+    points = np.array(
+        [[0, 0], [1, 0], [1, 1], [0, 1], [1, 0.5], [2, 0], [2, 0.5], [2, 1]], dtype=float
+    )
+    mesh = build("quad4", points, np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]]))
+    note = next(note for note in on(mesh).notes if "inside the side" in note)
+    assert note.startswith("a node stands inside the side of an element that does not have it")
+    assert "(near (1, 0.5" in note
+    assert not any("inside the side" in note for note in on(box("quad4", (4, 4))).notes)

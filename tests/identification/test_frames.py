@@ -48,15 +48,21 @@ def problem(name: str, accuracy: float = 1e-2) -> Problem:
 
 
 @pytest.mark.parametrize("name", ["a10t", "b10l", "c10s", "a30t", "c30l"])
-def test_the_core_answers_with_the_published_readings_of_the_beam(name: str) -> None:
+def test_the_core_answers_with_the_published_readings_of_the_beam(name: str, verification) -> None:
     given = problem(name)
-    assert given.response.readings(FOUNDATION) == pytest.approx(given.measured, abs=1e-11)
+    found = given.response.readings(FOUNDATION)
+    assert found == pytest.approx(given.measured, abs=1e-11)
+    number = np.arange(1, len(found) + 1)
+    verification("mpeclib", f"find{name}", number, exact=given.measured, found=found)
 
 
 @pytest.mark.parametrize("name", ["a", "b", "c", "d"])
-def test_the_core_answers_with_the_published_readings_of_the_truss(name: str) -> None:
+def test_the_core_answers_with_the_published_readings_of_the_truss(name: str, verification) -> None:
     given = problem(name)
-    assert given.response.readings(TRUSS) == pytest.approx(given.measured, abs=1e-10)
+    found = given.response.readings(TRUSS)
+    assert found == pytest.approx(given.measured, abs=1e-10)
+    number = np.arange(1, len(found) + 1)
+    verification("mpeclib", f"nappi_{name}", number, exact=given.measured, found=found)
 
 
 @pytest.mark.parametrize("name", ["b", "c30t"])
@@ -67,8 +73,14 @@ def test_derivatives_by_distances_and_hardening_are_exact(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a", "b", "c", "d", "a10t", "b30t", "c10t"])
-def test_the_implicit_method_reaches_the_published_optimum(name: str) -> None:
-    met(complementarity(problem(name), ComplementarityOptions(), silent))
+def test_the_implicit_method_reaches_the_published_optimum(name: str, verification) -> None:
+    given = problem(name)
+    found = complementarity(given, ComplementarityOptions(), silent)
+    met(found)
+    readings = given.response.readings(found.values)
+    number = np.arange(1, len(readings) + 1)
+    variant = f"nappi_{name}" if len(name) == 1 else f"find{name}"
+    verification("mpeclib-fit", variant, number, exact=given.measured, found=readings)
 
 
 @pytest.mark.parametrize(
@@ -104,12 +116,15 @@ def test_the_implicit_method_reaches_the_hardest_published_optimum() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NOISY)
-def test_absolute_residuals_of_noisy_readings_are_as_low_as_published(name: str) -> None:
+def test_absolute_residuals_of_noisy_readings_are_as_low_as_published(
+    name: str, verification
+) -> None:
     """Huber's loss with a small delta is the sum of absolute residuals."""
     given = problem(name)
     found = full_space(replace(given, loss=HuberOptions(1e-3)), FULL, silent)
     total = np.abs(given.response.readings(found.values) - given.measured).sum()
     assert total == pytest.approx(NOISY[name], rel=1e-3)
+    verification("mpeclib-noise", f"find{name}", ["sum"], exact=NOISY[name], found=total)
 
 
 def met(found: Outcome) -> None:

@@ -186,7 +186,7 @@ def test_ten_moduli_take_at_most_ten_factorizations_a_stage():
 
 
 @pytest.mark.slow
-def test_intervals_cover_the_truth_in_95_of_100_noisy_replicates(bulk):
+def test_intervals_cover_the_truth_in_95_of_100_noisy_replicates(bulk, verification):
     replicates, hits = 200, np.zeros(len(BULK_TRUTH))
     exact = _problem(bulk, BULK_TRUTH, BULK, sd=5e-5)
     rng = np.random.default_rng(11)
@@ -200,6 +200,8 @@ def test_intervals_cover_the_truth_in_95_of_100_noisy_replicates(bulk):
     # Binomial: 95 % of 200 with a standard deviation of 1.5 %; three of them on either side.
     share = hits / replicates
     assert np.all(np.abs(share - 0.95) < 3 * np.sqrt(0.95 * 0.05 / replicates)), share
+    names = [parameter.name for parameter in BULK]
+    verification("coverage", "", names, exact=0.95, found=share)
 
 
 def test_young_modulus_and_stress_scale_together_is_said():

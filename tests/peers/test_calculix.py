@@ -17,7 +17,7 @@ from geoident.model.parameter import Scalar
 
 @pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
 @pytest.mark.parametrize("kind", [kind for kind in KINDS_3D if kind in calculix.TYPES])
-def test_first_stage_equals_calculix(kind, tmp_path):
+def test_first_stage_equals_calculix(kind, tmp_path, verification):
     mesh = regroup(
         box(kind, (5, 5, 5), size=(5.0, 5.0, 5.0), distortion=0.05),
         hole=lambda c: np.all(np.abs(c - [0.5, 2.5, 2.5]) < [0.6, 1.5, 1.5], axis=1),
@@ -37,6 +37,12 @@ def test_first_stage_equals_calculix(kind, tmp_path):
     scale = np.abs(ours).max()
     # CalculiX prints seven digits.
     np.testing.assert_allclose(ours[node], peer[:, 1:], atol=2e-6 * scale)
+    verification("calculix-stage", kind, node + 1, **sizes(peer[:, 1:], ours[node]))
+
+
+def sizes(exact, found):
+    """Lengths of displacements, as the manual has them."""
+    return {"exact": np.linalg.norm(exact, axis=1), "found": np.linalg.norm(found, axis=1)}
 
 
 # CalculiX makes wedges of two degrees of axisymmetric elements: 1 - cos(1 degree) is 1.5e-4. Its
@@ -47,7 +53,7 @@ AXISYMMETRIC_DIFFERENCE = {"tri3": 8e-3, "tri6": 3e-3, "quad4": 2.5e-4, "quad8":
 
 @pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
 @pytest.mark.parametrize("kind", KINDS_2D)
-def test_squeezed_cylinder_equals_calculix(kind, tmp_path):
+def test_squeezed_cylinder_equals_calculix(kind, tmp_path, verification):
     """A cylinder that stands fixed, pressed from the side and pulled outwards on top."""
     mesh = box(kind, (12, 12), size=(4.0, 4.0), distortion=0.1)
     staged = model(
@@ -73,11 +79,12 @@ def test_squeezed_cylinder_equals_calculix(kind, tmp_path):
     node = peer[:, 0].astype(int) - 1
     difference = np.abs(ours[node] - peer[:, 1:3]).max() / np.abs(ours).max()
     assert difference < AXISYMMETRIC_DIFFERENCE[kind]
+    verification("calculix-cylinder", kind, node + 1, **sizes(peer[:, 1:3], ours[node]))
 
 
 @pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
 @pytest.mark.parametrize("symmetry", ["orthotropic", "anisotropic"])
-def test_anisotropic_block_equals_calculix(symmetry, tmp_path):
+def test_anisotropic_block_equals_calculix(symmetry, tmp_path, verification):
     """Inclined axes, which CalculiX turns by its own means, and entries without any symmetry."""
     rock = every_symmetry(random_rotation(np.random.default_rng(6)))[symmetry]
     staged = model(
@@ -101,3 +108,4 @@ def test_anisotropic_block_equals_calculix(symmetry, tmp_path):
     assert len(peer) == staged.mesh.n_nodes
     node = peer[:, 0].astype(int) - 1
     np.testing.assert_allclose(ours[node], peer[:, 1:], atol=2e-6 * np.abs(ours).max())
+    verification("calculix-block", symmetry, node + 1, **sizes(peer[:, 1:], ours[node]))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import NORMAL_95, Prediction
@@ -15,6 +16,7 @@ from geoident.report.drawing.gauges.course import (
 )
 from geoident.report.drawing.gauges.instruments import PLUMB, TROUGH, instruments, lines
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
+from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
 from tests.support.results import example_result, wide_gauges
 
@@ -209,3 +211,31 @@ def test_convergences_of_a_tunnel_stand_over_the_way_of_its_face():
     assert face_pictures(given) == ()
     backwards = replace(fields, present=present[::-1])
     assert face_pictures(replace(given, fields=backwards)) == ()
+
+
+def test_the_stage_of_an_outlier_is_named_at_its_own_dot(trough):
+    """B is off by 6 sd at dig and by -5 at later, which was written at the dot of dig."""
+    gauges = trough.gauges
+    measured = gauges.computed + 2e-4 * np.array([[6, 0, -5], [0, 1, 0], [0, -4, 0]], dtype=float)
+    table = wide_gauges(
+        gauges.channels, STAGES, measured, gauges.computed, sd=gauges.sd, used=gauges.used,
+        first=gauges.first, second=gauges.second,
+    )  # fmt: skip
+    given = replace(trough, gauges=table, prediction=None)
+    with drawing_style():
+        figure = residual_figure(given)
+        drawn(figure)
+    (axes,) = figure.axes
+    rows = {name: k for k, name in enumerate(gauges.channels)}
+    for channel, stage, x in (("B", "dig", 6.0), ("B", "later", -5.0), ("C", "line", -4.0)):
+        dot = axes.transData.transform((x, rows[channel]))
+        distance = [
+            np.hypot(*(np.array(_middle(text.get_window_extent())) - dot) * [0.3, 1.0])
+            for text in axes.texts + [a for a in axes.artists if isinstance(a, Text)]
+            if text.get_text() == stage
+        ]
+        assert min(distance) < 12.0, (channel, stage, distance)
+
+
+def _middle(box):
+    return 0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)

@@ -97,16 +97,17 @@ def test_the_policy_forbids_all_but_the_own_style_and_images(text):
 def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
     result, text = request.getfixturevalue(kind), request.getfixturevalue(f"{kind}_page")
     names = [picture.name for picture in album(result).all]
-    expected = {"overview", "parameters", "readings-1", "extensometers-1", "one-to-one",
+    expected = {"overview", "parameters", "pairs", "readings-1", "extensometers-1", "one-to-one",
                 "residuals", "history", "correlation"}  # fmt: skip
-    fields = ["displacement", "stress-minimum", "stress-maximum", "deformed", "vectors"]
+    fields = ["displacement", "displacement-parts", "stress-minimum", "stress-maximum",
+              "stress-crosses", "deformed", "vectors"]  # fmt: skip
     sections = [""] if kind == "plane" else ["section-1-", "section-2-"]
     expected |= {section + field for section in sections for field in fields}
     expected |= {"yielded"} if kind == "plane" else {"surface", "cut-away", "cut-away-deformed"}
     assert set(names) == expected
     for name in names:
-        figure = re.search(f'<figure id="figure-{name}">(.*?)</figure>', text, re.DOTALL)[1]
-        assert "<figcaption><b>" in figure
+        figure = re.search(f'<figure id="figure-{name}"[^>]*>(.*?)</figure>', text, re.DOTALL)[1]
+        assert "<figcaption><b>Figure " in figure
         assert figure.count("<path") + figure.count("<image") > 5
         assert 'role="graphics-document document"' in figure  # its words are read aloud
 
@@ -211,7 +212,7 @@ def test_several_results_are_compared():
     assert "E_rock GPa 12.3 (11.6 to 13.1) 12.3 (11.6 to 13.1)" in reader.text
     assert "sigma_v MPa as its prior 6.543" in reader.text
     assert "nu - - 3.00 (2.80 to 3.00)" in reader.text
-    assert "#result-2" in text
+    assert 'href="#section-result-2"' in text
 
 
 def test_a_scan_has_its_grid():

@@ -10,10 +10,11 @@ from geoident.fem.faces import face_table
 from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
-from geoident.report.drawing.case import _solid_figure
+from geoident.report.drawing.model.figure import model_figure
 from geoident.report.drawing.scene import Scene, gauge_planes, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
-from geoident.report.drawing.solid import surface_figure
+from geoident.report.drawing.solid import _means, _View, surface_figure
+from geoident.report.drawing.style import MM
 from tests.support.cases import make_case, material, rollers
 from tests.support.meshes import KINDS_2D, KINDS_3D, box, mixed_box
 from tests.support.results import example_result, grid_mesh
@@ -71,6 +72,28 @@ def test_a_plane_mesh_is_its_own_sheet(kind):
     assert length(sheet.outline(np.ones(mesh.n_elements, dtype=bool)), mesh.points) == (
         pytest.approx(10.0)
     )
+
+
+@pytest.mark.parametrize("kind", ["quad8", "tri6"])
+def test_curved_elements_are_drawn_curved(kind):
+    """A quarter of a ring: area and outline, where corners alone would miss 4 % of the area."""
+    straight = box(kind, (2, 3), size=(1.0, 1.0))
+    r, angle = 1.0 + straight.points[:, 0], np.pi / 2 * straight.points[:, 1]
+    mesh = replace(straight, points=np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1))
+    sheet = SheetMaker(mesh).flat()
+    assert area(sheet) == pytest.approx(0.75 * np.pi, rel=0.012)
+    outline = sheet.outline(np.ones(mesh.n_elements, dtype=bool))
+    assert length(outline, mesh.points) == pytest.approx(1.5 * np.pi + 2.0, rel=0.004)
+
+
+@pytest.mark.parametrize("kind", ["tet10", "hex20", "wedge15"])
+def test_quadratic_fields_are_followed_inside_elements(kind):
+    mesh = box(kind, (1, 1, 1), size=(1.0, 1.0, 1.0))
+    sheet = SheetMaker(mesh).cut(Plane(2, 0.4))
+    assert len(sheet.triangles) > 8
+    found = sheet.of_nodes(mesh.points[:, 0] ** 2)
+    middle = sheet.xy[:, 0]
+    assert np.abs(found - middle**2).mean() < 0.04  # 0.12 from the corners alone
 
 
 def test_the_outline_follows_what_is_dug():
@@ -184,8 +207,33 @@ def test_the_surface_of_solids_of_all_kinds_is_drawn_face_by_face():
         figure = surface_figure(scene, opened, 0.0)
         figure.draw_without_rendering()
         (drawn,) = [c for c in figure.axes[-2].collections if isinstance(c, Poly3DCollection)]
-        if opened is None:
-            assert len(drawn.get_array()) == len(table.free(present[-1]))
+        assert len(drawn.get_facecolor()) >= len(table.free(present[-1])) or opened is not None
+
+
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "wedge6"])
+def test_what_is_opened_is_closed_by_flat_cuts(kind):
+    """The surface of the part that is left is that of a box, whatever the elements."""
+    mesh = box(kind, (5, 4, 3), size=(20.0, 20.0, 20.0))
+    zeros, present = np.zeros((2, mesh.n_elements, 6)), np.ones((2, mesh.n_elements), bool)
+    motion = np.stack([0 * mesh.points, 1e-3 * mesh.points])
+    fields = FieldSeries(mesh, motion, zeros, present, np.zeros_like(present))
+    scene = Scene(replace(example_result(3), fields=fields), fields)
+    view = _View(scene, scene.section(Plane(0, 7.3)))
+    sides = view.box[1] - view.box[0]
+    exact = 2 * (sides[0] * sides[1] + sides[1] * sides[2] + sides[0] * sides[2])
+    polygons = view.polygons(1)
+    open_sides = [
+        axis for axis in range(3) for end in (0, 1)
+        if abs(view.box[end][axis] - (0.0, 20.0)[end]) > 1e-9
+        and all(sheet.plane != Plane(axis, view.box[end][axis]) for sheet in view.cuts)
+    ]  # fmt: skip
+    behind = sum(np.prod(np.delete(sides, axis)) for axis in open_sides)  # turned from the eye
+    assert _means(polygons)[1].sum() == pytest.approx(exact - behind)
+    value = MM * 1e-3 * np.linalg.norm(polygons.points[:, :, :3], axis=2)
+    linear = np.abs(polygons.points[:, :, 6] - value)[polygons.filled]
+    assert linear.max() < 0.35  # the size of a linear field is not linear
+    areas = [_means(part)[1].sum() for _, part in polygons.in_bands(6, np.arange(0.0, 40.0, 3.0))]
+    assert sum(areas) == pytest.approx(exact - behind)
 
 
 def test_faces_of_all_kinds_hide_each_other_in_the_picture_of_a_case():
@@ -198,7 +246,7 @@ def test_faces_of_all_kinds_hide_each_other_in_the_picture_of_a_case():
         supports=rollers(3),
         stages=(Stage("nothing"),),
     )
-    axes = _solid_figure(case, mesh).axes[0]
+    axes = model_figure(case, mesh).axes[0]
     (faces,) = [c for c in axes.collections if isinstance(c, Poly3DCollection)]
     table = face_table(mesh)
     assert len(faces.get_facecolor()) == len(table.free(np.ones(mesh.n_elements, dtype=bool)))

@@ -6,13 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
+from geoident.model.results.result import MemberForces
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
-from geoident.report.drawing.case import _plane_figure
-from geoident.report.drawing.structures import structure_pictures
+from geoident.report.drawing.forces import structure_pictures
+from geoident.report.drawing.model.figure import model_figure
 from geoident.report.drawing.style import drawing_style
 from geoident.report.text.structures import force_table, structures_list
 from tests.report.test_figures import boxes, visible_texts
@@ -65,7 +67,7 @@ def members(pit):
 
 def test_the_picture_of_a_case_names_all_structures_and_says_how_they_end(pit):
     with drawing_style():
-        figure = _plane_figure(pit.case, pit.mesh)
+        figure = model_figure(pit.case, pit.mesh)
         said = {text.get_text().strip() for text in visible_texts(figure)}
     assert {"wall", "S1", "S2", "A1", "nail"} <= said
     assert {
@@ -76,9 +78,9 @@ def test_the_picture_of_a_case_names_all_structures_and_says_how_they_end(pit):
 
 def test_forces_along_the_wall_and_in_bars_are_drawn(members):
     pictures = structure_pictures(SimpleNamespace(members=members))
-    assert [picture.name for picture in pictures] == ["forces-1", "bar-forces"]
+    assert [picture.name for picture in pictures] == ["forces-1", "bar-forces", "bars-along"]
     with drawing_style():
-        wall, bars = (picture.draw() for picture in pictures)
+        wall, bars = (picture.draw() for picture in pictures[:2])
         for figure in (wall, bars):
             figure.draw_without_rendering()
             inside = figure.bbox.padded(1.0)
@@ -114,3 +116,82 @@ def test_the_force_of_the_jack_stands_in_the_tables(members):
     (jacked,) = [t for t in told if t["structure"] == "S1" and t["stage"] == "jack"]
     assert jacked["N"] == pytest.approx(-2e5, rel=1e-14)
     assert (jacked["prestress"], jacked["N_hoop"]) == (-2e5, None)
+
+
+def ring(count=24):
+    """A ring of straight pieces with N and M, whose M has teeth at its nodes, and a bolt."""
+    turn = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    nodes = np.round(3.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1), 9)
+    nodes[-1] = nodes[0]
+    ends = np.stack([nodes[:-1], nodes[1:]], axis=1)
+    ends[5] = ends[5, ::-1]  # one piece runs the other way
+    middle = 0.5 * (turn[1:] + turn[:-1])
+    tooth = 5e3 * (-1.0) ** np.arange(count + 1)
+    at_nodes = 2e3 * np.cos(2.0 * turn) + tooth
+    moment = np.stack([at_nodes[:-1], at_nodes[1:]], axis=1)
+    moment[5] = moment[5, ::-1]
+    axial = -4e5 + 5e4 * np.cos(2.0 * middle)
+    nan = np.full(1, np.nan)
+    bolt = np.array([[[3.0, 0.0], [7.0, 0.0]]])
+    return MemberForces(
+        structures=("lining",) * count + ("bolt",),
+        numbers=np.r_[np.arange(1, count + 1), 1],
+        stages=("face", "lined"),
+        ends=np.concatenate([ends, bolt]),
+        axial=np.stack([np.r_[0.5 * axial, np.nan], np.r_[axial, 8e4]], axis=1),
+        moment=np.concatenate(
+            [np.stack([0.5 * moment, moment], axis=-1), np.full((1, 2, 2), np.nan)]
+        ),
+        shear=np.stack([np.r_[0.0 * axial, nan], np.r_[0.0 * axial, nan]], axis=1),
+        per_metre=np.r_[np.ones(count, dtype=bool), False],
+        hoop=np.full((count + 1, 2), np.nan),
+        prestress=np.full((count + 1, 2), np.nan),
+    )
+
+
+def test_forces_of_a_lining_stand_on_it_and_are_those_of_the_table():
+    found = ring()
+    pictures = {p.name: p for p in structure_pictures(SimpleNamespace(members=found))}
+    assert set(pictures) == {"forces-1", "bar-forces", "bars-along"}
+    with drawing_style():
+        figure = pictures["forces-1"].draw()
+        figure.draw_without_rendering()
+    by_title = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    assert "M (kNm/m), lined" in by_title
+    axes = by_title["N (kN/m), lined"]
+    said = {text.get_text() for text in axes.findobj(Text) if text.get_text()}
+    row = {(row[0], row[1]): row for row in force_table(found).rows}["lining", "lined"]
+    table = {f"{float(cell):.3g}" for cell in row[2:4]}
+    assert table <= said
+    # one scale for all stages of a quantity: half the force is half as far from the line
+    reach = []
+    for stage in ("face", "lined"):
+        line = by_title[f"N (kN/m), {stage}"].get_lines()
+        outline = max((each.get_xydata() for each in line), key=len)
+        reach.append(3.0 * np.cos(np.pi / 24) - np.linalg.norm(outline, axis=1).min())
+    assert reach[1] == pytest.approx(2.0 * reach[0], rel=1e-6)
+    assert reach[0] > 0.0  # anticlockwise the left, where compression is drawn, is inside
+    # moments are drawn at the middles of the pieces, where there are no teeth
+    moments = {
+        float(text.get_text()) for text in by_title["M (kNm/m), lined"].texts if text.get_text()
+    }
+    largest = 2.0 * np.cos(np.pi / 12) ** 2  # at a middle, of the mean of two nodes
+    assert max(moments) == pytest.approx(largest, abs=0.01)
+    assert min(moments) == pytest.approx(-largest, abs=0.01)
+
+
+def test_bars_stand_where_they_are_as_wide_as_their_force(members):
+    pictures = {p.name: p for p in structure_pictures(SimpleNamespace(members=members))}
+    with drawing_style():
+        figure = pictures["bars-along"].draw()
+        figure.draw_without_rendering()
+    panels = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    assert list(panels) == ["dig", "stress", "jack"]
+    said = {text.get_text() for text in panels["jack"].findobj(Text)}
+    assert "-200" in said  # of S1, as jacked
+    lines = panels["jack"].get_lines()
+    wide = {
+        tuple(line.get_xydata().ravel()): line.get_linewidth() for line in lines
+        if len(line.get_xdata()) == 2
+    }  # fmt: skip
+    assert wide[12.0, 22.0, 0.0, 22.0] > wide[12.0, 21.0, 17.0, 20.0]

@@ -10,8 +10,10 @@ import pytest
 from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
 
+from geoident.errors import InputError
 from geoident.io.result.file import read_result
 from geoident.model.results.model_error import ModelErrorTable
+from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.running.jobs import (
     Request,
@@ -296,3 +298,44 @@ def test_a_sample_says_that_the_size_of_an_estimated_model_error_is_not_drawn(dr
     assert "that of the fit in all draws (12 % of the computed motion" in said
     assert "3 % to 31 %" in said
     assert len(granted(replace(fit, model_error=replace(table, kind="given")), ())) == 1
+
+
+def test_a_model_whose_modes_are_others_than_those_of_the_fit_is_refused(drawn, tmp_path):
+    """The same mesh and field, but more ground is of the material: the modes are others."""
+    path = drawn[1].with_name("case.yaml")
+    for name in ("trench.inp", "readings.csv", "case.fit.h5"):
+        (tmp_path / name).write_bytes(path.with_name(name).read_bytes())
+    text = path.read_text().replace("lower: rock}", "lower: soft}")
+    text = text.replace("materials:\n", "materials:\n  soft: {E: 5 GPa, nu: 0.25}\n")
+    (tmp_path / "new.yaml").write_text(text)
+    new = ("--case", tmp_path / "new.yaml", "-o", tmp_path / "new.predict.h5")
+    done = run_command("predict", tmp_path / "case.fit.h5", *new)
+    assert done.exit_code == 3, done.output
+    said = " ".join(done.stderr.split())
+    assert "new.yaml:10" in said
+    assert "the modes of rock.E are not those of the fit: they are of 22 elements" in said
+
+
+def test_modes_that_turned_out_otherwise_are_noticed(drawn, tmp_path):
+    """As with another version of a library: here the coefficient of a mode has the other sign."""
+    fit, path, _ = drawn
+    inputs = inputs_of_result(fit, str(path))
+    model = build_model(inputs)
+    values = fit.parameters.values.copy()
+    require_same_modes(fit, model, inputs.case, values)
+    values[np.argmax(np.abs(values[2:])) + 2] *= -1.0
+    with pytest.raises(InputError, match=r"give values up to .* % from those of the fit"):
+        require_same_modes(fit, model, inputs.case, values)
+
+
+def test_a_comparison_counts_the_parameters_that_people_see(drawn, tmp_path):
+    path = drawn[1].with_name("case.fit.h5")
+    plain = tmp_path / "case.yaml"
+    write_case(tmp_path).write_text(CASE.replace("stages: [first]", ALL))
+    (tmp_path / "readings.csv").write_text(READINGS)
+    assert run_command("fit", plain).exit_code in (0, 4)
+    done = run_command("compare", plain.with_name("case.fit.h5"), path, "--json")
+    told = json.loads(done.stdout)["models"]
+    assert [(model["parameters"], model["modes"]) for model in told] == [(2, 0), (2, 12)]
+    shown = run_command("compare", plain.with_name("case.fit.h5"), path).stdout
+    assert "2 + 12 modes" in shown

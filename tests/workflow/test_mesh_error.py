@@ -336,6 +336,7 @@ def test_check_says_it_before_any_reading(coarse):
     run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error"])
     assert run.exit_code == 0
     assert "Every edge halved: 180 elements became 720" in run.stdout
+    assert "Computed at the start values of the parameters" in " ".join(run.stdout.split())
     assert "The mesh is too coarse for these readings" in " ".join(run.stdout.split())
     run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error", "--json"])
     entry = json.loads(run.stdout)
@@ -347,6 +348,7 @@ def test_check_says_it_before_any_reading(coarse):
     result = str(coarse.with_name("case.fit.h5"))
     again = CliRunner().invoke(geoident, ["check", result, "--mesh-error", "--json"])
     other = json.loads(again.stdout)
+    assert other["notes"][0] == "Computed at the parameters of the fit."
     size = {(r["gauge"], r["stage"]): r["error"] for r in entry["readings"]}
     at_fit = {(r["gauge"], r["stage"]): r["error"] for r in other["readings"]}
     E = fitted(coarse).parameters.values[0]

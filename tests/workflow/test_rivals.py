@@ -124,22 +124,22 @@ def test_with_more_gauges_the_answer_is_settled(tmp_path):
 
 def test_rivals_are_those_of_the_accuracies_that_were_estimated(tmp_path):
     """Ten times too good accuracies put rivals hopelessly high; estimated, they come back."""
-    case = write_case(
-        tmp_path,
-        accuracy="0.02 mm",
-        gauges=(*FEW, "e3"),
-        fit="{stages: [dig], accuracies: estimate, mesh_error: false}",
-    )
+    stated = "{stages: [dig], model_error: none, mesh_error: false}"
+    given = {"accuracy": "0.02 mm", "gauges": (*FEW, "e3")}
+    case = write_case(tmp_path, fit=stated.replace("}", ", accuracies: estimate}"), **given)
+    strict = write_case(tmp_path, fit=stated, name="stated.yaml", **given)
     truth = {**TRUTH, "dip": np.radians(-71.2), "K0": 0.84}
-    write_readings(case, truth, seed=3, noise=10.0)
+    write_readings(case, truth, seed=2, noise=10.0)
     ended = run_command("fit", str(case), "--json")
     told = json.loads(ended.stdout)
     result = read_result(case.with_name("case.fit.h5"))
     lowest = result.objective
     assert told["accuracies"][0]["factor"] is not None
-    if result.rivals is not None:
-        assert np.all(result.rivals.objectives >= lowest - 0.1)
-        assert np.all(result.rivals.objectives <= lowest + 4.0)
+    assert len(result.rivals) >= 2
+    assert np.all(result.rivals.objectives >= lowest - 0.1)
+    assert np.all(result.rivals.objectives <= lowest + 4.0)
+    run_command("fit", strict)
+    assert read_result(strict.with_name("stated.fit.h5")).rivals is None
 
 
 def test_an_explicit_number_of_starts_is_a_key_of_the_case(tmp_path):

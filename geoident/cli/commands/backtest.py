@@ -27,7 +27,7 @@ Examples:
 
 \b
 Exit codes: 0 done and the bands hold, 4 finished, but the bands do not hold
-or a fit has not converged (the reason says which), others as for all commands.
+or a fit has not converged (the reason says which), others as for all.
 """
 
 

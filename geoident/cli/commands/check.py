@@ -9,7 +9,16 @@ from importlib.util import find_spec
 import click
 
 from geoident.cli.error_boundary import each, failures_as_json
-from geoident.cli.options import Arguments, Options, Steps, for_one, line, overrides, takes
+from geoident.cli.options import (
+    Arguments,
+    Options,
+    Steps,
+    for_one,
+    line,
+    on_result,
+    overrides,
+    takes,
+)
 
 EPILOG = """\b
 Examples:
@@ -25,8 +34,31 @@ Examples:
 _SUFFIXES = (".svg", ".png", ".pdf")
 
 
+_UNREAD = "geoident.cases without readings"
+"""Of the context of a command: the cases of which there is nothing to fit yet."""
+
+
 def _next(arguments: Arguments, options: Options) -> Steps:
-    return for_one(arguments["cases"], lambda case: (line("fit", case, *overrides(options)),))
+    """A fit; where there are no readings yet, what tells whether the gauges will do."""
+    changes = overrides(options)
+    unread = click.get_current_context().meta.get(_UNREAD, ())
+
+    def steps(case: str) -> Steps:
+        if arguments["mesh_error"] and case.endswith(".h5"):
+            return on_result(case)
+        if case not in unread:
+            return (line("fit", case, *changes),)
+        if arguments["identifiability"]:
+            return line("simulate", case, *changes), "put readings into the case, and fit it"
+        return line("check", case, *changes, "--identifiability"), line("simulate", case, *changes)
+
+    return for_one(arguments["cases"], steps)
+
+
+def _note_unread(case: str) -> None:
+    """Keep that a case has no readings, for what is said at the end."""
+    meta = click.get_current_context().meta
+    meta[_UNREAD] = (*meta.get(_UNREAD, ()), case)
 
 
 @click.command(epilog=EPILOG)
@@ -93,6 +125,8 @@ def _identifiability(case: str, options: Options) -> int:
 
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)
+    if not plan.read:
+        _note_unread(case)
     if options.as_json:
         click.echo(dumps(plan_object(case, plan)))
     elif not options.quiet:
@@ -121,18 +155,20 @@ def _check(case: str, picture: str | None, options: Options) -> int:
 
     with failures_as_json(case, options):
         checked = check(case, overrides=options.overrides, solver=options.solver)
+        if picture is not None and checked.mesh is None:
+            message = f"--picture {picture}: the case has no mesh, so nothing to draw."
+            raise click.UsageError(message)
+    if not checked.case.readings:
+        _note_unread(case)
     if options.as_json:
         click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:
         click.echo(case_text(checked.summary))
     if picture is not None:
-        from geoident.report.drawing.case import case_picture
+        from geoident.report.drawing.model.figure import case_picture
         from geoident.workflow.running.outputs import write_bytes
 
-        if checked.mesh is None:
-            raise click.UsageError(
-                f"--picture {picture}: the case has no mesh, so nothing to draw."
-            )
+        assert checked.mesh is not None
         drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())
         write_bytes(drawn, picture, force=options.force, inputs=checked.files_read)
         if not options.as_json and not options.quiet:

@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import click
 
 from geoident.cli.error_boundary import each
-from geoident.cli.options import Options, always, takes
+from geoident.cli.options import OneOf, Options, always, takes
 from geoident.errors import UsageError
 
 if TYPE_CHECKING:
@@ -41,7 +42,10 @@ Examples:
   geoident export case.fit.h5 --table gauges > gauges.csv
   geoident export case.fit.h5 --format vtu -o for-paraview
   geoident export results/*.fit.h5 --format csv --format vtkhdf -o export
-"""
+
+\b
+Tables:
+""" + textwrap.fill(", ".join(TABLES), 76, initial_indent="  ", subsequent_indent="  ")
 
 
 @click.command(epilog=EPILOG)
@@ -49,7 +53,7 @@ Examples:
 @click.option(
     "--format",
     "formats",
-    type=click.Choice(FORMATS),
+    type=OneOf(FORMATS),
     multiple=True,
     default=["csv"],
     show_default=True,
@@ -57,8 +61,9 @@ Examples:
 )
 @click.option(
     "--table",
-    type=click.Choice(TABLES),
-    help="One table as CSV, to stdout or to the file -o.",
+    type=OneOf(TABLES),
+    metavar="NAME",
+    help="One of the tables below as CSV, to stdout or to the file -o.",
 )
 @takes("output", "force", after=always("open .csv in a spreadsheet, .pvd or .vtkhdf in ParaView"))
 def command(

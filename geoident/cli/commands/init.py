@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from geoident.cli.options import Arguments, Options, Steps, line, takes
+from geoident.cli.options import Arguments, OneOf, Options, Steps, line, takes
 from geoident.io.docs.templates import TEMPLATES
 
 _WIDTH = max(map(len, TEMPLATES)) + 2
@@ -36,8 +36,9 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.argument("folder", metavar="[DIR]", default=".", type=click.Path())
 @click.option(
     "--template",
-    type=click.Choice(list(TEMPLATES)),
-    help="Template to start from; cavern by default.",
+    type=OneOf(list(TEMPLATES)),
+    metavar="NAME",
+    help="Template to start from, of those below; cavern by default.",
 )
 @click.option(
     "--from", "mesh", metavar="MESH", type=click.Path(), help="Start from a mesh of your own."

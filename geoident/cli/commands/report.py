@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+import shlex
+from functools import partial
+
 import click
 
-from geoident.cli.options import Options, always, takes
+from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
 
 EPILOG = """\b
@@ -15,7 +18,14 @@ Examples:
   geoident report case.fit.h5 -o report.html --figures figures --format pdf
   geoident report case.fit.h5 --no-page --figures . --format png --force
   geoident report start-a.h5 start-b.h5 -o comparison.html
+  geoident report case.fit.h5 --client "Ground AG" --revision B --logo logo.svg --force
 """
+
+
+def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["no_page"]:
+        return (f"look at the figures in {shlex.quote(arguments['folder'])}",)
+    return ("open the page in a browser, which also prints it to PDF",)
 
 
 @click.command(epilog=EPILOG)
@@ -24,20 +34,26 @@ Examples:
 @click.option(
     "--format",
     "suffixes",
-    type=click.Choice(["svg", "png", "pdf"]),
+    type=OneOf(["svg", "png", "pdf"]),
     multiple=True,
     help="Format of these files; may be repeated.  [default: svg]",
 )
 @click.option("--no-page", is_flag=True, help="Only the figures.")
-@takes(
-    "output", "force", after=always("open it in a browser or a viewer; a browser prints it to PDF")
-)
+@click.option("--title", metavar="TEXT", default="", help="In place of the title of the case.")
+@click.option("--project", metavar="TEXT", default="", help="Project, in the head of the page.")
+@click.option("--client", metavar="TEXT", default="", help="For whom the report is made.")
+@click.option("--author", metavar="TEXT", default="", help="Who made it.")
+@click.option("--revision", metavar="TEXT", default="", help="Its revision.")
+@click.option("--date", metavar="TEXT", default="", help="Its date, as it is to be written.")
+@click.option("--logo", metavar="FILE", default="", help="Logo in the head: .png or .svg.")
+@takes("output", "force", after=_next)
 def command(
     results: tuple[str, ...],
     folder: str | None,
     suffixes: tuple[str, ...],
     no_page: bool,
     options: Options,
+    **head: str,
 ) -> int:
     """Write the report: one page that opens in any browser, prints, and needs no other file.
 
@@ -46,18 +62,26 @@ def command(
     page that compares them. The page is CASE.fit.html beside the result. The same results give the
     same page; a different file of that name is replaced only with --force.
 
+    Its head is that of `report` in the case (project, client, author, revision, date, logo), which
+    may be written after the fit; flags override it.
+
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.workflow.report import (
         files_read,
+        head_of,
         page_path,
+        read_logo,
         read_results,
         write_figures,
         write_page,
     )
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
+    if no_page and any(head.values()):
+        raise UsageError("The head is that of the page, which --no-page leaves out.")
     _require_matplotlib()
+    from geoident.model.results.head import ReportHead
     from geoident.report.drawing.album import figure_files
     from geoident.report.page.page import report_page
 
@@ -66,7 +90,10 @@ def command(
     inputs = files_read(results, read)
     written: tuple[str, ...] = ()
     if place:
-        page = write_page(read, place, overwrite=options.force, inputs=inputs, render=report_page)
+        said = head_of(results, read, ReportHead(**head))
+        render = partial(report_page, head=said, logo=read_logo(said))
+        inputs = (*inputs, said.logo) if said.logo else inputs
+        page = write_page(read, place, overwrite=options.force, inputs=inputs, render=render)
         written += (page,)
     if folder is not None:
         written += write_figures(

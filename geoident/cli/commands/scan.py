@@ -12,7 +12,7 @@ EPILOG = """\b
 Examples:
   geoident scan case.yaml
   geoident scan case.yaml --set fit.scan.points=41
-  geoident scan case.yaml --set "fit.scan.grid={E_rock: {from: 5 GPa, to: 30 GPa}}"
+  geoident scan case.yaml --set "fit.scan.grid.E={from: 5 GPa, to: 9 GPa}"
   geoident scan case.yaml --json | jq .grid
 """
 

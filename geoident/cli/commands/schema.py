@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Options, always, takes
+from geoident.cli.options import Arguments, Options, Steps, takes
 
 EPILOG = """\b
 Examples:
@@ -14,14 +14,21 @@ Examples:
   geoident schema --markdown | less
 
 \b
-An editor with a YAML language server completes and checks a case whose first line is
+An editor with a YAML language server completes and checks a case whose
+first line is
   # yaml-language-server: $schema=case.schema.json
 """
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["markdown"]:
+        return ()
+    return ("write in the first line of a case: # yaml-language-server: $schema=FILE",)
+
+
 @click.command(epilog=EPILOG)
 @click.option("--markdown", is_flag=True, help="The page of all keys, for people.")
-@takes(after=always("write in the first line of a case: # yaml-language-server: $schema=FILE"))
+@takes(after=_next)
 def command(markdown: bool, options: Options) -> int:
     """Print the JSON schema of case files, for editors, or all keys for people."""
     from geoident.io.docs.case_schema import case_schema_text, key_page_text

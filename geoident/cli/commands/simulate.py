@@ -27,11 +27,19 @@ Examples:
 def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
     if file in (None, "-"):
-        return (line("simulate", case, *overrides(options), "-o", new_name("simulated", ".csv")),)
+        words = (*overrides(options), *_drawn(arguments, options))
+        return (line("simulate", case, *words, "-o", new_name("simulated", ".csv")),)
     from geoident.io.text.text_file import seen_from
 
     readings = seen_from(Path(case).parent, file)
     return (line("fit", case, "--set", f"readings={readings}"),)
+
+
+def _drawn(arguments: Arguments, options: Options) -> Steps:
+    """The words that make the same random numbers once more."""
+    chosen = [name for name in ("noise", "draw") if arguments[name]]
+    seed = ("--seed", str(options.seed)) if chosen and options.seed else ()
+    return (*(f"--{name}" for name in chosen), *seed)
 
 
 @click.command(epilog=EPILOG)

@@ -198,7 +198,7 @@ class OpeningField:
 
     def _yielded(self, load: OpeningLoad) -> list[str]:
         """How far the ground yields in the last state with a closed form."""
-        states = [n for n, why in enumerate(self.obstacles) if why is None and self.open[n]]
+        states = self.open_stages
         try:
             state = load.at(states[-1])[0] if states else None
         except ModelError:
@@ -208,6 +208,24 @@ class OpeningField:
         name = self._sequence.states[states[-1]].name
         text = f"at stage '{name}' the ground yields up to {float(state.plastic_radius.value):.3g} "
         return [text + "m from the centre"]
+
+    def load(self, values: Values) -> OpeningLoad:
+        """The ground at some parameters, by name."""
+        return self._load(values, ())
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre of the opening, m."""
+        return self._site.centre
+
+    @property
+    def open_stages(self) -> tuple[int, ...]:
+        """Numbers of the states with the opening that have a closed form."""
+        return tuple(n for n, why in enumerate(self.obstacles) if why is None and self.open[n])
+
+    def stage_name(self, number: int) -> str:
+        """Name of a state."""
+        return self._sequence.states[number].name
 
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
         point = ParameterPoint(values, names)

@@ -9,6 +9,7 @@ import numpy as np
 from geoident.errors import InputError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
+from geoident.forward.openings.reaction import ground_reaction
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
 from geoident.forward.protocols import Survey
 from geoident.forward.stages import CaseOnMesh
@@ -81,11 +82,11 @@ class OpeningModel:
     def survey(
         self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
     ) -> Survey:
-        """All channels at all stages and their derivatives; there are no fields.
+        """All channels at all stages and their derivatives.
 
         Args:
             p: (n,) parameters.
-            fields: of no effect.
+            fields: with the reaction of the ground, which stands for the fields of a mesh.
             partial: where a stage has no equilibrium, give what can be known without it.
             last: of no effect: a stage costs nothing.
 
@@ -100,7 +101,10 @@ class OpeningModel:
             raise failures[0]
         said = tuple(dict.fromkeys(error.message for error in failures))
         change = self.increments(p)
-        return Survey(table[..., 0], table[..., 1:], None, collapses=said, increments=change)
+        found = ground_reaction(self.field, values) if fields else None
+        return Survey(
+            table[..., 0], table[..., 1:], None, collapses=said, reaction=found, increments=change
+        )
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what the channels see, (n_states, n_channels), m.

@@ -75,8 +75,14 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
                 hint = "Give E and nu with a field of E, or leave out 'yield' or the field."
                 yield case.source.fault(field.path, code="field", message=message, hint=hint)
         elif field.constant in _ANGLES:
-            message = f"{field.constant} of '{material.name}' is an angle, which cannot be a field"
-            hint = "Let the cohesion vary: give a number or a parameter for the angle."
+            message = (
+                f"{field.constant} of '{material.name}' is an angle, which cannot be a field: "
+            )
+            message += (
+                "it makes the shape of the yield surface, which is the same at all points of "
+            )
+            message += "a material"
+            hint = "Let the cohesion vary, or give places of another angle a material of their own."
             yield case.source.fault(field.path, code="field", message=message, hint=hint)
         else:
             yield from _other_strengths(case, material, field)

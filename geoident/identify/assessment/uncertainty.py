@@ -41,6 +41,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from geoident.identify.assessment.conflicts import (
+    conflict_sentences,
+    prior_conflicts,
+    tied_sentences,
+)
 from geoident.identify.assessment.findings import Knowledge, describe_gaps
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
@@ -153,36 +158,46 @@ def assess(
     named = np.array([not q.field for q in problem.parameters], dtype=np.bool_)
     known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
     pressed = np.zeros(len(values))
+    held = SingularDirections.of(A, ~at_bound)
+    conflicts: tuple[str, ...] = ()
     if readings is not None:
-        r = np.concatenate(
-            [problem.whiten(readings - problem.measured), scaling.prior_residuals(values)]
+        of_priors = scaling.prior_residuals(values)
+        r = np.concatenate([problem.whiten(readings - problem.measured), of_priors])
+        found = prior_conflicts(
+            scaling.to_scaled(values),
+            scaling.prior_jacobian(values),
+            of_priors,
+            _scaled(held, width)[0],
+            named,
         )
+        conflicts = conflict_sentences(found, problem.parameters, scaling.reference)
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
     mean, factor = _uncut(scaling, whole, width, pressed)
     posterior = cut_normal(mean, factor, *_room(scaling, width, values))
     every_x, every_gap_x = _scaled(whole, width)
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
+    numbers = _numbers(scaling, values, posterior, numbered)
+    square = np.ix_(named, named)
+    gaps = describe_gaps(
+        known, (np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T))[square]
+    )
+    tied = tied_sentences(known.parameters, numbers["correlation"][square], gaps)
     return Assessment(
-        **_numbers(scaling, values, posterior, numbered),
+        **numbers,
         beyond_bounds=numbered & _reaches_beyond(scaling, values, mean, factor),
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
         singular_values=known.readings.S[: min(len(B), len(known.parameters))],
-        findings=describe_gaps(
-            known,
-            (np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T))[
-                np.ix_(named, named)
-            ],
-        ),
+        findings=(*gaps, *conflicts, *tied),
         slope=slope,
         posterior=posterior,
         uncut_mean=mean,
         uncut_factor=factor,
         determined_x=whole.determined_columns * width[:, None],
         gaps_x=every_gap_x,
-        held_covariance_x=_scaled(SingularDirections.of(A, ~at_bound), width)[0],
+        held_covariance_x=_scaled(held, width)[0],
     )
 
 

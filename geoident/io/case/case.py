@@ -49,6 +49,24 @@ class MeshSection(Section):
     )
 
 
+class ReportSection(Section):
+    """What the report says of itself; nothing is computed from it, so a change asks for no new fit.
+
+    Flags of `report`, such as `--client`, override it.
+    """
+
+    project: Text = Field("", description="The project.", examples=["Power station Upper Valley"])
+    author: Text = Field("", description="Who made the report.", examples=["J. Doe, Ground AG"])
+    client: Text = Field("", description="For whom it was made.")
+    revision: Text = Field("", description="Its revision.", examples=["B"])
+    date: Text = Field("", description="Its date, as it is to be written.", examples=["3 May 2026"])
+    logo: Text = Field(
+        "",
+        description="Path of a picture, .png or .svg, relative to the case.",
+        examples=["logo.svg"],
+    )
+
+
 Component = Literal["x", "y", "z"]
 SupportValue = Annotated[
     Annotated[Literal["x", "y", "z", "fixed"], Tag("text")]
@@ -118,6 +136,7 @@ class CaseSection(Section):
         [], description="Readings known to be wrong: shown with the reason, and not used."
     )
     fit: FitSection = Field(default_factory=FitSection)
+    report: ReportSection | None = Field(None, description="The head of the report.")
 
 
 def build_case(section: CaseSection, faults: Faults) -> Case:

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import yaml
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from geoident.errors import Fault, InputError, Location, Term
-from geoident.io.case.case import CaseSection, build_case, check_references
+from geoident.io.case.case import CaseSection, ReportSection, build_case, check_references
 from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
@@ -34,10 +34,11 @@ from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Document, Node, parse_yaml
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
+from geoident.model.results.head import ReportHead
 
 STDIN_NAME = "<stdin>"
 _STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)""")
-_MAY_BE_NEW = {"fit"}
+_MAY_BE_NEW = {"fit", "report"}
 _MOST_KEYS = 16
 
 BLANK = "FILL_IN"
@@ -64,6 +65,7 @@ class LoadedCase:
         mesh_path: path of the mesh, relative paths against the folder of the case; None for none.
         readings_paths: paths of the files of readings, in their order.
         files: paths of all files that the case names, with overrides or without, and that exist.
+        computed: what is resolved, without what no computation sees; the same as resolved if empty.
     """
 
     case: Case
@@ -72,6 +74,7 @@ class LoadedCase:
     mesh_path: str | None
     readings_paths: tuple[str, ...]
     files: tuple[str, ...] = ()
+    computed: str = ""
 
 
 def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
@@ -88,13 +91,16 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
     return parse_case(text, path, overrides=overrides)
 
 
-def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
+def parse_case(
+    text: str, path: str, *, overrides: Sequence[str] = (), with_mesh: bool = True
+) -> LoadedCase:
     """Read the text of a case as if it stood in a file, which need not be there any more.
 
     Args:
         text: the case.
         path: of that file, for the files that the case names; ``-`` for stdin.
         overrides: see `read_case`.
+        with_mesh: whether the file of the mesh has to be there.
 
     Raises:
         InputError: with all faults found.
@@ -108,7 +114,9 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     section = _validate(places)
     faults = Faults(places)
     mesh_path = None
-    if section.mesh is not None:
+    if section.mesh is not None and not with_mesh:
+        mesh_path = section.mesh.file
+    elif section.mesh is not None:
         mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
@@ -125,7 +133,47 @@ def parse_case(text: str, path: str, *, overrides: Sequence[str] = ()) -> Loaded
     faults.raise_any()
     chain = [method_name(options) for options in case.fit.methods]
     resolved = _resolved_text(section, chain)
-    return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files))
+    computed = _resolved_text(section.model_copy(update={"report": None}), chain)
+    return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files), computed)
+
+
+class _OnlyReport(BaseModel):
+    """The one section of a case of which a report speaks."""
+
+    report: ReportSection | None = None
+
+
+def read_report_head(text: str, path: str) -> ReportHead:
+    """What a case says of its report, whatever else is right or wrong in it.
+
+    Args:
+        text: the case.
+        path: where it stands or stood; its logo is looked for beside it.
+
+    Raises:
+        InputError: the text is no YAML, or its section ``report`` is wrong.
+    """
+    places = apply_overrides(parse_yaml(text, _shown(path)), ())
+    if not isinstance(places.data, dict):
+        return ReportHead()
+    faults, known = Faults(places), dict[int, tuple[str, ...]]()
+    try:
+        found = _OnlyReport.model_validate(places.data, context=known).report
+    except ValidationError as error:
+        add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+        faults.raise_any()
+        raise
+    if found is None:
+        return ReportHead()
+    logo = str(Path(path).parent / found.logo) if found.logo else ""
+    return ReportHead(
+        project=found.project,
+        author=found.author,
+        client=found.client,
+        revision=found.revision,
+        date=found.date,
+        logo=logo,
+    )
 
 
 def files_of_text(text: str, path: str) -> tuple[str, ...]:
@@ -199,7 +247,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
     Args:
         document: the case as written.
         overrides: texts ``path=value``; the value is YAML. A section that is not in the case is
-            only made for ``fit``.
+            only made for ``fit`` and ``report``.
 
     Raises:
         InputError: faulty overrides, located at `OVERRIDES`.

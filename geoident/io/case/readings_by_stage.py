@@ -30,7 +30,7 @@ from geoident.io.text.dates import date_text, offset_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading, Reads, StageReadings
+from geoident.model.gauges import Reading, Reads, StageReadings, named_channels
 from geoident.units import UnitError, read_quantity, require_dimension, with_article
 
 DAY = 86400.0
@@ -422,7 +422,7 @@ def _subtract_zeros(found: Assigned, zeros: Mapping[str, Reading]) -> None:
     channels = dict.fromkeys(row.channel for row in found.readings if row.channel in zeros)
     found.zeros = {name: zeros[name] for name in channels}
     if channels:
-        names = ", ".join(channels)
+        names = named_channels(list(channels))
         found.notes.append(
             f"The readings of {names} are differences from a measured zero (rezero): their "
             "standard deviation is the root of the sum of the squares of both. All readings of a "
@@ -440,13 +440,18 @@ def _leave_out_early(found: Assigned, calendar: Calendar) -> None:
     ]
     left_out = {id(reading) for reading in early}
     found.readings = [r for r in found.readings if id(r) not in left_out]
+    before: dict[str, list[tuple[str, int]]] = {}
     for channel, number in Counter(reading.channel for reading in early).items():
         zero = calendar.zeros.get(channel, VIRGIN)
         since = calendar.dates.get(zero if zero != VIRGIN else "", None)
         when = f" ({date_text(since)})" if since is not None else ""
         what = f"its zero at the end of '{zero}'{when}" if zero != VIRGIN else "the first stage"
+        before.setdefault(what, []).append((channel, number))
+    for what, counted in before.items():
+        number = sum(count for _, count in counted)
+        names = named_channels([channel for channel, _ in counted])
         readings = "reading" if number == 1 else "readings"
-        found.notes.append(f"{number} {readings} of {channel} before {what} left out.")
+        found.notes.append(f"{number} {readings} of {names} before {what} left out.")
 
 
 class _Check:

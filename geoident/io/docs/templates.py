@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 TEMPLATES: Mapping[str, str] = {
-    "cavern": "a heading and two benches, extensometers and convergence lines, plane strain",
+    "cavern": "a heading and two benches with extensometers, plane strain",
     "tunnel": "four rounds with shotcrete, in three dimensions",
     "squeezing": "a tunnel in rock that yields, released in parts, plane strain",
-    "opening": "a circular tunnel in rock that yields, by formulas, without a mesh",
-    "twin-tunnels": "two shallow tunnels in soft ground, with a tutorial, plane strain",
-    "dam": "four lifts of rockfill with a core, settlement cells, plane strain",
+    "opening": "a circular tunnel in rock that yields, by formulas, no mesh",
+    "twin-tunnels": "two shallow tunnels in soft ground, with a tutorial",
+    "dam": "four lifts of rockfill with a core, plane strain",
 }
 """Name to what it is about."""
 

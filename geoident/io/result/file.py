@@ -1,4 +1,4 @@
-"""Result files: HDF5, one group a table, described in README ("Result file").
+"""Result files: HDF5, one group a table, described in docs/result_file.md.
 
 Everything that identifies a result stands in the attributes of the root group. A file appears under
 its name only when it is complete (`geoident.io.text.atomic`).
@@ -7,6 +7,7 @@ its name only when it is complete (`geoident.io.text.atomic`).
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -17,7 +18,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, posterior, reading_tables, tables, vtkhdf
+from geoident.io.result import backtest, opening, posterior, reading_tables, tables, vtkhdf
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
@@ -31,7 +32,9 @@ WIDE_FORMAT = "geoident-result/1"
 _RESULT_TEXTS = ("kind", "status", "method", "reason")
 _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
-    entry.name for entry in fields(Provenance) if entry.name not in ("versions", "seed", "format")
+    entry.name
+    for entry in fields(Provenance)
+    if entry.name not in ("versions", "seed", "format", "seconds")
 )
 
 
@@ -44,12 +47,16 @@ class ResultIdentity:
         kind: the command that wrote it.
         status: how it ended.
         exit_code: of the command.
+        case_file: path of its case as seen from the folder of the result.
+        seconds: that it took to compute; infinite where that is unknown.
     """
 
     identity: str
     kind: str
     status: str
     exit_code: int
+    case_file: str
+    seconds: float
 
 
 def write_result(
@@ -120,6 +127,8 @@ def _write(file: h5py.File, result: Result) -> None:
     write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
+    if result.reaction is not None:
+        opening.write_reaction(file, result.reaction)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
     tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
@@ -158,6 +167,8 @@ def _write_attributes(file: h5py.File, result: Result) -> None:
         attributes[name] = np.int64(getattr(result.counts, name))
     attributes["versions"] = plain_text(json.dumps(dict(result.provenance.versions)))
     attributes["seed"] = np.int64(result.provenance.seed)
+    if math.isfinite(result.provenance.seconds):
+        attributes["seconds"] = np.float64(result.provenance.seconds)
     attributes["exit_code"] = np.int64(result.exit_code)
     attributes["objective"] = np.float64(result.objective)
 
@@ -169,7 +180,12 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
             _refuse_unknown_format(file, path)
             root = _Attributes(file, path)
             return ResultIdentity(
-                root.text("identity"), root.text("kind"), root.text("status"), root.int("exit_code")
+                root.text("identity"),
+                root.text("kind"),
+                root.text("status"),
+                root.int("exit_code"),
+                root.text("case_file"),
+                root.float("seconds", math.inf),
             )
     except InputError:
         return None
@@ -216,7 +232,9 @@ class _Attributes:
     def int(self, name: str) -> int:
         return int(self._get(name))
 
-    def float(self, name: str) -> float:
+    def float(self, name: str, missing: float | None = None) -> float:
+        if missing is not None and name not in self._attributes:
+            return missing
         return float(self._get(name))
 
     def list(self, name: str) -> tuple[str, ...]:
@@ -254,6 +272,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         diagnostics=diagnostics,
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
+        reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
         comparison=tables.read_models(file) if tables.MODELS in contents else None,
@@ -288,5 +307,6 @@ def _read_provenance(root: _Attributes) -> Provenance:
         versions=json.loads(root.text("versions")),
         seed=root.int("seed"),
         format=root.text("format").replace(FORMAT, ""),
+        seconds=root.float("seconds", math.nan),
         **texts_,
     )

@@ -480,7 +480,7 @@ def read_evidence(file: h5py.File) -> Evidence:
 
 MODELS = "models"
 _MODEL_NUMBERS = ("objective", "log_evidence", "log_likelihood", "backtest")
-_MODEL_COUNTS = ("parameters", "backtested")
+_MODEL_COUNTS = ("parameters", "backtested", "modes")
 
 
 def _write_models(file: h5py.File, found: ModelComparison) -> None:
@@ -506,7 +506,7 @@ def read_models(file: h5py.File) -> ModelComparison:
     k = len(names)
     paths, statuses = group.texts("path", k), group.texts("status", k)
     numbers = {name: group.floats(name, k).tolist() for name in _MODEL_NUMBERS}
-    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS}
+    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS if name in group}
     models = tuple(
         ModelScore(
             name=names[i],

@@ -109,6 +109,51 @@ def write_fields(
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
 
+def write_lines(
+    file: h5py.File,
+    points: Floats,
+    *,
+    points_data: Mapping[str, npt.NDArray[Any]],
+    cells: Mapping[str, npt.NDArray[Any]],
+    static: Mapping[str, npt.NDArray[Any]],
+) -> h5py.Group:
+    """Writes ``/VTKHDF`` of straight lines, two points each, with one time step a state.
+
+    Args:
+        file: the file.
+        points: (2 n, 3) ends of the lines, m.
+        points_data: arrays (n_states, 2 n, ...).
+        cells: arrays (n_states, n).
+        static: arrays (n,) that are the same at all states.
+
+    Returns:
+        The group.
+    """
+    count = len(points) // 2
+    group = file.create_group(GROUP)
+    group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+    group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
+    group["NumberOfPoints"] = np.array([2 * count], dtype=np.int64)
+    group["NumberOfCells"] = np.array([count], dtype=np.int64)
+    group["NumberOfConnectivityIds"] = np.array([2 * count], dtype=np.int64)
+    group["Points"] = points
+    group["Points"].attrs["unit"] = "m"
+    group["Types"] = np.full(count, LINE, dtype=np.uint8)
+    group["Connectivity"] = np.arange(2 * count, dtype=np.int64)
+    group["Offsets"] = 2 * np.arange(count + 1, dtype=np.int64)
+    _write_data(group, "PointData", points_data)
+    _write_data(group, "CellData", {**cells, **static})
+    states = len(next(iter(cells.values())))
+    sizes = {f"PointData/{name}": 2 * count for name in points_data}
+    sizes |= {f"CellData/{name}": count for name in cells}
+    _write_step_offsets(group, states, sizes | {f"CellData/{name}": 0 for name in static})
+    return group
+
+
+LINE = 3
+"""VTK's number of a straight line of two points."""
+
+
 def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, Floats]:
     """Constants that vary from place to place as arrays (n_elements,); NaN in other materials.
 
@@ -150,6 +195,13 @@ def _write_data(group: h5py.Group, name: str, arrays: Mapping[str, npt.NDArray[A
 def _write_steps(
     group: h5py.Group, mesh: Mesh, states: int, cells: tuple[str, ...], static: tuple[str, ...]
 ) -> None:
+    sizes = {"PointData/displacement": mesh.n_nodes}
+    sizes |= {f"CellData/{name}": mesh.n_elements for name in cells}
+    _write_step_offsets(group, states, sizes | {f"CellData/{name}": 0 for name in static})
+
+
+def _write_step_offsets(group: h5py.Group, states: int, sizes: Mapping[str, int]) -> None:
+    """Where the data of each state begin: so many entries a state, 0 for what stays the same."""
     steps = group.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(states)
     number, zeros = np.arange(states, dtype=np.int64), np.zeros(states, dtype=np.int64)
@@ -159,11 +211,9 @@ def _write_steps(
     steps["PointOffsets"] = zeros
     steps["CellOffsets"] = zeros[:, None]
     steps["ConnectivityIdOffsets"] = zeros[:, None]
-    steps["PointDataOffsets/displacement"] = number * mesh.n_nodes
-    for name in cells:
-        steps[f"CellDataOffsets/{name}"] = number * mesh.n_elements
-    for name in static:
-        steps[f"CellDataOffsets/{name}"] = zeros
+    for name, size in sizes.items():
+        kind, _, array = name.partition("/")
+        steps[f"{kind}Offsets/{array}"] = number * size
 
 
 def _write_mesh(group: h5py.Group, mesh: Mesh) -> None:

@@ -16,7 +16,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
+from geoident.io.result.structure_lines import structure_lines
 from geoident.io.result.vtkhdf import (
+    LINE,
     element_groups,
     element_numbers,
     varied_cells,
@@ -25,7 +27,7 @@ from geoident.io.result.vtkhdf import (
 from geoident.model.arrays import Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.results.result import FieldSeries
+from geoident.model.results.result import FieldSeries, MemberForces
 from geoident.model.results.varied import FieldEstimate
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -77,6 +79,37 @@ def write_vtu(
         file.writelines(_section("Cells", topology))
         file.writelines(_section("PointData", displacement))
         file.writelines(_section("CellData", cells))
+        file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+
+
+def write_structures_vtu(found: MemberForces, state: int, path: str | Path) -> None:
+    """Writes walls, linings and bars that stand at a state as lines with their forces.
+
+    Each straight piece has two points of its own, since forces may leap between pieces. Point data
+    and cell data are those of `structure_lines`.
+
+    Args:
+        found: forces at all stages.
+        state: 0 is the virgin state, in which nothing stands.
+        path: the file.
+    """
+    lines = structure_lines(found, state)
+    there = lines.standing
+    count = int(np.count_nonzero(there))
+    topology: Arrays = {
+        "connectivity": np.arange(2 * count, dtype=np.int64),
+        "offsets": 2 * np.arange(1, count + 1, dtype=np.int64),
+        "types": np.full(count, LINE, dtype=np.uint8),
+    }
+    ends = np.repeat(there, 2)
+    with Path(path).open("w", encoding="utf-8", newline="\n") as file:
+        file.write(_HEAD.format("UnstructuredGrid"))
+        file.write("<UnstructuredGrid>\n")
+        file.write(f'<Piece NumberOfPoints="{2 * count}" NumberOfCells="{count}">\n')
+        file.writelines(_section("Points", {"Points": lines.points[ends]}))
+        file.writelines(_section("Cells", topology))
+        file.writelines(_section("PointData", {k: v[ends] for k, v in lines.at_points.items()}))
+        file.writelines(_section("CellData", {k: v[there] for k, v in lines.of_cells.items()}))
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 

@@ -39,10 +39,42 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
     'Stages: heading, bench 1.'
     """
     known = list(known)
+    near = nearest(word, known)
+    return f"Did you mean '{near}'?" if near else f"{what}: {listing(known)}."
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that was probably meant by another one; empty if none is near.
+
+    >>> nearest("fti", ["fit", "show"]), nearest("tiltmeter", ["tilt", "inclinometer"])
+    ('fit', 'tilt')
+    """
     folded = {name.lower(): name for name in known}
+    meant = OTHER_WORDS.get(word.lower())
+    if meant in folded:
+        return folded[meant]
     compared = folded if len(folded) <= _COMPARED else ()
     near = difflib.get_close_matches(word.lower()[:100], compared, n=1, cutoff=0.6)
-    return f"Did you mean '{folded[near[0]]}'?" if near else f"{what}: {listing(known)}."
+    return folded[near[0]] if near else ""
+
+
+OTHER_WORDS = {
+    "anchor-cell": "load-cell",
+    "conv": "convergence",
+    "crackmeter": "convergence",
+    "distometer": "convergence",
+    "earth-pressure-cell": "pressure-cell",
+    "insar": "line-of-sight",
+    "jointmeter": "convergence",
+    "level": "levelling",
+    "pendulum": "displacement",
+    "pore-pressure": "piezometer",
+    "prism": "target",
+    "strain-gauge": "strain",
+    "tape-extensometer": "convergence",
+    "tiltmeter": "tilt",
+}
+"""What people call things that go by another name here; all in small letters."""
 
 
 def listing(names: Iterable[str]) -> str:

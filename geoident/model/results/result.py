@@ -15,6 +15,7 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
+from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.varied import FieldEstimate
@@ -440,6 +441,7 @@ class Provenance:
         identity: hash of everything that it depends on.
         created: date and time.
         format: of the file that it was read from, if that is not the present one.
+        seconds: that the computation took, NaN if unknown.
     """
 
     command: str
@@ -452,6 +454,7 @@ class Provenance:
     identity: str
     created: str
     format: str = ""
+    seconds: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -474,6 +477,7 @@ class Result:
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
+        reaction: of the ground around an opening in closed form, or None.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         model_error: how far the ground may differ from the model, or None for none.
@@ -508,6 +512,7 @@ class Result:
     notes: tuple[str, ...] = field(default_factory=tuple)
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
+    reaction: GroundReaction | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None

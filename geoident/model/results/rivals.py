@@ -73,7 +73,7 @@ class ModelScore:
     Args:
         name: of the model; of a file where it has no other.
         path: of its result.
-        parameters: how many it has.
+        parameters: how many the case names.
         status: of its fit.
         objective: least misfit, with the priors.
         log_evidence: logarithm of the probability density of the readings.
@@ -81,6 +81,7 @@ class ModelScore:
         backtest: mean log score of the last fitted stage, predicted from those before it; NaN for
             none.
         backtested: readings of that.
+        modes: coefficients of fields, which are unknowns beside the parameters.
     """
 
     name: str
@@ -92,6 +93,7 @@ class ModelScore:
     log_likelihood: float
     backtest: float = float("nan")
     backtested: int = 0
+    modes: int = 0
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ class StageSummary:
         built: names of structures that are built.
         dismantled: names of structures that are removed.
         stressed: names of structures whose bars are stressed anew.
+        released: group to the part of its stress that is released by now, in words.
     """
 
     name: str
@@ -66,6 +67,7 @@ class StageSummary:
     built: tuple[str, ...] = ()
     dismantled: tuple[str, ...] = ()
     stressed: tuple[str, ...] = ()
+    released: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -167,11 +169,13 @@ class CaseSummary:
         readings: which are used at which stage, and why the others are not.
         parameters: names of the unknowns.
         methods: names of the identifiers in their order.
+        evaluations: about how often they evaluate the model, in words.
         used: number of readings that take part.
         unused: reason to number of readings that do not, for it.
         cost: estimate of what the computation needs, or None.
         notes: what else the user should know.
         when_read: when the dated readings were taken, stage by stage; empty without dates.
+        resolved: the case as YAML, with overrides and defaults filled in.
     """
 
     case: str
@@ -192,6 +196,8 @@ class CaseSummary:
     cost: CostEstimate | None
     notes: tuple[str, ...]
     when_read: tuple[StageReadings, ...] = ()
+    resolved: str = ""
+    evaluations: str = ""
 
 
 @dataclass(frozen=True)
@@ -268,9 +274,11 @@ class Identifiability:
         findings: sentences on what would stay undetermined.
         singular_values: (min(g, n),) of the scaled sensitivities of the readings.
         readings: number g of planned readings: all channels at all stages of the fit.
+        read: the case has readings already.
     """
 
     parameters: ParameterTable
     findings: tuple[str, ...]
     singular_values: Floats
     readings: int
+    read: bool = True

@@ -7,22 +7,24 @@ from dataclasses import dataclass, replace
 
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
-from geoident.report.drawing.fields import field_pictures
+from geoident.report.drawing.fields.pictures import field_pictures
+from geoident.report.drawing.forces import structure_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
+from geoident.report.drawing.model.figure import model_pictures
+from geoident.report.drawing.opening import opening_pictures
 from geoident.report.drawing.overview import overview_pictures
-from geoident.report.drawing.parameters import (
+from geoident.report.drawing.parameters.corner import pair_pictures
+from geoident.report.drawing.parameters.intervals import (
     compared_parameter_pictures,
     parameter_pictures,
-    scan_pictures,
 )
-from geoident.report.drawing.posterior import posterior_pictures
+from geoident.report.drawing.parameters.scan import scan_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
-from geoident.report.drawing.structures import structure_pictures
 from geoident.report.drawing.style import Picture, image
 from geoident.report.drawing.varied import varied_pictures
 
@@ -31,6 +33,7 @@ from geoident.report.drawing.varied import varied_pictures
 class Album:
     """The figures of one result by the section of the page in which they stand."""
 
+    model: tuple[Picture, ...]
     overview: tuple[Picture, ...]
     parameters: tuple[Picture, ...]
     readings: tuple[Picture, ...]
@@ -43,7 +46,8 @@ class Album:
     def all(self) -> tuple[Picture, ...]:
         """Every figure."""
         return (
-            *self.overview, *self.parameters, *self.readings, *self.fields, *self.quality,
+            *self.model, *self.overview, *self.parameters, *self.readings, *self.fields,
+            *self.quality,
             *self.structures, *self.backtest,
         )  # fmt: skip
 
@@ -56,12 +60,13 @@ def album(result: Result, *, prefix: str = "") -> Album:
         prefix: put before the names of the figures, where several results share a page.
     """
     scene = scene_of(result)
-    fields: tuple[Picture, ...] = ()
+    fields = opening_pictures(result)
     if scene is not None:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
     found = (
+        model_pictures(result),
         overview_pictures(result, scene),
-        (*parameter_pictures(result), *posterior_pictures(result), *scan_pictures(result)),
+        (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
         (
             *profile_pictures(result),
             *reading_pictures(result),

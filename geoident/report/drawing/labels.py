@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,9 @@ _RINGS = np.array([0.0, 3.0, 7.0, 12.0, 18.0, 26.0, 36.0, 50.0, 70.0, 95.0, 125.
 _TURNS = np.array([0, 8, 2, 14, 6, 10, 4, 12, 1, 15, 7, 9, 3, 13, 5, 11]) * (np.pi / 8)
 _TURN_COST = np.linspace(0.0, 3.0, len(_TURNS))  # to the right is best, then to the left, ...
 _SIZES = (1.0, 0.88, 0.78, 0.69, 0.6)  # of the letters, tried until there is room
+_NEAR, _FAR = (0, 5), (5, len(_RINGS))  # rings that are tried first, and those after them
+_MOST_ANCHORS = 6  # of a label, around which places are tried
+_OFF_CENTRE = 6.0  # cost of not standing on the anchor, for a label that would best stand there
 _SWEEPS = 2
 _ON_LINE, _ON_MARK, _LEADERS_CROSS, _LEADER_ON_LABEL = 8.0, 12.0, 25.0, 60.0
 
@@ -233,20 +238,30 @@ def _arrange(
     """Boxes (n, 4) of labels in one size; those that find none at first may find one later."""
     n = len(anchors)
     boxes, leaders = np.full((n, 4), np.nan), np.full((n, 2, 2), np.nan)
-    choices = []
-    for k in range(n):
-        of_others = np.vstack([*(anchors[j] for j in range(n) if j != k), avoid[0]])
-        around = _around(anchors[k], sizes[k], centred=bool(centred[k]))
-        choices.append(_choice(*around, anchors[k], frame, (of_others, avoid[1])))
+    of = np.concatenate([np.full(len(a), k) for k, a in enumerate(anchors)]) if n else np.empty(0)
+    points = np.vstack([np.empty((0, 2)), *anchors])
+
+    @cache
+    def choice(k: int, rings: tuple[int, int]) -> _Choice:
+        others = np.vstack([points[(of != k) & ~centred[of.astype(np.int64)]], avoid[0]])
+        around = _around(anchors[k], sizes[k], rings, centred=bool(centred[k]))
+        return _choice(*around, anchors[k], frame, (others, avoid[1]))
+
+    @cache
+    def anywhere(k: int) -> _Choice:
+        return _choice(*_everywhere(sizes, frame, k, anchors[k]), anchors[k], frame, avoid)
+
     for sweep in range(_SWEEPS + 1):
         for k in range(n):
             others = np.flatnonzero(np.isfinite(boxes[:, 0]) & (np.arange(n) != k))
             given = boxes[others], leaders[others]
-            found = _best(choices[k], *given)
+            found = _best(choice(k, _NEAR), *given)
+            if found is None or found[2] > _RINGS[_FAR[0]]:
+                further = _best(choice(k, _FAR), *given)
+                found = min((f for f in (found, further) if f), key=itemgetter(2), default=None)
             if found is None and sweep == _SWEEPS:
-                everywhere = _at(_everywhere(sizes, frame), sizes[k], anchors[k])
-                found = _best(_choice(*everywhere, anchors[k], frame, avoid), *given)
-            boxes[k], leaders[k] = (np.nan, np.nan) if found is None else found
+                found = _best(anywhere(k), *given)
+            boxes[k], leaders[k] = (np.nan, np.nan) if found is None else found[:2]
     return boxes
 
 
@@ -277,30 +292,30 @@ def _choice(
     return _Choice(boxes, total, leaders)
 
 
-def _around(anchors: Floats, size: Floats, *, centred: bool) -> tuple[Floats, Floats]:
+def _around(
+    anchors: Floats, size: Floats, rings: tuple[int, int], *, centred: bool
+) -> tuple[Floats, Floats]:
     """Boxes (c, 4) around the anchors (k, 2) of a label, and what each costs by itself."""
     direction = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
-    reach = direction[None] * (_GAP + _RINGS)[:, None, None]
+    away = _RINGS[slice(*rings)]
+    reach = direction[None] * (_GAP + away)[:, None, None]
     reach = reach + np.clip(1.3 * direction, -1, 1)[None] * size / 2
-    middles = (anchors[:, None, None] + reach[None]).reshape(-1, 2)
-    cost = (_RINGS[:, None] + _TURN_COST[None]).ravel()
-    cost = np.tile(cost, len(anchors)) + (0.0 if not centred else 6.0)
+    every = -(-len(anchors) // _MOST_ANCHORS)
+    middles = (anchors[::every, None, None] + reach[None]).reshape(-1, 2)
+    cost = np.tile((away[:, None] + _TURN_COST[None]).ravel(), len(anchors[::every]))
     if centred:
-        middles, cost = np.vstack([anchors, middles]), np.r_[np.zeros(len(anchors)), cost]
+        own = 0.1 * np.arange(len(anchors))
+        middles, cost = np.vstack([anchors, middles]), np.r_[own, cost + _OFF_CENTRE]
     return _boxes(middles, size), cost
 
 
-def _everywhere(sizes: Floats, frame: Floats) -> Floats:
-    """Middles (c, 2) of labels all over a frame."""
-    step = max(float(sizes[:, 1].min(initial=np.inf)), 4.0) if len(sizes) else 10.0
+def _everywhere(sizes: Floats, frame: Floats, k: int, anchors: Floats) -> tuple[Floats, Floats]:
+    """Boxes (c, 4) of a label all over a frame, and what each costs by its distance."""
+    step = max(float(sizes[:, 1].min()), 4.0)
     x, y = (np.arange(frame[i] + step / 2, frame[i + 2], step * (2 - i)) for i in (0, 1))
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def _at(middles: Floats, size: Floats, anchors: Floats) -> tuple[Floats, Floats]:
-    """Boxes (c, 4) with some middles, and what each costs by its distance."""
+    middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     away = np.linalg.norm(middles[:, None] - anchors[None], axis=2).min(axis=1)
-    return _boxes(middles, size), away
+    return _boxes(middles, sizes[k]), away
 
 
 def _boxes(middles: Floats, size: Floats) -> Floats:
@@ -308,8 +323,8 @@ def _boxes(middles: Floats, size: Floats) -> Floats:
     return np.hstack([middles - half, middles + half])
 
 
-def _best(choice: _Choice, others: Floats, leaders: Floats) -> tuple[Floats, Floats] | None:
-    """The best box (4,) with its leader (2, 2), NaN for none; None where none is free.
+def _best(choice: _Choice, others: Floats, leaders: Floats) -> tuple[Floats, Floats, float] | None:
+    """The best box (4,) with its leader (2, 2), NaN for none, and its cost; None if none is free.
 
     Args:
         choice: to choose from.
@@ -326,7 +341,7 @@ def _best(choice: _Choice, others: Floats, leaders: Floats) -> tuple[Floats, Flo
     total[led] += _LEADER_ON_LABEL * _cut(mine[led], others).sum(axis=0)
     total[led] += _LEADERS_CROSS * _cross(mine[led], leaders).sum(axis=1)
     best = int(total.argmin())
-    return boxes[best], mine[best]
+    return boxes[best], mine[best], float(total[best])
 
 
 def _overlap(boxes: Floats, others: Floats) -> Bools:
@@ -370,3 +385,28 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
     """Positive where c lies on the left of the line from a to b."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
+    """(k,) which points in space are hidden behind a surface, seen from far away.
+
+    Args:
+        points: (k, 3) points.
+        triangles: (m, 3, 3) corners of the triangles of the surface.
+        towards: (3,) direction to the eye.
+    """
+    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    across = np.cross(towards, v)
+    volume = np.einsum("ij,ij->i", u, across)
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) if len(triangles) else 1.0
+    found = np.zeros(len(points), dtype=bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k, point in enumerate(points):
+            away = point - a
+            s = np.einsum("ij,ij->i", away, across) / volume
+            turned = np.cross(away, u)
+            t = turned @ towards / volume
+            ahead = np.einsum("ij,ij->i", v, turned) / volume
+            inside = (s >= 0) & (t >= 0) & (s + t <= 1)
+            found[k] = bool((inside & (ahead > 1e-3 * size)).any())
+    return found

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
 from geoident.model.results.result import Result
-from geoident.report.drawing.fields import (
+from geoident.report.drawing.fields.motion import displacement_size
+from geoident.report.drawing.fields.panels import (
     bands,
-    displacement_size,
     draw_gauge_lines,
     draw_lines,
     finish,

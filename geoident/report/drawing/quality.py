@@ -13,7 +13,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, Iteration, ParameterTable, Result
 from geoident.report.drawing.gauges.course import unknown
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import (
+    ACCENT,
     COMPUTED,
     DIVERGING,
     FAINT,
@@ -28,6 +30,7 @@ from geoident.report.text.gauges import OUTLIER, in_sd_note, standardized
 from geoident.report.text.layout import number
 
 _MOST_ROWS = 60
+_MOST_NAMES = 30
 
 
 def quality_pictures(result: Result) -> tuple[Picture, ...]:
@@ -57,7 +60,7 @@ def one_to_one_figure(result: Result) -> Figure:
     figure = Figure(figsize=(4.8 * len(units), 4.9))
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         _draw_one_to_one(axes, result, unit)
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        axes.legend(loc="upper left")
     return figure
 
 
@@ -111,9 +114,15 @@ def _residual_picture(result: Result) -> Picture:
         "residuals",
         "Standardized residuals",
         f"Measured minus computed, {in_sd_note(result)} Beyond {OUTLIER:g} the stage is named."
-        f"{more}",
+        f"{_of_many(result)}{more}",
         lambda: residual_figure(result),
     )
+
+
+def _of_many(result: Result) -> str:
+    """What is said where more dots are beyond the limit than are named."""
+    count = int(np.count_nonzero(np.abs(np.nan_to_num(standardized(result))) > OUTLIER))
+    return f" Of {count}, the {_MOST_NAMES} farthest." if count > _MOST_NAMES else ""
 
 
 def _residual_rows(result: Result) -> list[int]:
@@ -135,31 +144,38 @@ def residual_figure(result: Result) -> Figure:
         for used in (True, False):
             here = np.isfinite(residual[row]) & (table.used[row] == used)
             _draw_dots(axes, residual[row, here], np.full(here.sum(), y), used=used, ms=3.8)
-        _name_outliers(axes, residual[row], table, y)
     reach = 1.1 * max(3.5, float(np.nanmax(np.abs(residual))))
-    named = bool(np.nanmax(np.abs(residual)) > OUTLIER)
-    axes.set_xlim(-reach, 1.5 * reach if named else reach)
+    axes.set_xlim(-reach, reach)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_yticks(range(len(rows)), [short(table.channels[row], 22) for row in rows])
-    axes.set_xlabel("(measured - computed) / standard deviation; grey: within 2; hollow: not used")
+    axes.set_xlabel(
+        "(measured - computed) / standard deviation; grey: within 2; hollow: not used",
+        fontsize=SMALL,
+    )
     axes.grid(axis="y")
+    _name_outliers(axes, residual[rows], table)
     return figure
 
 
-def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable, y: int) -> None:
-    """Names of the stages beyond the limit, beside the last dot of the channel."""
-    out = np.flatnonzero(np.abs(np.nan_to_num(residual)) > OUTLIER)
-    if out.size:
-        names = ", ".join(short(table.stages[stage], 12) for stage in out[:2])
-        more = f" and {out.size - 2} more" if out.size > 2 else ""
-        axes.annotate(
-            names + more,
-            (float(np.nanmax(residual)), y),
-            xytext=(5, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=SMALL,
-        )
+def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable) -> None:
+    """The stage of each dot beyond the limit, beside it; of many, of those farthest off.
+
+    Args:
+        axes: where the dots are, those of the k-th channel at y = k.
+        residual: (k, n_stages) standardized residuals.
+        table: of the readings.
+    """
+    size = np.abs(np.nan_to_num(residual))
+    out = np.argwhere(size > OUTLIER)
+    farthest = np.argsort(-size[tuple(out.T)], kind="stable")[:_MOST_NAMES]
+    far = out[np.sort(farthest)]
+    dots = np.argwhere(np.isfinite(residual))
+    place_labels(
+        axes,
+        [(residual[y, stage], y) for y, stage in far],
+        [short(table.stages[stage], 12) for _, stage in far],
+        avoid=[np.array([[residual[y, stage], y]]) for y, stage in dots],
+    )
 
 
 def _history_picture(result: Result) -> Picture:
@@ -194,7 +210,7 @@ def _draw_objective(axes: Axes, history: Sequence[Iteration]) -> None:
     rejected = np.array([i.note == "rejected" for i in history], dtype=bool)
     axes.plot(x[~rejected], objective[~rejected], "-o", ms=3.5, lw=1, color=COMPUTED)
     if rejected.any():
-        axes.plot(x[rejected], objective[rejected], "x", ms=5, color=MEASURED, label="rejected")
+        axes.plot(x[rejected], objective[rejected], "x", ms=5, color=ACCENT, label="rejected")
         axes.legend()
     if objective.size and objective.min() > 0 and objective.max() > 10 * objective.min():
         axes.set_yscale("log")

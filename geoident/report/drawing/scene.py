@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,10 @@ import numpy as np
 
 from geoident.fem.location import Locator
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
+from geoident.report.drawing.model.case import case_of
+from geoident.report.drawing.raster import PER_INCH, Raster, raster_of
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
 from geoident.report.drawing.style import short
 from geoident.report.text.case import axis_names
@@ -18,6 +22,7 @@ MOST_STAGES = 12
 """Stages that a figure shows one by one; of more, evenly spaced ones."""
 
 _MARGIN = 0.2
+_PIXELS = 350_000  # of the image of a field
 _NICE = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -54,6 +59,8 @@ class Scene:
         self.only = only
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
+        self._rasters: dict[int, Raster] = {}
+        self._sections: dict[Plane, Sheet] = {}
 
     @property
     def solid(self) -> bool:
@@ -65,8 +72,14 @@ class Scene:
         """The plane, or cuts through the gauges, the one with most of them first."""
         if not self.solid:
             return (self._maker.flat(),)
-        sheets = [self._maker.cut(plane) for plane in gauge_planes(self.result.gauges, self.box)]
+        sheets = [self.section(plane) for plane in gauge_planes(self.result.gauges, self.box)]
         return tuple(sheet for sheet in sheets if len(sheet.triangles))
+
+    def section(self, plane: Plane) -> Sheet:
+        """The cut through a solid along a plane, made once."""
+        if plane not in self._sections:
+            self._sections[plane] = self._maker.cut(plane)
+        return self._sections[plane]
 
     @cached_property
     def box(self) -> tuple[Floats, Floats]:
@@ -124,9 +137,61 @@ class Scene:
         """The name of a state for a panel, and whether it comes after the last fitted one."""
         return short(self.stage(state), 20) + " (predicted)" * (state > self.last_fitted)
 
-    def displacement(self, state: int) -> Floats:
-        """(n_nodes, dim) since the virgin state, m."""
-        return np.asarray(self.fields.displacement[state] - self.fields.displacement[0])
+    @cached_property
+    def case(self) -> Case | None:
+        """The case, from the result; None where it cannot be read."""
+        return case_of(self.result)
+
+    @cached_property
+    def zero_state(self) -> int:
+        """The state in which most of the channels were zeroed, before those that are shown."""
+        stages = self.result.gauges.stages
+        zeros = [channel.zero for channel in self.case.channels] if self.case is not None else []
+        states = [stages.index(zero) + 1 for zero in zeros if zero in stages]
+        states += [0] * (len(zeros) - len(states))
+        earlier = [state for state in states if state < min(self.key_states, default=0)]
+        return Counter(earlier).most_common(1)[0][0] if earlier else 0
+
+    def base(self, state: int) -> int:
+        """The state on which the stage that leads to a state builds."""
+        if self.case is None or state == 0:
+            return max(state - 1, 0)
+        stages = self.case.stages[:state]
+        if len(stages) < state:
+            return state - 1
+        if stages[-1].base is not None:
+            names = [stage.name for stage in stages]
+            return names.index(stages[-1].base) + 1 if stages[-1].base in names else 0
+        return next((k for k in range(state - 1, 0, -1) if not stages[k - 1].independent), 0)
+
+    def history(self, state: int) -> tuple[int, ...]:
+        """The stages that lead to a state, in their order."""
+        found = []
+        while state > 0:
+            found.append(state)
+            state = self.base(state)
+        return tuple(reversed(found))
+
+    def displacement(self, state: int, *, since: int = 0) -> Floats:
+        """(n_nodes, dim) since another state, m; of what was placed later since then."""
+        return np.asarray(self.fields.displacement[state] - self.fields.displacement[since])
+
+    def raster(self, sheet: Sheet) -> Raster:
+        """The pixels of a sheet in its window, found once."""
+        if id(sheet) not in self._rasters:
+            window = self.window(sheet)
+            self._rasters[id(sheet)] = raster_of(
+                sheet.xy,
+                sheet.triangles,
+                window.low,
+                window.high,
+                width=self.raster_width(window),
+            )
+        return self._rasters[id(sheet)]
+
+    def raster_width(self, window: Window) -> float:
+        """Width of the image of a window, inches: as fine as it can be in some number of pixels."""
+        return float(np.sqrt(_PIXELS / window.aspect)) / PER_INCH
 
     @cached_property
     def principal(self) -> Floats:
@@ -228,7 +293,16 @@ def gauge_planes(gauges: GaugeTable, box: tuple[Floats, Floats]) -> tuple[Plane,
         gauges: with points in three dimensions.
         box: corners (dim,) of the mesh; planes on its border are moved inside by a hair.
     """
-    points = gauge_points(gauges)
+    return planes_through(gauge_points(gauges), box)
+
+
+def planes_through(points: Floats, box: tuple[Floats, Floats]) -> tuple[Plane, ...]:
+    """For up to two coordinates, the plane across it that holds most of some points.
+
+    Args:
+        points: (k, 3), m; without any the planes go through the middle of the box.
+        box: corners (3,) of the mesh; planes on its border are moved inside by a hair.
+    """
     if not len(points):
         points = np.mean(box, axis=0)[None]
     found = []

@@ -1,13 +1,12 @@
 """Flat pieces of a mesh that can be coloured and outlined: a plane mesh, or a cut through solids.
 
-Every point of a *sheet* lies on a line between two nodes a and b at the weight w,
-
-    x = (1 - w) x_a + w x_b,
-
-with a = b and w = 0 in a plane mesh. So one drawing code serves both: what is known at nodes is
-known on the sheet. Solids are cut as tetrahedra: a plane that leaves one corner alone meets a
-triangle, one that parts two from two a quadrilateral. Lines (outlines, element edges) are cuts of
-the faces of elements, so that the tetrahedra inside a hexahedron stay unseen.
+Every point of a *sheet* is a weighted mean of nodes: of those of an element by its shape functions,
+and, in a cut, of two such points on both sides of the plane. So one drawing code serves plane
+meshes and cuts through solids: what is known at nodes is known there. Elements are taken apart into
+triangles or tetrahedra, those of order 2 into smaller ones, so that what bends inside an element
+bends in the picture. A plane that leaves one corner of a tetrahedron alone meets a triangle, one
+that parts two from two a quadrilateral. Lines (outlines, element edges) are cuts of the faces of
+elements, so that the tetrahedra inside a hexahedron stay unseen.
 
 Nodes are doubled where groups of elements meet (`DoubledCorners`): what is averaged at nodes may
 jump between rock and lining.
@@ -15,17 +14,20 @@ jump between rock and lining.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import combinations
 
 import numpy as np
+from scipy.sparse import csr_array
 
+from geoident.fem.elements import reference_element
 from geoident.fem.faces import FaceTable, face_table, patches
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, spans
 
+_ROUNDING = 1e-12  # weights below are rounding errors of shape functions
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
@@ -98,9 +100,8 @@ class Sheet:
         plane: the cut, or None for a plane mesh.
         corners: the doubled nodes.
         faces: the faces of the mesh.
-        a: (n,) first doubled node of every point.
-        b: (n,) second one.
-        w: (n,) weight of the second.
+        at_nodes: (n, n_nodes) sparse, weights of the nodes in every point.
+        at_corners: (n, n_doubled) sparse, weights of the doubled corners.
         triangles: (m, 3) points.
         element: (m,) element of each triangle.
     """
@@ -109,9 +110,8 @@ class Sheet:
     plane: Plane | None
     corners: DoubledCorners
     faces: FaceTable
-    a: Ints
-    b: Ints
-    w: Floats
+    at_nodes: csr_array
+    at_corners: csr_array
     triangles: Ints
     element: Ints
 
@@ -127,13 +127,11 @@ class Sheet:
 
     def of_nodes(self, values: Floats) -> Floats:
         """What is known at nodes (n_nodes, ...) at the points of the sheet."""
-        return self.of_corners(values[self.corners.node])
+        return np.asarray(self.at_nodes @ values)
 
     def of_corners(self, values: Floats) -> Floats:
-        """What is known at doubled nodes (n_doubled, ...) at the points of the sheet."""
-        w = self.w.reshape(-1, *(1,) * (values.ndim - 1))
-        first, second = values[self.a], values[self.b]
-        return np.asarray(np.where(w == 0, first, (1 - w) * first + w * second))
+        """What is known at doubled corners (n_doubled, ...) at the points of the sheet."""
+        return np.asarray(self.at_corners @ values)
 
     def outline(self, present: Bools) -> Trace:
         """Where the body of the present elements (n_elements,) ends."""
@@ -156,7 +154,7 @@ class Sheet:
 
     def _trace(self, rows: Ints) -> Trace:
         parts = [
-            _edge_trace(self.mesh, self.plane, patch.nodes[:, : CELLS[patch.kind].n_corners])
+            _edge_trace(self.mesh, self.plane, _around(patch.nodes, patch.kind))
             for patch in patches(self.mesh, self.faces, rows)
         ]
         none = np.empty((0, 2), dtype=np.int64)
@@ -193,33 +191,179 @@ class SheetMaker:
 
     def flat(self) -> Sheet:
         """The sheet of a plane mesh."""
-        parts, elements = zip(*self._simplices(), strict=True)
-        points = np.arange(len(self.corners.node))
-        ends = points, points, np.zeros(len(points))
-        triangles, element = np.vstack(parts), np.concatenate(elements)
-        return Sheet(self.mesh, None, self.corners, self.faces, *ends, triangles, element)
+        made = self._pieces(np.ones(self.mesh.n_elements, dtype=bool))
+        return Sheet(self.mesh, None, self.corners, self.faces, made.at_nodes, made.at_corners,
+                     made.simplices, made.element)  # fmt: skip
 
     def cut(self, plane: Plane) -> Sheet:
         """The sheet in which a plane cuts a mesh of solids."""
-        distance = _distance(self.mesh, plane)[self.corners.node]
-        ends, elements = [], []
-        for tets, number in self._simplices():
-            pairs, of = _cut_tets(tets, distance, number)
-            ends.append(pairs)
-            elements.append(of)
-        pairs = np.sort(np.concatenate(ends).reshape(-1, 2), axis=1)
-        n = len(self.corners.node)
+        away = _distance(self.mesh, plane)
+        met = [
+            (away[block.nodes] < 0).any(axis=1) & (away[block.nodes] > 0).any(axis=1)
+            for block in self.mesh.blocks
+        ]
+        made = self._pieces(np.concatenate(met))
+        distance = np.asarray(made.at_nodes @ self.mesh.points[:, plane.axis]) - plane.value
+        distance = _never_zero(distance, self.mesh, plane)
+        pairs, element = _cut_tets(made.simplices, distance, made.element)
+        pairs = np.sort(pairs.reshape(-1, 2), axis=1)
+        n = made.at_nodes.shape[0]
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
         a, b = unique // n, unique % n
         w = distance[a] / (distance[a] - distance[b])
-        triangles, element = point.reshape(-1, 3), np.concatenate(elements)
-        return Sheet(self.mesh, plane, self.corners, self.faces, a, b, w, triangles, element)
+        row = np.arange(len(a))
+        mean = csr_array(
+            (np.r_[1 - w, w], (np.r_[row, row], np.r_[a, b])), shape=(len(a), n), dtype=np.float64
+        )
+        return Sheet(self.mesh, plane, self.corners, self.faces, mean @ made.at_nodes,
+                     mean @ made.at_corners, point.reshape(-1, 3), element)  # fmt: skip
 
-    def _simplices(self) -> Iterator[tuple[Ints, Ints]]:
-        """Doubled corners (n, 3 or 4) of the triangles or tetrahedra of elements; the elements."""
-        for (block, span), corners in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
-            for simplex in CELLS[block.kind].shape.simplices:
-                yield corners[:, simplex], np.arange(span.start, span.stop)
+    def _pieces(self, chosen: Bools) -> _Pieces:
+        """The triangles or tetrahedra of some elements (n_elements,)."""
+        n_corners, n_nodes = len(self.corners.node), self.mesh.n_nodes
+        first = n_corners
+        one = np.ones(n_corners)
+        nodes = [_Entries(np.arange(n_corners), self.corners.node, one)]
+        corners = [_Entries(np.arange(n_corners), np.arange(n_corners), one)]
+        simplices, elements = [], []
+        for (block, span), doubled in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
+            rows = np.flatnonzero(chosen[span])
+            parts = _parts_of(block.kind)
+            own = doubled[rows]
+            inner = len(parts.of_nodes)
+            if inner:
+                label = self.label[span][rows]
+                number, count, which = _inner_points(block.nodes[rows], parts, label, n_nodes)
+                own = np.hstack([own, first + number])
+                chosen_row, local = which // inner, which % inner
+                at = np.repeat(first + np.arange(count), block.nodes.shape[1])
+                nodes.append(_Entries(at, block.nodes[rows][chosen_row].ravel(),
+                                      parts.of_nodes[local].ravel()))  # fmt: skip
+                at = np.repeat(first + np.arange(count), doubled.shape[1])
+                corners.append(_Entries(at, doubled[rows][chosen_row].ravel(),
+                                        parts.of_corners[local].ravel()))  # fmt: skip
+                first += count
+            simplices.append(own[:, parts.simplices].reshape(-1, parts.simplices.shape[1]))
+            elements.append(np.repeat(span.start + rows, len(parts.simplices)))
+        return _Pieces(
+            _sparse(nodes, (first, n_nodes)),
+            _sparse(corners, (first, n_corners)),
+            np.concatenate(simplices),
+            np.concatenate(elements),
+        )
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Triangles or tetrahedra (m, 3 or 4) between points, and the elements (m,) that they are of.
+
+    ``at_nodes`` (n_points, n_nodes) and ``at_corners`` (n_points, n_doubled) are the weights of
+    nodes and of doubled corners in the points; the first n_doubled points are these corners.
+    """
+
+    at_nodes: csr_array
+    at_corners: csr_array
+    simplices: Ints
+    element: Ints
+
+
+@dataclass(frozen=True)
+class _Entries:
+    """Entries of a sparse matrix."""
+
+    row: Ints
+    column: Ints
+    value: Floats
+
+
+def _sparse(parts: list[_Entries], shape: tuple[int, int]) -> csr_array:
+    row, column, value = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("row", "column", "value")
+    )
+    kept = np.abs(value) > _ROUNDING
+    return csr_array((value[kept], (row[kept], column[kept])), shape=shape)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """How an element is taken apart.
+
+    Args:
+        simplices: (s, 3 or 4) its triangles or tetrahedra between its corners and inner points.
+        of_nodes: (k, n_nodes) its shape functions at the inner points.
+        of_corners: (k, n_corners) those of its corners alone.
+        node: (k,) the node of the element that an inner point is; -1 for none.
+    """
+
+    simplices: Ints
+    of_nodes: Floats
+    of_corners: Floats
+    node: Ints
+
+
+@lru_cache
+def _parts_of(kind: str) -> _Parts:
+    """Elements of order 1 by their corners; of order 2 also by the middles of all edges."""
+    cell = CELLS[kind]
+    simplices = np.array(cell.shape.simplices)
+    if cell.order == 1:
+        none = np.empty((0, cell.n_nodes))
+        return _Parts(simplices, none, none, np.empty(0, np.int64))
+    number: dict[tuple[int, int], int] = {}
+
+    def between(a: int, b: int) -> int:
+        return number.setdefault((min(a, b), max(a, b)), cell.n_corners + len(number))
+
+    pieces = []
+    for simplex in simplices.tolist():
+        middle = {
+            (i, j): between(simplex[i], simplex[j]) for i, j in combinations(range(len(simplex)), 2)
+        }
+        for piece in _SMALLER[len(simplex)]:
+            pieces.append([simplex[i] if i == j else middle[i, j] for i, j in piece])
+    corners = np.array(cell.shape.corners, dtype=np.float64)
+    xi = np.array([(corners[a] + corners[b]) / 2 for a, b in number])
+    edges = [tuple(sorted(edge)) for edge in cell.edges]
+    node = [cell.n_corners + edges.index(pair) if pair in edges else -1 for pair in number]
+    straight = reference_element(f"{cell.shape.name}{cell.n_corners}")
+    return _Parts(
+        np.array(pieces), reference_element(kind).shapes(xi), straight.shapes(xi), np.array(node)
+    )
+
+
+_SMALLER = {
+    3: (
+        ((0, 0), (0, 1), (0, 2)), ((0, 1), (1, 1), (1, 2)), ((0, 2), (1, 2), (2, 2)),
+        ((0, 1), (1, 2), (0, 2)),
+    ),
+    4: (
+        ((0, 0), (0, 1), (0, 2), (0, 3)), ((1, 1), (0, 1), (1, 2), (1, 3)),
+        ((2, 2), (0, 2), (1, 2), (2, 3)), ((3, 3), (0, 3), (1, 3), (2, 3)),
+        ((0, 1), (0, 2), (0, 3), (1, 3)), ((0, 1), (0, 2), (1, 2), (1, 3)),
+        ((0, 2), (0, 3), (1, 3), (2, 3)), ((0, 2), (1, 2), (1, 3), (2, 3)),
+    ),
+}  # fmt: skip
+"""Corners to smaller triangles (tetrahedra); a pair is the middle between two of the corners."""
+
+
+def _inner_points(nodes: Ints, parts: _Parts, label: Ints, n_nodes: int) -> tuple[Ints, int, Ints]:
+    """Numbers (m, k) of the inner points of elements; how many there are; where each is first.
+
+    Neighbours of one label share those that are nodes.
+
+    Args:
+        nodes: (m, n_a) of the elements.
+        parts: how they are taken apart.
+        label: (m,) of the elements.
+        n_nodes: of the mesh.
+    """
+    m, k = len(nodes), len(parts.node)
+    own = np.arange(m * k).reshape(m, k) + (int(label.max(initial=0)) + 1) * n_nodes
+    shared = label[:, None] * n_nodes + nodes[:, np.maximum(parts.node, 0)]
+    keys = np.where(parts.node >= 0, shared, own)
+    unique, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    return number.reshape(m, k), len(unique), first
 
 
 def group_labels(mesh: Mesh) -> Ints:
@@ -238,7 +382,10 @@ def element_centres(mesh: Mesh) -> Floats:
 
 def _distance(mesh: Mesh, plane: Plane) -> Floats:
     """Signed distance of the nodes from the plane, never 0, so that no corner lies on the cut."""
-    distance = mesh.points[:, plane.axis] - plane.value
+    return _never_zero(mesh.points[:, plane.axis] - plane.value, mesh, plane)
+
+
+def _never_zero(distance: Floats, mesh: Mesh, plane: Plane) -> Floats:
     least = 1e-9 * float(np.ptp(mesh.points[:, plane.axis]))
     return np.asarray(np.where(np.abs(distance) < least, least, distance))
 
@@ -260,10 +407,23 @@ def _cut_tets(tets: Ints, distance: Floats, number: Ints) -> tuple[Ints, Ints]:
     return pairs, np.concatenate([number[single], number[double], number[double]])
 
 
+def _around(nodes: Ints, kind: str) -> Ints:
+    """Nodes (n, k) of faces in their order around each; those of a line from end to end."""
+    cell = CELLS[kind]
+    n = cell.n_corners
+    if nodes.shape[1] == n:
+        return nodes
+    if cell.dim == 1:
+        return nodes[:, [0, 2, 1]]
+    order = [k for pair in zip(range(n), range(n, 2 * n), strict=True) for k in pair]
+    return np.asarray(nodes[:, order])
+
+
 def _edge_trace(mesh: Mesh, plane: Plane | None, nodes: Ints) -> Trace:
-    """The segments of faces (n, n_corners): themselves in a plane mesh, else where they are cut."""
+    """The segments of faces (n, k): themselves in a plane mesh, else where they are cut."""
     if plane is None:
-        return Trace(nodes, nodes, np.zeros(nodes.shape))
+        pairs = np.concatenate([nodes[:, k : k + 2] for k in range(nodes.shape[1] - 1)])
+        return Trace(pairs, pairs, np.zeros(pairs.shape))
     distance = _distance(mesh, plane)
     following = np.roll(nodes, -1, axis=1)
     crossed = (distance[nodes] > 0) != (distance[following] > 0)

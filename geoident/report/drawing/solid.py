@@ -1,24 +1,37 @@
-"""Surfaces of solids: the outer faces in perspective, whole, cut open along a section, deformed."""
+"""Surfaces of solids: the outside in perspective, whole, cut open along a section, deformed.
+
+What is opened is cut through elements by planes: along the section and where the part around the
+gauges ends. The cuts are flat, whatever the mesh.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from geoident.fem.faces import face_table, patches
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.fem.faces import patches
+from geoident.model.arrays import Floats
 from geoident.model.cells import CELLS
-from geoident.report.drawing.fields import bands
-from geoident.report.drawing.scene import Scene, box_around, gauge_points
-from geoident.report.drawing.sheets import Plane, Sheet, element_centres
-from geoident.report.drawing.style import LENGTHS, MEASURED, MM, Picture, box_axes
+from geoident.report.drawing.fields.panels import bands
+from geoident.report.drawing.fields.polygons import Polygons
+from geoident.report.drawing.labels import hidden, place_labels
+from geoident.report.drawing.scene import Scene, box_around
+from geoident.report.drawing.sheets import Plane, Sheet, Trace
+from geoident.report.drawing.style import GAUGE, LENGTHS, MM, Picture, box_axes, short
 
 _VIEW = {0: (22.0, -145.0), 1: (22.0, -60.0), 2: (40.0, -55.0)}
-_MOST_FACES = 60_000
+_PLACE, _MOTION, _VALUE = slice(0, 3), slice(3, 6), 6
+"""Columns of polygons: m, m, mm."""
+_WIDTH = 7.4
+_MOST_NAMES = 30
+_SIDE = 0.1  # free on both sides of a view, of its width
+
+Box = tuple[Floats, Floats]
 
 
 def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
@@ -39,13 +52,14 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
         Picture(
             "cut-away",
             f"The model around the gauges, opened along {sheet.plane}",
-            "The part in front of the section is removed. Orange: points of the gauges. " + colours,
+            "The part in front of the section is removed. Black: gauges that can be seen. "
+            + colours,
             lambda: surface_figure(scene, sheet, 0.0),
         ),
         Picture(
             "cut-away-deformed",
             f"The same, displacements {factor:g} times magnified",
-            f"Faces moved by the displacement, {factor:g} times magnified. {colours}",
+            f"Moved by the displacement, {factor:g} times magnified. {colours}",
             lambda: surface_figure(scene, sheet, factor),
         ),
     )
@@ -59,43 +73,111 @@ def _opening(scene: Scene) -> Sheet:
 
 
 def surface_figure(scene: Scene, opened: Sheet | None, factor: float) -> Figure:
-    """The last fitted and the last stage side by side.
+    """The outside of the model, or of its part behind a section, at the key states.
 
     Args:
-        scene: what to draw.
-        opened: section along which the part around the gauges is opened; None: the whole model.
-        factor: magnification of the displacements.
+        scene: what is drawn.
+        opened: the section; None for the whole model.
+        factor: by which the displacement moves it; 0 for none.
     """
     states = scene.key_states
-    figure = Figure(figsize=(5.2 * len(states), 4.9))
-    values = [MM * np.linalg.norm(scene.displacement(s), axis=1) for s in states]
-    every = np.concatenate(values)
-    scale = bands(np.stack([every, np.ones_like(every)]), LENGTHS)
-    shown: Any = None
-    for k, (state, value) in enumerate(zip(states, values, strict=True)):
-        axes: Any = figure.add_subplot(1, len(states), k + 1, projection="3d")
-        axes.computed_zorder = False
-        shown = _draw_faces(axes, scene, state, _kept(scene, state, opened), value, factor, scale)
-        if opened is not None:
-            axes.scatter(*gauge_points(scene.result.gauges).T, color=MEASURED, s=5, zorder=5)
-        _finish(axes, scene, state, opened)
+    figure = Figure(figsize=(_WIDTH if len(states) > 1 else 0.7 * _WIDTH, 4.4))
+    figure.set_layout_engine("none")
+    view = _View(scene, opened)
+    drawn = [view.polygons(state) for state in states]
+    values = np.concatenate([_means(polygons) for polygons in drawn], axis=1)
+    scale = bands(values, LENGTHS)
+    for k, (state, polygons) in enumerate(zip(states, drawn, strict=True)):
+        part = 1.0 / len(states)  # names of axes in space take part in no layout
+        place = (part * (k + _SIDE), 0.25, part * (1.0 - 2.0 * _SIDE), 0.67)
+        axes: Any = figure.add_axes(place, projection="3d", computed_zorder=False)
+        _draw_bands(axes, polygons, factor, scale)
+        _draw_lines(axes, view, state, factor)
+        if opened is not None and factor == 0.0:
+            _draw_gauges(axes, view, polygons)
+        _finish(axes, view, scene.title(state))
+    below = figure.add_axes((0.2, 0.12, 0.6, 0.022))
     bar = figure.colorbar(
-        shown, extend=scale["extend"], ax=figure.axes, location="bottom", shrink=0.6, aspect=45
+        ScalarMappable(scale["norm"], scale["cmap"]), cax=below, orientation="horizontal"
     )
     bar.set_label("displacement (mm)")
     return figure
 
 
-def _kept(scene: Scene, state: int, opened: Sheet | None) -> Bools:
-    """Elements that are shown: the present ones, behind the section and near the gauges."""
-    kept = scene.fields.present[state].copy()
-    if opened is not None and opened.plane is not None:
-        centres = element_centres(scene.fields.mesh)
-        low, high = box_around(scene.near, scene.box)
-        kept &= ((centres >= low) & (centres <= high)).all(axis=1)
-        offset = centres[:, opened.plane.axis] - opened.plane.value
-        kept &= _side(scene, opened.plane) * offset > -1e-9
-    return np.asarray(kept)
+class _View:
+    """What is seen of a model, and from where.
+
+    Args:
+        scene: what is drawn.
+        opened: along which section it is opened; None for the whole model.
+    """
+
+    def __init__(self, scene: Scene, opened: Sheet | None) -> None:
+        self.scene = scene
+        self.box = scene.box if opened is None else _opened_box(scene, opened)
+        self.angles = _VIEW[2]
+        self.cuts: list[Sheet] = []
+        if opened is not None and opened.plane is not None:
+            elevation, azimuth = _VIEW[opened.plane.axis]
+            azimuth += 180.0 if _side(scene, opened.plane) < 0 else 0.0
+            self.angles = elevation, azimuth
+            self.cuts = self._visible_cuts()
+
+    @property
+    def towards(self) -> Floats:
+        """(3,) direction to the eye."""
+        elevation, azimuth = np.radians(self.angles)
+        level = np.cos(elevation)
+        return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+    def _visible_cuts(self) -> list[Sheet]:
+        """Cuts along the sides of the box that are turned to the eye and lie in the ground."""
+        found = []
+        size = self.scene.box[1] - self.scene.box[0]
+        for axis in range(3):
+            value = self.box[1 if self.towards[axis] > 0 else 0][axis]
+            room = min(value - self.scene.box[0][axis], self.scene.box[1][axis] - value)
+            if room > 1e-7 * size[axis]:
+                found.append(self.scene.section(Plane(axis, float(value))))
+        return found
+
+    def polygons(self, state: int) -> Polygons:
+        """The surface in a state, with its motion and the size of that."""
+        moved = self.scene.displacement(state)
+        table = np.hstack(
+            [self.scene.fields.mesh.points, moved, MM * np.linalg.norm(moved, axis=1)[:, None]]
+        )
+        parts = self._faces(state, table)
+        for sheet in self.cuts:
+            shown = sheet.triangles[self.scene.fields.present[state][sheet.element]]
+            values = sheet.of_nodes(table)
+            values[:, _VALUE] = MM * np.linalg.norm(values[:, _MOTION], axis=1)
+            parts.append(values[shown])
+        found = Polygons.of([part for part in parts if len(part)])
+        size = float((self.scene.box[1] - self.scene.box[0]).max())
+        for axis in range(3):
+            for bound, above in ((self.box[0][axis], True), (self.box[1][axis], False)):
+                rim = -1e-9 * size if above else 1e-9 * size
+                found = found.clipped(axis, float(bound) + rim, above=above)
+        return found
+
+    def _faces(self, state: int, table: Floats) -> list[Floats]:
+        """Outer faces of the ground, kind by kind."""
+        mesh, faces = self.scene.fields.mesh, self.scene.sheets[0].faces
+        return [
+            table[patch.nodes[:, : CELLS[patch.kind].n_corners]]
+            for patch in patches(mesh, faces, faces.free(self.scene.fields.present[state]))
+        ]
+
+
+def _opened_box(scene: Scene, opened: Sheet) -> Box:
+    """The box around the gauges behind a section."""
+    low, high = box_around(scene.near, scene.box)
+    plane = opened.plane
+    assert plane is not None
+    low, high = low.copy(), high.copy()
+    (low if _side(scene, plane) > 0 else high)[plane.axis] = plane.value
+    return low, high
 
 
 def _side(scene: Scene, plane: Plane) -> float:
@@ -104,57 +186,106 @@ def _side(scene: Scene, plane: Plane) -> float:
     return 1.0 if high[plane.axis] - plane.value >= plane.value - low[plane.axis] else -1.0
 
 
-def _draw_faces(
-    axes: Any,
-    scene: Scene,
-    state: int,
-    kept: Bools,
-    value: Floats,
-    factor: float,
-    scale: dict[str, Any],
-) -> Any:
-    """Outer faces of the kept elements, far ones first, each in the mean colour of its corners."""
-    points = scene.fields.mesh.points + factor * scene.displacement(state)
-    polygons: list[Floats] = []
-    means: list[Floats] = []
-    for nodes in _outer_faces(scene, kept):
-        polygons += list(points[nodes])
-        means.append(value[nodes].mean(axis=1))
-    edges = 0.12 if len(polygons) < _MOST_FACES / 4 else 0.0
-    faces = Poly3DCollection(
-        polygons,
-        cmap=scale["cmap"],
-        norm=scale["norm"],
-        edgecolors=(0, 0, 0, 0.35),
-        linewidths=edges,
-        rasterized=True,
-        zorder=1,
+def _means(polygons: Polygons) -> Floats:
+    """(2, n) mean value and area of polygons."""
+    points, there = polygons.points, polygons.filled[:, 2:]
+    area = 0.5 * (np.linalg.norm(_fan(polygons), axis=2) * there).sum(axis=1)
+    value = (points[:, :, _VALUE] * polygons.filled).sum(axis=1) / polygons.count
+    return np.stack([value, area])
+
+
+def _fan(polygons: Polygons) -> Floats:
+    """(n, k - 2, 3) normals of the triangles of polygons, twice as long as these are large."""
+    p = polygons.points[:, :, :3]
+    return np.asarray(np.cross(p[:, 1:-1] - p[:, :1], p[:, 2:] - p[:, :1]))
+
+
+def _draw_bands(axes: Any, polygons: Polygons, factor: float, scale: dict[str, Any]) -> None:
+    """Polygons in the colours of the bands in which their values lie; far ones are drawn first."""
+    levels = np.asarray(scale["levels"])
+    corners: list[Floats] = []
+    colours = []
+    for k, part in polygons.in_bands(_VALUE, levels):
+        middle = (levels[max(k, 0)] + levels[min(k + 1, len(levels) - 1)]) / 2
+        value = levels[0] - 1.0 if k < 0 else levels[-1] + 1.0 if k + 1 == len(levels) else middle
+        colour = scale["cmap"](scale["norm"](value))
+        moved = part.points[:, :, _PLACE] + factor * part.points[:, :, _MOTION]
+        shade = _light(part)
+        corners += Polygons(moved, part.count).corners(_PLACE)
+        colours.append(np.c_[np.array(colour[:3])[None] * shade[:, None], np.ones(len(part))])
+    rgba = np.concatenate(colours)
+    # One collection, since matplotlib sorts by depth only within each.
+    axes.add_collection3d(
+        Poly3DCollection(
+            corners, facecolors=rgba, edgecolors=rgba, linewidths=0.15, rasterized=True, zorder=1
+        )
     )
-    faces.set_array(np.concatenate(means))
-    axes.add_collection3d(faces)
-    return faces
 
 
-def _outer_faces(scene: Scene, kept: Bools) -> list[Ints]:
-    """Corner nodes (n, 3 or 4) of the faces that bound the kept elements."""
-    mesh = scene.fields.mesh
-    table = face_table(mesh)
-    return [
-        patch.nodes[:, : CELLS[patch.kind].n_corners]
-        for patch in patches(mesh, table, table.free(kept))
+def _light(polygons: Polygons) -> Floats:
+    """(n,) brightness of polygons by their inclination, 0.86 to 1."""
+    normal = (_fan(polygons) * polygons.filled[:, 2:, None]).sum(axis=1)
+    length = np.linalg.norm(normal, axis=1)
+    share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
+    return np.asarray(np.clip((share**2) @ np.array([0.9, 0.95, 1.0]), 0.86, 1.0))
+
+
+def _draw_lines(axes: Any, view: _View, state: int, factor: float) -> None:
+    """Where the ground ends in the cuts, and faintly where groups meet there."""
+    scene = view.scene
+    for sheet in view.cuts:
+        borders = sheet.borders(scene.borders_label(state))
+        outline = sheet.outline(scene.fields.present[state])
+        for trace, style in ((borders, {"colors": "white", "linewidths": 0.4}),
+                             (outline, {"colors": "black", "linewidths": 0.9})):  # fmt: skip
+            ends = _inside(trace, scene, state, factor, view.box)
+            if len(ends):
+                axes.add_collection3d(Line3DCollection(list(ends), zorder=2, **style))
+
+
+def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: Box) -> Floats:
+    """Those lines (k, 2, 3) of a trace that lie in a box, moved."""
+    ends = trace.at(scene.fields.mesh.points)
+    room = 1e-6 * float((scene.box[1] - scene.box[0]).max())
+    kept = ((ends >= box[0] - room) & (ends <= box[1] + room)).all(axis=(1, 2))
+    return np.asarray((ends + factor * trace.at(scene.displacement(state)))[kept])
+
+
+def _draw_gauges(axes: Any, view: _View, polygons: Polygons) -> None:
+    """Gauges that are not hidden, with their names if they are few."""
+    table = view.scene.result.gauges
+    surface = _triangles(polygons)
+    names: dict[str, list[Floats]] = {}
+    lines = []
+    for name, first, second in zip(table.gauges, table.first, table.second, strict=True):
+        ends = np.array([end for end in (first, second) if np.isfinite(end).all()])
+        if not len(ends):
+            continue
+        seen = ~hidden(ends + 1e-6 * view.towards, surface, view.towards)
+        if seen.all():
+            axes.plot(*ends.T, "-o", color=GAUGE, lw=0.8, ms=2.0, zorder=5)
+            lines.append(ends)
+            names.setdefault(name, []).append(ends[-1])
+    if len(names) <= _MOST_NAMES:
+        place_labels(axes, [np.array(ends) for ends in names.values()],
+                     [short(name, 20) for name in names], avoid=lines, colour=GAUGE)  # fmt: skip
+
+
+def _triangles(polygons: Polygons) -> Floats:
+    """(m, 3, 3) polygons as triangles."""
+    points, there = polygons.points[:, :, :3], polygons.filled
+    parts = [
+        points[there[:, k + 1]][:, [0, k, k + 1]] for k in range(1, polygons.points.shape[1] - 1)
     ]
+    return np.concatenate(parts)
 
 
-def _finish(axes: Any, scene: Scene, state: int, opened: Sheet | None) -> None:
-    low, high = scene.box if opened is None else box_around(scene.near, scene.box)
+def _finish(axes: Any, view: _View, title: str) -> None:
+    low, high = view.box
     box_axes(axes, low, high)
-    axes.set_box_aspect(high - low, zoom=0.9)
+    axes.set_box_aspect(high - low, zoom=0.82)
     axes.set_proj_type("ortho")
-    elevation, azimuth = _VIEW[2]
-    if opened is not None and opened.plane is not None:
-        elevation, azimuth = _VIEW[opened.plane.axis]
-        azimuth += 180.0 if _side(scene, opened.plane) < 0 else 0.0
-    axes.view_init(elevation, azimuth)
+    axes.view_init(*view.angles)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
-    axes.set_title(scene.title(state), loc="left")
+    axes.set_title(title, loc="left")

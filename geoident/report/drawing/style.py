@@ -25,6 +25,8 @@ COMPUTED = "#1f4e79"
 MEASURED = "#262626"
 ACCENT = "#d95f02"
 FAINT = "#8c8c8c"
+GAUGE = "#1a1a1a"
+"""Gauges in pictures of the ground: dark on light."""
 MM = 1e3  # mm in a metre
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")

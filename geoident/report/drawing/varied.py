@@ -14,7 +14,7 @@ from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats
 from geoident.model.results.varied import FieldEstimate
-from geoident.report.drawing.fields import draw_gauge_lines, draw_lines, finish, panel_figure
+from geoident.report.drawing.fields.panels import draw_gauge_lines, draw_lines, finish, panel_figure
 from geoident.report.drawing.scene import Scene
 from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.style import Picture

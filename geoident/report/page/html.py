@@ -62,9 +62,16 @@ def table(table: TextTable, *, caption: str = "") -> Html:
     return tag("div", tag("table", *parts), class_="wide")
 
 
-def page(title: str, *body: str) -> str:
-    """A whole document that loads nothing, runs nothing and sends nothing."""
-    digest = base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode("ascii")
+def page(title: str, *body: str, margins: tuple[str, str] = ("", "")) -> str:
+    """A whole document that loads nothing, runs nothing and sends nothing.
+
+    Args:
+        title: of the window.
+        body: what stands in it.
+        margins: what stands above the left and the right end of printed pages.
+    """
+    style = STYLE + _margins(*margins)
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
     policy = (
         f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; "
         "base-uri 'none'; form-action 'none'"
@@ -75,52 +82,126 @@ def page(title: str, *body: str) -> str:
         Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
         tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
         tag("title", title),
-        tag("style", Html(STYLE)),
+        tag("style", Html(style)),
     )
     content = joined([part for part in body if part], "\n")
-    html = tag("html", head, "\n", tag("body", tag("main", content)), lang="en")
+    html = tag("html", head, "\n", tag("body", content), lang="en")
     return f"<!DOCTYPE html>\n{html}\n"
 
 
-STYLE = """
-:root { color: #1a1a1a; background: #fff; font: 15px/1.5 system-ui, "Segoe UI", Roboto,
-  "Helvetica Neue", Arial, sans-serif; }
-body { margin: 0; }
-main { max-width: 1040px; margin: 0 auto; padding: 24px 20px 60px; }
-h1 { font-size: 1.7em; line-height: 1.25; margin: 0 0 .2em; overflow-wrap: anywhere; }
-h2 { font-size: 1.25em; margin: 2em 0 .5em; border-bottom: 1px solid #bbb; padding-bottom: .15em; }
-h3 { font-size: 1.05em; margin: 1.4em 0 .4em; }
-p, li { max-width: 78ch; overflow-wrap: anywhere; }
-.lead { font-size: 1.1em; }
-.note { color: #555; }
-.warn { border-left: 4px solid #d95f02; padding: .3em .8em; background: #fdf3ea; max-width: 76ch; }
-.wide { overflow-x: auto; margin: .6em 0 1em; }
-table { border-collapse: collapse; font-size: .92em; }
-caption { text-align: left; font-weight: 600; padding: .3em 0; }
-th, td { padding: .22em .8em .22em 0; text-align: left; vertical-align: top; }
-th { border-bottom: 1.5px solid #444; font-weight: 600; white-space: nowrap; }
-td { border-bottom: 1px solid #ddd; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-.hash { font-family: ui-monospace, Menlo, Consolas, monospace; font-size: .88em;
-  overflow-wrap: anywhere; }
-figure { margin: 1.2em 0 1.8em; }
-figure svg { display: block; max-width: 100%; height: auto; }
-figcaption { font-size: .92em; color: #333; max-width: 90ch; margin-top: .4em; }
-pre { font-size: .8em; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere;
-  background: #f6f6f6; padding: 1em; }
-nav ul { list-style: none; padding: 0; margin: .8em 0; }
-nav li { display: inline-block; margin-right: 1.2em; }
-a { color: #1f4e79; }
-@page { size: A4; margin: 15mm; }
-@media print {
-  :root { font-size: 10pt; }
-  main { max-width: none; padding: 0; }
-  nav { display: none; }
-  figure, tr, .lead { break-inside: avoid; }
-  h2, h3, caption { break-after: avoid; }
-  figure svg { max-height: 235mm; }
-  thead { display: table-header-group; }
-  .wide { overflow: visible; }
-  a { color: inherit; text-decoration: none; }
-}
+def _margins(left: str, right: str) -> str:
+    """Texts in the margins of printed pages; what could end a string or the style is escaped."""
+    first, second = (
+        "".join(c if c.isalnum() or c == " " else f"\\{ord(c):x} " for c in text)
+        for text in (left, right)
+    )
+    return (
+        f'@page {{ @top-left {{ content: "{first}"; font: 8pt sans-serif; color: #444 }} '
+        f'@top-right {{ content: "{second}"; font: 8pt sans-serif; color: #444 }} }}\n'
+    )
+
+
+_SIZES = "".join(
+    f".w{k} {{ flex: 1 1 {100 * k - 40}px; max-width: {130 * k}px; }}\n" for k in range(1, 21)
+)
+"""Figures by their own width in hundreds of pixels: they grow into the room that there is."""
+
+_PRINTED = "".join(
+    f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
+    if k < 55 or k > 75
+    else f"  .p{k} {{ display: flex; max-width: none; width: 99%; gap: 3%; }}\n"
+    f"  .p{k} .drawing {{ flex: 0 0 {k - 3}%; }}\n"
+    for k in range(10, 105, 5)
+)
+"""Figures by their part of the width of a printed page, in per cent: small ones side by side, those
+of middle size with their caption at the side."""
+
+STYLE = f"""
+:root {{ color: #1a1a1a; background: #fff; font: 15px/1.5 system-ui, "Segoe UI", Roboto,
+  "Helvetica Neue", Arial, sans-serif; }}
+body {{ margin: 0; }}
+header {{ padding: 24px 20px 0; }}
+main {{ padding: 0 20px 60px; min-width: 0; }}
+h1, h2, h3, h4, summary {{ line-height: 1.25; overflow-wrap: anywhere; }}
+h1 {{ font-size: 1.7em; margin: 0 0 .3em; }}
+h2 {{ font-size: 1.25em; margin: 2em 0 .5em; border-bottom: 1px solid #bbb;
+  padding-bottom: .15em; }}
+h3 {{ font-size: 1.05em; margin: 1.4em 0 .4em; }}
+h4 {{ font-size: 1em; margin: 1.2em 0 .3em; }}
+p, li {{ max-width: 78ch; overflow-wrap: anywhere; }}
+.head {{ display: flex; flex-wrap: wrap-reverse; justify-content: space-between;
+  align-items: flex-end; gap: 1em 3em; border-bottom: 2px solid #1f4e79; padding-bottom: .8em; }}
+.head > div {{ min-width: 0; }}
+.head img {{ max-height: 90px; max-width: 260px; }}
+dl {{ display: grid; grid-template-columns: max-content minmax(0, 1fr); gap: .1em 1.2em;
+  margin: .4em 0 0; }}
+dt {{ color: #555; }}
+dd {{ margin: 0; overflow-wrap: anywhere; }}
+.lead {{ font-size: 1.1em; }}
+.note {{ color: #555; }}
+.warn {{ border-left: 4px solid #d95f02; padding: .3em .8em; background: #fdf3ea;
+  max-width: 76ch; }}
+.wide {{ overflow-x: auto; margin: .6em 0 1em; }}
+table {{ border-collapse: collapse; font-size: .92em; }}
+caption {{ text-align: left; font-weight: 600; padding: .3em 0; }}
+th, td {{ padding: .22em .8em .22em 0; text-align: left; vertical-align: top; }}
+th {{ border-bottom: 1.5px solid #444; font-weight: 600; white-space: nowrap; }}
+td {{ border-bottom: 1px solid #ddd; max-width: 60ch; }}
+td.n, th.n {{ text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }}
+.hash {{ font-family: ui-monospace, Menlo, Consolas, monospace; font-size: .88em;
+  overflow-wrap: anywhere; }}
+.figures {{ display: flex; flex-wrap: wrap; gap: 1.6em 2em; margin: 1.2em 0 1.8em; }}
+figure {{ margin: 0; min-width: 0; }}
+.drawing {{ overflow-x: auto; }}
+.drawing svg {{ display: block; width: 100%; height: auto; }}
+{_SIZES}figcaption {{ font-size: .92em; color: #333; max-width: 90ch; margin-top: .4em; }}
+pre {{ font-size: .8em; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere;
+  background: #f6f6f6; padding: 1em; }}
+summary {{ cursor: pointer; border-bottom: 1px solid #bbb; margin-top: 1.4em; }}
+summary h2 {{ display: inline-block; border: 0; margin: 0; }}
+nav {{ padding: 20px 20px 0; }}
+nav ol {{ list-style: none; padding: 0; margin: .5em 0; columns: 3 14em; }}
+nav .part {{ padding-left: 1.2em; }}
+nav li {{ padding: .12em 0; break-inside: avoid; }}
+a {{ color: #1f4e79; }}
+@media (min-width: 1240px) {{
+  body {{ display: grid; grid-template: "nav header" auto "nav main" 1fr / 230px minmax(0, 1fr); }}
+  header {{ grid-area: header; }}
+  nav {{ grid-area: nav; align-self: start; position: sticky; top: 0; max-height: 100vh;
+    overflow-y: auto; box-sizing: border-box; font-size: .92em; }}
+  nav ol {{ columns: auto; }}
+  header, main {{ padding-left: 36px; padding-right: 36px; border-left: 1px solid #ddd;
+    max-width: 1500px; }}
+  main {{ grid-area: main; }}
+}}
+@media screen and (max-width: 700px) {{
+  header, main, nav {{ padding-left: 14px; padding-right: 14px; }}
+  .drawing svg {{ min-width: 660px; }}
+  .w1 svg, .w2 svg, .w3 svg, .w4 svg, .w5 svg, .w6 svg {{ min-width: 0; }}
+  td {{ max-width: 32ch; }}
+}}
+@page {{ size: A4; margin: 17mm 15mm 16mm;
+  @bottom-right {{ content: counter(page) " / " counter(pages); font: 8pt sans-serif; }} }}
+@media print {{
+  :root {{ font-size: 8.5pt; line-height: 1.4; }}
+  body {{ display: block; }}
+  header, main {{ max-width: none; padding: 0; }}
+  nav, .closed:not(:has(details[open])) {{ display: none; }}
+  .head {{ flex-wrap: nowrap; }}
+  p, li, .warn {{ max-width: none; margin-top: .4em; margin-bottom: .4em; }}
+  .lead {{ font-size: 1em; }}
+  h2 {{ margin-top: 1em; }}
+  h3 {{ margin-top: .9em; }}
+  .figures {{ display: block; margin: .4em 0; orphans: 1; widows: 1; }}
+  figure {{ display: inline-block; vertical-align: top; margin: 0 1% .7em 0; }}
+  figure, tr, .lead, .warn {{ break-inside: avoid; }}
+  h2, h3, h4, caption {{ break-after: avoid; }}
+  .drawing {{ overflow: visible; }}
+  thead {{ display: table-header-group; }}
+  .wide {{ overflow: visible; margin: .3em 0 .6em; }}
+  table {{ font-size: .88em; }}
+  th {{ white-space: normal; }}
+  th, td {{ padding-top: .1em; padding-bottom: .1em; }}
+  a {{ color: inherit; text-decoration: none; }}
+{_PRINTED}}}
 """

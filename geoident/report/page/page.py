@@ -8,12 +8,24 @@ together as HTML.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.report.drawing.album import album, comparison
+from geoident.report.drawing.album import Album, album, comparison
 from geoident.report.drawing.style import Picture, image
+from geoident.report.page.blocks import (
+    Block,
+    Draw,
+    Figures,
+    PagePart,
+    TitledTable,
+    body,
+    contents,
+    section,
+)
 from geoident.report.page.html import Html, joined, page, table, tag
-from geoident.report.page.svg import figure_element
+from geoident.report.page.logo import logo_element
 from geoident.report.text import (
     accuracies,
     backtest,
@@ -24,7 +36,7 @@ from geoident.report.text import (
     varied,
     yielding,
 )
-from geoident.report.text.case import case_title
+from geoident.report.text.case import case_entries, case_title
 from geoident.report.text.gauges import (
     OUTLIER,
     in_sd_note,
@@ -34,86 +46,215 @@ from geoident.report.text.gauges import (
     reading_table,
     unit_title,
 )
+from geoident.report.text.inputs.construction import construction_table
+from geoident.report.text.inputs.materials import ground_sentences, materials_table
+from geoident.report.text.inputs.numbers import SaidNumbers, entries
+from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
 from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20
+_OF_THE_SEARCH = ("history",)
+"""Figures for those who want to know how the answer was found."""
+
+_SIGNS = ("signs",)
+"""Figures of conventions."""
+
+_SMALL = ("one-to-one", "correlation")
+"""Figures that find room beside each other."""
+
+_MOST_RUNS = 4
+"""Results of a comparison up to which each has figures of its own."""
 
 
-def report_page(results: Labelled) -> str:
+def report_page(
+    results: Labelled, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw | None = None
+) -> str:
     """The report of one result, or of several with a comparison first.
 
     Args:
         results: labels (such as file names) and results.
+        head: what it says of itself.
+        logo: content of the file of the logo.
+        draw: makes the figures; one after the other if missing.
     """
     if len(results) == 1:
         ((label, result),) = results
-        title = case_title(result) or label
-        return page(f"{title} - geoident", tag("h1", title), *_parts(result, prefix=""))
-    title = "Comparison of " + ", ".join(label for label, _ in results)
-    parts = [_result_section(number, *each) for number, each in enumerate(results, start=1)]
-    return page(f"{title} - geoident", tag("h1", title), *_compared(results), *parts)
+        title = head.title or case_title(result) or label
+        sections = _parts(result)
+    else:
+        title = head.title or "Comparison of " + ", ".join(label for label, _ in results)
+        sections = _compared(results)
+    drawn = body(sections, draw or _one_by_one)
+    right = ", ".join(part for part in (head.client, _revision(head), head.date) if part)
+    margins = (head.project or title, right if head.project else "")
+    return page(
+        f"{title} - geoident",
+        _head(title, head, results, logo),
+        contents(sections),
+        tag("main", drawn),
+        margins=margins,
+    )
 
 
-def _compared(results: Labelled) -> tuple[Html, ...]:
-    links = [
-        tag("li", tag("a", label, href=f"#result-{number}"))
-        for number, (label, _) in enumerate(results, start=1)
+def _one_by_one(pictures: Sequence[Picture]) -> list[bytes]:
+    return [image(picture, "svg") for picture in pictures]
+
+
+def _revision(head: ReportHead) -> str:
+    return f"revision {head.revision}" if head.revision else ""
+
+
+def _head(title: str, head: ReportHead, results: Labelled, logo: bytes) -> Html:
+    """What the page is, of what, for whom, by whom."""
+    versions = {result.provenance.versions.get("geoident", "") for _, result in results} - {""}
+    computed = sorted({result.provenance.created.partition("T")[0] for _, result in results})
+    rows = [
+        ("Project", head.project),
+        ("Client", head.client),
+        ("Author", head.author),
+        ("Revision", head.revision),
+        ("Date", head.date),
+        ("Computed", f"{', '.join(computed)}, geoident {', '.join(sorted(versions))}"),
     ]
+    entries = [tag(name, text) for key, text in rows if text for name, text in
+               (("dt", key), ("dd", text))]  # fmt: skip
+    picture = logo_element(logo, head.logo) if logo else Html("")
+    words = tag("div", tag("h1", title), tag("dl", *entries))
+    return tag("header", tag("div", words, picture, class_="head"))
+
+
+def _compared(results: Labelled) -> tuple[PagePart, ...]:
+    """What several results say side by side; of each alone, what is not said so."""
+    few = len(results) <= _MOST_RUNS
+    runs = tuple(
+        _run(number, label, result, few=few) for number, (label, result) in enumerate(results, 1)
+    )
     return (
-        tag("nav", tag("ul", *links)),
-        tag("h2", "Outcomes"),
-        table(compared_outcomes(results)),
-        tag("h2", "Parameters side by side"),
-        tag("p", "Values with their 95 % intervals.", class_="note"),
-        table(compared_parameters(results)),
-        _figures(comparison(results)),
+        section("Outcomes", TitledTable("Outcomes", compared_outcomes(results))),
+        section(
+            "Parameters side by side",
+            TitledTable("Parameters with their 95 % intervals", compared_parameters(results)),
+            Figures(comparison(results)),
+        ),
+        PagePart("Each result", (), tuple(run for run in runs if run)),
+        PagePart("Provenance", (), _provenances(results), closed=True),
     )
 
 
-def _result_section(number: int, label: str, result: Result) -> Html:
+def _run(number: int, label: str, result: Result, *, few: bool) -> PagePart:
+    """What one of several results says."""
     title = case_title(result)
-    heading = f"Result {number}: {label}" + (f" ({title})" if title else "")
-    parts = _parts(result, prefix=f"{number}-")
-    return tag("section", tag("h1", heading), *parts, id=f"result-{number}")
-
-
-def _parts(result: Result, *, prefix: str) -> tuple[Html, ...]:
-    """All sections of one result."""
-    pictures = album(result, prefix=prefix)
-    return (
-        tag("p", " ".join(outcome_sentences(result)), class_="lead"),
+    pictures = album(result, prefix=f"{number}-") if few else None
+    shown = () if pictures is None else (*pictures.overview[:1], *pictures.quality)
+    kept = tuple(p for p in shown if p.name.endswith(("-overview", "-residuals")))
+    found = section(
+        f"{label}: {title}" if title else label,
+        tag("p", " ".join(outcome_sentences(result))),
         _warnings(result),
-        _figures(pictures.overview),
-        _section(
-            "Parameters", table(parameter_table(result.parameters)), _figures(pictures.parameters)
-        ),
-        _section(varied.TITLE, table(varied.varied_table(result.varied))),
-        _section(posterior.TITLE, *_posterior(result)),
-        _section(accuracies.TITLE, table(accuracies.accuracies_table(result.accuracies))),
-        _section(rivals.MODELS_TITLE, *_models(result)),
-        _section(model_error.TITLE, _model_error(result)),
-        _section(rivals.TITLE, table(rivals.rivals_table(result))),
-        _section("Gauges", _figures(pictures.readings)),
-        _section("Displacements and stresses", _figures(pictures.fields)),
-        _section(
-            "How well it fits",
-            _outliers(result) if pictures.quality else "",
-            _influence(result),
-            _figures(pictures.quality),
-        ),
-        _section(yielding.TITLE, _yield_planes(result)),
-        _section(unit_title("Readings", result.gauges), *_readings(result)),
-        _section(
-            structures.TITLE,
-            _figures(pictures.structures),
-            table(structures.force_table(result.members)),
-        ),
-        _section(backtest.TITLE, *_backtest(result), _figures(pictures.backtest)),
-        _section("Notes", joined([tag("p", note) for note in result.notes if note])),
-        _section("Provenance", _provenance(result), _case(result)),
+        Figures(kept),
     )
+    return replace(found, name=f"result-{number}")
+
+
+def _provenances(results: Labelled) -> tuple[PagePart, ...]:
+    return tuple(
+        replace(section(label, _provenance(result)), name=f"provenance-{number}")
+        for number, (label, result) in enumerate(results, start=1)
+    )
+
+
+def _parts(result: Result) -> tuple[PagePart, ...]:
+    """All sections of one result."""
+    pictures = album(result)
+    fit = [p for p in pictures.quality if p.name not in _OF_THE_SEARCH]
+    tested, backtested = _backtest(result), result.kind == "backtest"
+    return (
+        section(
+            "Summary",
+            tag("p", " ".join(outcome_sentences(result)), class_="lead"),
+            _warnings(result),
+            Figures(pictures.overview),
+        ),
+        _model(result, pictures),
+        section(
+            "Parameters",
+            TitledTable("Parameters", parameter_table(result.parameters)),
+            Figures(pictures.parameters),
+        ),
+        section(varied.TITLE, TitledTable(varied.TITLE, varied.varied_table(result.varied))),
+        section(posterior.TITLE, *_posterior(result)),
+        section(
+            accuracies.TITLE,
+            TitledTable(accuracies.TITLE, accuracies.accuracies_table(result.accuracies)),
+        ),
+        section(rivals.MODELS_TITLE, *_models(result)),
+        section(model_error.TITLE, _model_error(result)),
+        section(rivals.TITLE, TitledTable(rivals.TITLE, rivals.rivals_table(result))),
+        section("Gauges", Figures(tuple(p for p in pictures.readings if p.name not in _SIGNS))),
+        section("Displacements and stresses", Figures(pictures.fields)),
+        section(
+            "How well it fits",
+            _outliers(result) if pictures.quality else Html(""),
+            *_influence(result),
+            Figures(tuple(sorted(fit, key=lambda p: p.name not in _SMALL))),
+        ),
+        section(yielding.TITLE, *_yield_planes(result)),
+        section(structures.TITLE, Figures(pictures.structures)),
+        section(
+            backtest.TITLE,
+            *(tested if backtested else tested[:1]),
+            Figures(pictures.backtest),
+        ),
+        section("Notes", joined([tag("p", note) for note in result.notes if note])),
+        section(
+            "All readings",
+            TitledTable(unit_title("Readings", result.gauges), reading_table(result)),
+            _in_sd(result),
+            closed=True,
+        ),
+        section("Predictions tested", *(() if backtested else tested), closed=True),
+        section(
+            "Course of the search",
+            Figures(tuple(p for p in pictures.quality if p.name in _OF_THE_SEARCH)),
+            closed=True,
+        ),
+        section(
+            f"All {structures.TITLE.lower()}",
+            TitledTable(structures.TITLE, structures.force_table(result.members)),
+            closed=True,
+        ),
+        section("Provenance", _provenance(result), closed=True),
+        section("Case file", _case(result), closed=True),
+    )
+
+
+def _model(result: Result, pictures: Album) -> PagePart:
+    """What was computed: ground, construction, structures, supports, and what is positive.
+
+    Tables go before figures, since they fill what is left of a printed page.
+    """
+    case = case_entries(result.case_resolved)
+    numbers = SaidNumbers(entries(case, "parameters"), result.parameters)
+    said = [tag("p", text) for text in ground_sentences(case, numbers)]
+    return section(
+        "Model",
+        TitledTable(
+            "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
+        ),
+        joined(said),
+        TitledTable("Construction", construction_table(case, numbers)),
+        TitledTable("Structures", structures_table(case, numbers)),
+        TitledTable("Supports", supports_table(case)),
+        Figures((*pictures.model, *(p for p in pictures.readings if p.name in _SIGNS))),
+    )
+
+
+def _in_sd(result: Result) -> Html:
+    """What the residuals of the table of readings are divided by."""
+    rows = reading_table(result).rows
+    return tag("p", in_sd_note(result), class_="note") if rows else Html("")
 
 
 def _model_error(result: Result) -> Html:
@@ -121,41 +262,21 @@ def _model_error(result: Result) -> Html:
     return tag("p", text) if text else Html("")
 
 
-def _posterior(result: Result) -> tuple[str, ...]:
+def _posterior(result: Result) -> tuple[Block, ...]:
     """How far the draws are to be believed, and their table."""
     if result.posterior is None:
         return ()
     said = tag("p", posterior.cost_sentence(result.posterior))
-    return said, table(posterior.posterior_table(result))
+    return said, TitledTable("Posterior", posterior.posterior_table(result))
 
 
-def _section(title: str, *parts: str) -> Html:
-    """A heading and what stands under it; nothing if that is nothing."""
-    body = [part for part in parts if part]
-    return tag("section", tag("h2", title), joined(body, "\n")) if body else Html("")
-
-
-def _readings(result: Result) -> tuple[Html, ...]:
-    """Every reading, and what its residual is divided by."""
-    found = table(reading_table(result))
-    return (found, tag("p", in_sd_note(result), class_="note")) if found else ()
-
-
-def _models(result: Result) -> tuple[Html, ...]:
+def _models(result: Result) -> tuple[Block, ...]:
     found = result.comparison
     if found is None:
         return ()
     said = tag("ul", *(tag("li", text) for text in found.sentences))
-    return table(rivals.models_table(found)), said, tag("p", rivals.MODELS_LEGEND)
-
-
-def _figures(pictures: Sequence[Picture]) -> Html:
-    return joined([_figure(picture) for picture in pictures], "\n")
-
-
-def _figure(picture: Picture) -> Html:
-    svg = image(picture, "svg")
-    return figure_element(svg, name=picture.name, title=picture.title, caption=picture.caption)
+    models = TitledTable(rivals.MODELS_TITLE, rivals.models_table(found))
+    return models, said, tag("p", rivals.MODELS_LEGEND)
 
 
 def _warnings(result: Result) -> Html:
@@ -179,42 +300,42 @@ def _outliers(result: Result) -> Html:
     return joined([tag("p", words), tag("ul", *(tag("li", item) for item in items))])
 
 
-def _influence(result: Result) -> Html:
+def _influence(result: Result) -> tuple[Block, ...]:
     """The most influential readings."""
-    title = influence_title(result.diagnostics).replace("\n", ". ")
-    found = table(influence_table(result), caption=title)
+    found = influence_table(result)
+    if not found.rows:
+        return ()
     note = (
         "Leverage: share of its own fitted value that the reading decides, 0 to 1. Changes most, "
         "by sd: the parameter that the reading moves most, in standard deviations of the parameter."
     )
-    return joined([found, tag("p", note, class_="note")]) if found else found
+    title = influence_title(result.diagnostics).replace("\n", ". ")
+    return TitledTable(title, found), tag("p", note, class_="note")
 
 
-def _yield_planes(result: Result) -> Html:
+def _yield_planes(result: Result) -> tuple[Block, ...]:
     """What kind of answer identified yield limits are, and what their planes do."""
     found = result.certificate
     if found is None:
-        return Html("")
+        return ()
     said = tag("p", " ".join(yielding.certificate_sentences(found)))
-    return joined([said, table(yielding.plane_table(found))])
+    return said, TitledTable(yielding.TITLE, yielding.plane_table(found))
 
 
-def _backtest(result: Result) -> tuple[Html, ...]:
+def _backtest(result: Result) -> tuple[Block, ...]:
     """How predictions of stages that were read came true, in tables."""
     found = result.backtest
     if found is None or not found.steps:
         return ()
     if result.kind != "backtest":
         words = "The last fitted stage, predicted from the readings of those before it."
-        return tag("p", words), table(backtest.prediction_table(result))
+        return tag("p", words), TitledTable("Predictions", backtest.prediction_table(result))
+    ahead = f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage"
     return (
-        table(backtest.fits_table(result), caption="Fits of the readings up to each stage"),
-        table(backtest.scores_table(found), caption="Predictions against later readings"),
-        table(backtest.errors_table(result), caption=f"{backtest.ERRORS_TITLE}: next stage"),
-        table(
-            backtest.errors_table(result, ahead=False),
-            caption=f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage",
-        ),
+        TitledTable("Fits of the readings up to each stage", backtest.fits_table(result)),
+        TitledTable("Predictions against later readings", backtest.scores_table(found)),
+        TitledTable(f"{backtest.ERRORS_TITLE}: next stage", backtest.errors_table(result)),
+        TitledTable(ahead, backtest.errors_table(result, ahead=False)),
     )
 
 
@@ -246,6 +367,4 @@ def _hash(text: str) -> Html:
 def _case(result: Result) -> Html:
     if not result.case_resolved:
         return Html("")
-    return joined(
-        [tag("h3", "The case, with defaults and overrides"), tag("pre", result.case_resolved)]
-    )
+    return joined([tag("p", "With defaults and overrides."), tag("pre", result.case_resolved)])

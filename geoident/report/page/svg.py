@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import re
 from xml.etree import ElementTree
 
@@ -19,6 +20,11 @@ from geoident.report.page.html import Html, tag
 
 _LINK = "{http://www.w3.org/1999/xlink}href"
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
+_SIZE = re.compile(r' width="(\d+)" height="(\d+)"')
+_PRINT_SCALE = 0.64
+"""Letters of 8.5 points are 5.5 points high on paper."""
+_PRINT_WIDTH = 680  # pixels of A4 without its margins
+_PRINT_HEIGHT = 335  # pixels of a figure at most, so that two and more find room on a page
 _DROPPED = ("metadata", "style", "title", "desc")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
@@ -56,7 +62,17 @@ def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:
     """
     picture = inline_svg(svg, name=name, text=title)
     words = tag("figcaption", tag("b", f"{title}. "), caption)
-    return tag("figure", picture, words, id=f"figure-{name}")
+    drawing = tag("div", picture, class_="drawing")
+    return tag("figure", drawing, words, id=f"figure-{name}", class_=_sizes(picture))
+
+
+def _sizes(picture: str) -> str:
+    """Classes of a figure: by its width on a screen, and by its part of a printed page."""
+    found = _SIZE.search(picture)
+    width, height = (int(found[1]), int(found[2])) if found else (0, 1)
+    scale = min(_PRINT_SCALE, _PRINT_HEIGHT / height)
+    part = 100.0 * scale * width / _PRINT_WIDTH
+    return f"w{min(max(round(width / 100), 1), 20)} p{min(max(5 * math.ceil(part / 5), 10), 100)}"
 
 
 def _target(key: str, value: str) -> str:

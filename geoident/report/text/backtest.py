@@ -35,12 +35,12 @@ def backtest_text(result: Result) -> str:
     if result.kind != "backtest":
         return section(
             f"{TITLE}: the last fitted stage, predicted from those before it",
-            prediction_table(result).text,
+            prediction_table(result).folded(keys=3),
         )
     return sections(
-        section("Fits of the first stages", fits_table(result).text),
-        section("Predictions that came true", scores_table(found).text),
-        section(ERRORS_TITLE, errors_table(result).text),
+        section("Fits of the first stages", fits_table(result).folded()),
+        section("Predictions that came true", scores_table(found).folded()),
+        section(ERRORS_TITLE, errors_table(result).folded()),
     )
 
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import yaml
 
+from geoident.io.text.dates import DateError, read_date
+from geoident.model.arrays import Floats
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.gauges import moment_text
+from geoident.report.text.inputs.construction import load_texts
+from geoident.report.text.inputs.materials import ground_sentences, materials_table
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries
+from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -21,6 +28,15 @@ from geoident.report.text.layout import (
     sentence,
 )
 from geoident.units import in_unit, shown_unit
+
+
+def case_entries(text: str) -> Mapping[str, Any]:
+    """A case as texts; empty if it cannot be read.
+
+    Args:
+        text: of the case.
+    """
+    return _case(text)
 
 
 def case_title(result: Result) -> str:
@@ -38,6 +54,24 @@ def axis_names(result: Result) -> tuple[str, str, str]:
 def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
     """What a key of the case holds, as texts; empty where it holds no mapping."""
     return _mapping(_case(result.case_resolved), key)
+
+
+def stage_dates(result: Result) -> Floats:
+    """When the stages end, from the case or else from their readings.
+
+    Returns:
+        (n_stages,) seconds since 1970; NaN where nobody says.
+    """
+    table, given = result.gauges.readings, case_mapping(result, "dates")
+    found = np.full(len(result.gauges.stages), np.nan)
+    names = np.array(table.stage)
+    for k, stage in enumerate(result.gauges.stages):
+        read = table.time[names == stage] if len(table) else np.empty(0)
+        try:
+            found[k] = read_date(str(given[stage]))
+        except (KeyError, DateError):
+            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
+    return found
 
 
 def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
@@ -143,12 +177,16 @@ def case_text(summary: CaseSummary) -> str:
     return sections(
         _head(summary),
         section("Groups", _groups(summary)),
+        section("Materials", _inputs(summary, materials_table)),
+        section("Structures", _inputs(summary, structures_table)),
+        section("Supports", _inputs(summary, lambda case, _: supports_table(case))),
+        section("Ground and loads", bullets(_begin(summary))),
         section("Stages", _stages(summary.stages)),
         section("Gauges", _gauges(summary)),
         section("Positions of the gauges", _places(summary)),
         _readings(summary),
         section("Dates of the readings", _when_read(summary)),
-        section("Computation", _cost(summary.cost)),
+        section("Computation", _cost(summary.cost, summary.evaluations)),
         section("Notes", bullets(summary.notes)),
     )
 
@@ -178,6 +216,30 @@ def _groups(summary: CaseSummary) -> str:
     return TextTable(("name", "elements", size, "material at the start"), rows, right="lrr").text
 
 
+_LABELS = {"groups": "groups ", "held along": "held along "}
+"""Columns whose cells do not say by themselves what they are."""
+
+
+def _inputs(summary: CaseSummary, table: Callable[[CaseTexts, SaidNumbers], TextTable]) -> str:
+    """A table of what the case says, an entry a line: its cells are too long for columns."""
+    case = _case(summary.resolved)
+    found = table(case, SaidNumbers(entries(case, "parameters")))
+    lines = []
+    for first, *rest in found.rows:
+        named = zip(found.header[1:], rest, strict=True)
+        said = [f"{_LABELS.get(name, '')}{cell}" for name, cell in named if cell]
+        lines.append(f"{first}: {'; '.join(said)}")
+    return bullets(lines)
+
+
+def _begin(summary: CaseSummary) -> tuple[str, ...]:
+    """What acts before the first stage."""
+    case = _case(summary.resolved)
+    numbers = SaidNumbers(entries(case, "parameters"))
+    loads = [f"Load {text}." for text in load_texts(entries(case, "loads"), numbers)]
+    return (*ground_sentences(case, numbers), *loads)
+
+
 def _stages(stages: tuple[StageSummary, ...]) -> str:
     rows = [[s.name, str(s.dofs), str(s.used), _events(s)] for s in stages]
     return TextTable(("name", "unknowns", "readings", "what happens"), rows, right="lrrl").text
@@ -188,6 +250,7 @@ def _events(stage: StageSummary) -> str:
     events += [f"-{name}" for name in stage.leaves]
     events += [f"+{name}: {material}" for name, material in stage.enters]
     events += [f"{name} becomes {material}" for name, material in stage.changes]
+    events += [f"releases {share} of {name}" for name, share in stage.released]
     events += [f"builds {name}" for name in stage.built]
     events += [f"dismantles {name}" for name in stage.dismantled]
     events += [f"stresses {name}" for name in stage.stressed]
@@ -283,21 +346,18 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
-def _cost(cost: CostEstimate | None) -> str:
+def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
-    fit = "a fit by gauss-newton takes 5 to 10 evaluations."
+    yields = ""
     if cost.newton_steps > 1:
-        fit = (
-            f"ground yields, so {cost.newton_steps} Newton steps per stage are assumed. A fit by "
-            "complementarity takes 20 to 60 evaluations, most of them close to an earlier one, "
-            "with two to four steps per stage."
-        )
+        yields = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
     lines = [
         f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
         f"stages take {_many(cost.factor_flops)} operations (counted).",
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
-        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated); {fit}",
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){yields}. "
+        + evaluations,
     ]
     return "\n".join(sentence(line) for line in lines)
 

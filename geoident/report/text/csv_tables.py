@@ -289,20 +289,25 @@ def _per_unit(reading: str, unit: str) -> str:
 
 
 def _structures(result: Result) -> CsvTable:
-    """Forces in kN and kNm, of walls and linings per metre, of bars each."""
-    header = (
-        "structure", "number", "stage", "N", "M_first", "M_second", "Q", "N_hoop", "stressed_to"
-    )  # fmt: skip
+    """Forces in kN and kNm, of walls and linings per metre, of bars each; where the pieces end."""
+    forces = ("N", "M_first", "M_second", "Q", "N_hoop", "stressed_to")
     units = ("kN", "kNm", "kNm", "kN", "kN", "kN")
+    places = tuple(f"{axis}_{end} (m)" for end in ("first", "second") for axis in "xyz")
+    names = (
+        "structure", "number", "stage", *places,
+        *(f"{force} ({unit})" for force, unit in zip(forces, units, strict=True)),
+    )  # fmt: skip
     found = result.members
-    names = (*header[:3], *(f"{h} ({u})" for h, u in zip(header[3:], units, strict=True)))
     if found is None:
         return CsvTable(names, ())
+    missing = 3 - found.ends.shape[2]
+    ends = np.pad(found.ends, [(0, 0), (0, 0), (0, missing)], constant_values=math.nan)
     rows: list[CsvRow] = [
         (
             found.structures[i],
             int(found.numbers[i]),
             found.stages[j],
+            *map(float, ends[i].ravel()),
             *(
                 float(force) / _KILO
                 for force in (

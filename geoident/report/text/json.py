@@ -278,7 +278,9 @@ def summary_object(summary: CaseSummary) -> dict[str, Any]:
         for stage in summary.when_read
     ]
     own = {"unused": dict(summary.unused), "when_read": when_read}
-    return {"status": "valid", "exit_code": 0, **asdict(summary), **own}
+    found = asdict(summary)
+    del found["resolved"]
+    return {"status": "valid", "exit_code": 0, **found, **own}
 
 
 def _moment(seconds: float | None) -> str | None:

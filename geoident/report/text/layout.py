@@ -41,9 +41,40 @@ class TextTable:
         """
         if not self.rows:
             return ""
-        lines = [self.header, *self.rows]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        lines, widths = [self.header, *self.rows], self._widths
         return "\n".join(_line(cells, widths, self.sides) for cells in lines)
+
+    def folded(self, keys: int = 1) -> str:
+        """The table as text no wider than the terminal: columns that do not fit follow below.
+
+        A single column that is too wide by itself stays as it is.
+
+        Args:
+            keys: the first columns, which are repeated with each part.
+        """
+        if not self.rows:
+            return ""
+        parts: list[list[int]] = [[]]
+        room = WIDTH - sum(width + len(GAP) for width in self._widths[:keys]) + len(GAP)
+        left = room
+        for column, width in enumerate(self._widths[keys:], start=keys):
+            needed = width + len(GAP)
+            if needed > left and parts[-1]:
+                parts.append([])
+                left = room
+            parts[-1].append(column)
+            left -= needed
+        return "\n\n".join(self._only([*range(keys), *part]).text for part in parts)
+
+    @property
+    def _widths(self) -> list[int]:
+        """Characters of each column."""
+        return [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+
+    def _only(self, columns: Sequence[int]) -> TextTable:
+        rows = [[row[k] for k in columns] for row in self.rows]
+        sides = "".join(self.sides[k] for k in columns)
+        return TextTable([self.header[k] for k in columns], rows, sides)
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], sides: str) -> str:

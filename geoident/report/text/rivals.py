@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.results.result import NORMAL_95, Result
-from geoident.model.results.rivals import ModelComparison
+from geoident.model.results.rivals import ModelComparison, ModelScore
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -82,7 +82,7 @@ def models_table(found: ModelComparison | None) -> TextTable:
     rows = [
         [
             f"{model.name}{' *' if k == found.chosen else ''}",
-            str(model.parameters),
+            _unknowns(model),
             model.status,
             number(model.objective),
             decimals(model.log_evidence - best, 1),
@@ -92,6 +92,12 @@ def models_table(found: ModelComparison | None) -> TextTable:
         for k, (model, part) in enumerate(zip(found.models, found.probabilities, strict=True))
     ]
     return TextTable(header, rows, right="lrlrrrr")
+
+
+def _unknowns(model: ModelScore) -> str:
+    """How many parameters people see, and the modes of fields apart."""
+    modes = f" + {model.modes} modes" if model.modes else ""
+    return f"{model.parameters}{modes}"
 
 
 def _percent(part: float) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geoident.errors import TimeIsUp
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
@@ -17,7 +18,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import Counts, Diagnostics, Prediction, Result
 from geoident.model.results.rivals import Evidence, Rivals
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, keep, write
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     LaterModelError,
@@ -40,6 +41,7 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.readings import (
     accuracies,
+    survey_of_used,
     unused_by_stage,
     with_computed,
 )
@@ -59,7 +61,10 @@ def surveyed(
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    survey = model.survey(p, fields=fields, partial=True, last=last)
+    try:
+        survey = model.survey(p, fields=fields, partial=True, last=last)
+    except TimeIsUp:
+        survey = survey_of_used(setup.readings, setup.case, model, problem, p)
     counts = further(problem.response.counts, before, model.counts)
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
 
@@ -224,13 +229,15 @@ def searched(
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     setup = prepare(job)
     _tell_readings(setup, control)
     with evaluation_log(job, control) as log:
-        written = result(*estimated(setup, job.methods, log, control), log)
-        return write(written, job.place, job.found, inputs=job.inputs.files)
+        found = estimated(setup, job.methods, log, control)
+        control.finish()
+        written, force = result(*found, log), job.request.force
+        return write(written, job.place, job.found, inputs=job.inputs.files, force=force)
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

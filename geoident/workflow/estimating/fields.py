@@ -7,15 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.errors import InputError
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
 from geoident.model.ground import Field, PointField
+from geoident.model.results.result import Result
 from geoident.model.results.varied import FieldEstimate
 
 _NOTHING = 1e-6
 """Prior variance, in parts of the field's, below which there is nothing left to reduce."""
+
+_SAME_FIELD = 1e-6
+"""Difference of the logarithm of a field at an element up to which its modes are the same."""
 
 _BLOCK = 500
 """Draws of a field that are held at once."""
@@ -46,8 +52,6 @@ def _estimate(
 ) -> FieldEstimate:
     elements, mean_of = _averages(model, made.points)
     modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
-    known = model.values(values)
-    mean = field.mean.value(known)
     columns = [model.names.index(name) for name in made.names]
     slopes = modes
     if field.mean.parameter is not None:
@@ -55,7 +59,7 @@ def _estimate(
         columns, slopes = [at, *columns], np.column_stack([(1 - pull) / values[at], modes])
     part = covariance[np.ix_(columns, columns)]
     variance = np.maximum(np.einsum("qi,qi->q", slopes @ part, slopes), 0.0)
-    logarithm = np.log(mean) + mean_of @ np.log(made.factor(known, mean))
+    logarithm = _logarithm(model, field, made, values)
     return _described(model, field, made, _Known(elements, mean_of, modes, logarithm, variance))
 
 
@@ -98,6 +102,62 @@ def _described(model: StagedModel, field: Field, made: PointField, known: _Known
         explained=made.explained,
         tests=len(field.measured),
     )
+
+
+def _logarithm(model: StagedModel, field: Field, made: PointField, values: Floats) -> Floats:
+    """Logarithm of a field at its elements, the mean of that at their strain points."""
+    known = model.values(values)
+    mean = field.mean.value(known)
+    mean_of = _averages(model, made.points)[1]
+    return np.asarray(np.log(mean) + mean_of @ np.log(made.factor(known, mean)))
+
+
+def require_same_modes(fit: Result, model: CaseModel, case: Case, values: Floats) -> None:
+    """Refuse a model whose modes, made again from its mesh, give another field than the fit has.
+
+    The coefficients of a fit mean something with its own modes only. They are of the mesh, of the
+    ground that is of the material, and of the libraries that found them.
+
+    Args:
+        fit: holds the values of its fields at the elements.
+        model: of the case.
+        case: the case.
+        values: (n,) the estimate of the fit, in the order of the model, SI.
+
+    Raises:
+        InputError: with those fields.
+    """
+    if not isinstance(model, StagedModel) or not model.on_mesh.fields:
+        return
+    found = {estimate.name: estimate for estimate in fit.varied}
+    faults = []
+    for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True):
+        before = found.get(field.name)
+        if before is None:  # a result that does not tell
+            continue
+        elements, _ = _averages(model, made.points)
+        if not np.array_equal(elements, before.elements):
+            why = f"they are of {len(elements)} elements, those of the fit of "
+            why += f"{len(before.elements)}"
+            if len(elements) == len(before.elements):
+                why = "they are of other elements"
+        else:
+            now = _logarithm(model, field, made, values)
+            apart = float(np.abs(now - np.log(before.values)).max())
+            if apart <= _SAME_FIELD:
+                continue
+            why = f"with its coefficients they give values up to {100 * np.expm1(apart):.2g} % "
+            why += "from those of the fit"
+        faults.append(
+            case.source.fault(
+                field.path,
+                code="other-field",
+                message=f"the modes of {field.name} are not those of the fit: {why}",
+                hint="Keep mesh and groups as they were, or run the fit again.",
+            )
+        )
+    if faults:
+        raise InputError(faults)
 
 
 def drawn_fields(model: CaseModel, draws: Floats) -> tuple[FieldEstimate, ...]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from geoident.errors import InputError, Interrupted, ModelError, Term
+from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
 from geoident.identify.problem.problem import STOPPED
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.results.result import Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job
-from geoident.workflow.running.outputs import Standing, Target
+from geoident.workflow.running.outputs import Standing, Target, restore, set_aside
 
 
 @contextmanager
@@ -36,6 +37,9 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     except Interrupted as stop:
         log.close()
         raise Interrupted(_how_to_go_on(job), exit_code=stop.exit_code) from stop
+    except TimeIsUp as end:
+        log.close()
+        raise Interrupted(_too_short(job, log), exit_code=ExitCode.NOT_CONVERGED) from end
     except (InputError, ModelError):
         log.remove()  # it would end the same way again
         raise
@@ -46,6 +50,17 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
         log.close()
     else:
         log.remove()
+
+
+def _too_short(job: Job, log: EvaluationLog) -> str:
+    """That no result could be written in the time that was given."""
+    if not len(log):
+        return "The time that was given is used up before the model was evaluated once."
+    return (
+        "The time that was given is used up before a result could be written. "
+        f"What was computed is kept in {job.place.checkpoint}.\n"
+        f"    {Term.SAME_AGAIN} goes on from there."
+    )
 
 
 def _how_to_go_on(job: Job) -> str:
@@ -64,11 +79,13 @@ class Finished:
         result: what was found, now or before.
         paths: the files that hold it, the result file first.
         up_to_date: it stood there already and was not computed again.
+        remarks: sentences on what became of a result that stood there before.
     """
 
     result: Result
     paths: tuple[str, ...]
     up_to_date: bool = False
+    remarks: tuple[str, ...] = ()
 
 
 def keep(place: Target) -> Finished:
@@ -76,20 +93,69 @@ def keep(place: Target) -> Finished:
     return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
 
 
-def write(result: Result, place: Target, found: Standing, *, inputs: Sequence[str]) -> Finished:
-    """Put a result in its place.
+def at_hand(
+    place: Target, identity: str, found: Standing, *, force: bool, fresh: bool
+) -> Finished | None:
+    """The result of an input where it is there already: in its place, or kept from before.
+
+    Args:
+        place: of the result.
+        identity: hash of everything that it depends on.
+        found: what stands there.
+        force: what stands there is to be replaced.
+        fresh: it is to be computed again.
+    """
+    if fresh:
+        return None
+    if found is Standing.UP_TO_DATE:
+        return keep(place)
+    if found is not Standing.OTHER or force:
+        return None
+    moved = restore(place, identity)
+    if moved is None:
+        return None
+    was, aside = moved
+    return replace(
+        keep(place),
+        remarks=(f"{was} was made from this input: it is {place.path} again, {_kept(aside)}",),
+    )
+
+
+def job_at_hand(job: Job) -> Finished | None:
+    """The result of a job where it is there already."""
+    request = job.request
+    return at_hand(job.place, job.identity, job.found, force=request.force, fresh=request.fresh)
+
+
+def _kept(aside: Path) -> str:
+    return f"and what stood there is kept as {aside}"
+
+
+def write(
+    result: Result, place: Target, found: Standing, *, inputs: Sequence[str], force: bool
+) -> Finished:
+    """Put a result in its place; an earlier one of the same case is kept beside.
 
     Args:
         result: what was found.
         place: of the result.
-        found: what stands there.
+        found: what stood there when the command began.
         inputs: paths that were read, and so must not be written.
+        force: what stands there is not to be kept.
     """
+    now = read_identity(place.path) if place.path.exists() else None
+    same = now is not None and now.identity == result.provenance.identity
+    if now is not None and same and found in (Standing.NOTHING, Standing.OTHER):
+        if now.status != STOPPED:  # computed by another run meanwhile
+            return keep(place)
+        found = Standing.UNFINISHED
+    remarks: tuple[str, ...] = ()
+    if found is Standing.OTHER and now is not None and not force:
+        aside, removed = set_aside(place.path)
+        remarks = (
+            f"{place.path} was made from other input: it is kept as {aside}",
+            *(f"{path}, an older one, is removed" for path in removed),
+        )
     overwrite = found is not Standing.NOTHING
-    if not overwrite:  # the same may have been computed by another run meanwhile
-        other = read_identity(place.path) if place.path.exists() else None
-        if other is not None and other.identity == result.provenance.identity:
-            if other.status != STOPPED:
-                return keep(place)
-            overwrite = True
-    return Finished(result, write_result(result, place.path, overwrite=overwrite, inputs=inputs))
+    paths = write_result(result, place.path, overwrite=overwrite, inputs=inputs)
+    return Finished(result, paths, remarks=remarks)

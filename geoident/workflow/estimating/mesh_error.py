@@ -76,6 +76,7 @@ def _refinement(
         fine = staged_model(refined(model.mesh), case, solver=pick_solver(model.solver_name))
     except (InputError, ModelError, MemoryError) as error:
         return _not_computed(error)
+    fine.on_state = model.on_state  # the clock is looked at here too
     known = model.values(p)  # fields have their mean
     values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
     march = StageByStage(fine, np.array([values[name] for name in fine.names], dtype=np.float64))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.errors import TimeIsUp
 from geoident.forward.model import StagedModel
 from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
@@ -46,7 +47,7 @@ from geoident.workflow.estimating.model_error_covariance import (
 from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.rivals import LOWER, kept_up
 from geoident.workflow.estimating.setup import Setup, problem_of, structure_of_used, used_rows
-from geoident.workflow.running.control import Control
+from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.errors import gauge_errors
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import (
@@ -85,6 +86,25 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     first = _search(problem, methods, control)
+    try:
+        return _with_all_errors(setup, problem, first, methods, control)
+    except TimeIsUp:
+        return setup, problem, replace(first, status=STOPPED, reason=OUT_OF_TIME)
+
+
+def _with_all_errors(
+    setup: Setup,
+    problem: Problem,
+    first: Outcome,
+    methods: Sequence[MethodOptions],
+    control: Control,
+) -> tuple[Setup, Problem, Outcome]:
+    """The same with the errors of the mesh, of the gauges and of the model.
+
+    Raises:
+        TimeIsUp: the time ended within an evaluation that they need.
+        Interrupted: a stop was asked for.
+    """
     setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
     found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
     mesh = _mesh_beside_accuracies(found, problem, outcome)

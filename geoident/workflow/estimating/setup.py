@@ -123,7 +123,12 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     """
     case, readings, used = setup.case, setup.readings, setup.readings.used
     names = case.stage_names
-    setup.model.on_state = lambda n: control.monitor.stage(names[n], n, len(names) - 1)
+
+    def on_state(n: int) -> None:
+        control.monitor.stage(names[n], n, len(names) - 1)
+        control.within()
+
+    setup.model.on_state = on_state
     pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
     staged = setup.model.response(pairs, times_of(readings, used))
     # the closed form costs nothing: there is nothing to remember

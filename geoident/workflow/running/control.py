@@ -9,10 +9,17 @@ import time
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from geoident.errors import ExitCode, Interrupted
+from geoident.errors import ExitCode, Interrupted, TimeIsUp
 from geoident.model.results.result import Iteration
 
 OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
+
+
+GRACE = 5.0
+"""Seconds after its time for which an evaluation that has begun may go on."""
+
+FOR_THE_END = 0.1
+"""Part of its time that a run may spend beyond it on what a result says beside the parameters."""
 
 
 class Monitor(Protocol):
@@ -103,6 +110,8 @@ class Control:
         stop: the wish to stop.
         max_time: seconds after which an identifier ends with what it has; None for no limit.
         out_of_time: the limit was reached.
+        started: when, by the clock of the machine that never goes back, s.
+        further: seconds after the limit from which on `GRACE` counts.
     """
 
     monitor: Monitor = field(default_factory=Silent)
@@ -110,6 +119,7 @@ class Control:
     max_time: float | None = None
     out_of_time: bool = False
     started: float = field(default_factory=time.monotonic)
+    further: float = 0.0
 
     def observe(self, iteration: Iteration) -> str | None:
         """Observer of the identifiers: a reason to stop now, or None."""
@@ -122,3 +132,21 @@ class Control:
             return None
         self.out_of_time = True
         return OUT_OF_TIME
+
+    def within(self) -> None:
+        """Is asked between the stages of an evaluation, and cuts it short where it takes too long.
+
+        Raises:
+            TimeIsUp: the time is used up, and the grace too.
+        """
+        if self.max_time is None:
+            return
+        if time.monotonic() - self.started > self.max_time + self.further + GRACE:
+            self.out_of_time = True
+            raise TimeIsUp(OUT_OF_TIME)
+
+    def finish(self) -> None:
+        """The search is over: what a result says beside the parameters may take a little longer."""
+        if self.max_time is not None and self.out_of_time:
+            spent = time.monotonic() - self.started
+            self.further = max(spent - self.max_time, 0.0) + FOR_THE_END * self.max_time

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
+from geoident.model.methods import (
+    ClosedFormOptions,
+    ComplementarityOptions,
+    CondensationOptions,
+    EnsembleSmootherOptions,
+    GaussNewtonOptions,
+    MethodOptions,
+    ScanOptions,
+    SimplexOptions,
+    method_name,
+)
 from geoident.model.results.summary import CostEstimate
 
 _FLOPS = {"cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
@@ -70,6 +82,41 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
         seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
     )
+
+
+def evaluations_text(methods: Sequence[MethodOptions], n: int, *, yields: bool) -> str:
+    """About how many evaluations a fit takes, a sentence for each of its methods.
+
+    Args:
+        methods: options of the methods, in their order.
+        n: number of parameters that the case names.
+        yields: ground yields.
+    """
+    return " ".join(_evaluations(options, n, yields=yields) for options in methods)
+
+
+def _evaluations(options: MethodOptions, n: int, *, yields: bool) -> str:
+    name, plain = method_name(options), "evaluations without derivatives."
+    match options:
+        case ComplementarityOptions():
+            takes = "20 to 60 evaluations, most of them close to an earlier one, with two to four "
+            takes += "steps per stage."
+        case ScanOptions():
+            return f"A scan takes {options.points**n} {plain}"
+        case EnsembleSmootherOptions():
+            takes = f"{options.ensemble * options.assimilations} {plain}"
+        case SimplexOptions():
+            takes = f"some {40 * n} {plain}"
+        case ClosedFormOptions():
+            takes = "none."
+        case CondensationOptions():
+            takes = "5 to 10 evaluations, each with twice the factorizations."
+        case GaussNewtonOptions():
+            many = options.starts not in (1, "automatic")
+            takes = f"5 to 10 evaluations{', from each of its starts' if many else ''}."
+            if yields:
+                takes += " Later ones begin near an earlier one, with fewer steps."
+    return f"A fit by {name} takes {takes}"
 
 
 def _states(model: StagedModel) -> range:

@@ -6,8 +6,9 @@ import hashlib
 import json
 import os
 import platform
+import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -44,7 +45,7 @@ class Inputs:
     Args:
         path: the case as the user named it.
         loaded: the case, its text, and the files that it names.
-        case_sha256: of the case after overrides.
+        case_sha256: of the case after overrides, without the head of its report.
         mesh_sha256: of the bytes of the mesh; empty if there is none.
         readings_sha256: of the bytes of the readings; empty if there is no file of them.
     """
@@ -180,7 +181,7 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
     return Inputs(
         path,
         loaded,
-        case_sha256=sha256(loaded.resolved.encode()),
+        case_sha256=sha256((loaded.computed or loaded.resolved).encode()),
         mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
         readings_sha256=_hash_readings(loaded.readings_paths),
     )
@@ -294,6 +295,7 @@ class Job:
         place: of the result.
         identity: hash of everything that the result depends on.
         found: what stands at the place of the result.
+        started: when it was planned, by the clock that counts seconds.
     """
 
     request: Request
@@ -303,6 +305,7 @@ class Job:
     place: Target
     identity: str
     found: Standing
+    started: float = field(default_factory=time.monotonic)
 
     @property
     def up_to_date(self) -> bool:
@@ -341,7 +344,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
     _require_parameters(inputs.case, command)
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
-    found = standing(place, identity)
+    found = standing(place, identity, kind=command, case=request.case)
     job = Job(request, command, tuple(methods), inputs, place, identity, found)
     if not job.up_to_date:
         require_free(found, place, force=request.force, inputs=inputs.files)
@@ -387,13 +390,14 @@ def provenance(
 
 def job_provenance(job: Job) -> Provenance:
     """The provenance of the result of a job."""
-    return provenance(
+    found = provenance(
         job.inputs,
         command=job.command,
         identity=job.identity,
         seed=job.request.seed,
         output=job.place.path,
     )
+    return replace(found, seconds=time.monotonic() - job.started)
 
 
 def versions() -> dict[str, str]:

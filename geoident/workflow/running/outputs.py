@@ -1,13 +1,16 @@
 """Where results go, and whether what stands there already is to be kept.
 
 A result of the same identity is up to date: it is not computed again. One of another identity is
-the work of somebody, and is not overwritten unless the user says so. A checkpoint beside a result
-tells that its computation was cut short, so it is never up to date.
+the work of somebody: of the same case it is kept beside under a number (case.fit.1.h5), whatever
+else it is stays where it is unless the user says so. A checkpoint beside a result tells that its
+computation was cut short, so it is never up to date.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,7 +18,8 @@ from enum import Enum
 from pathlib import Path
 
 from geoident.errors import OutputError, Term, UsageError
-from geoident.io.result.file import read_identity
+from geoident.identify.problem.problem import STOPPED
+from geoident.io.result.file import ResultIdentity, read_identity
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.io.text.text_file import STDIN
@@ -28,6 +32,7 @@ class Standing(Enum):
     UP_TO_DATE = "the same result"
     UNFINISHED = "the same result, cut short"
     OTHER = "a result of other input"
+    FOREIGN = "a result of another case or command"
     UNKNOWN = "something that is not a result of geoident"
 
 
@@ -38,10 +43,12 @@ class Target:
     Args:
         path: of the result.
         checkpoint: of the log of evaluations, beside it.
+        named: the user has named it, or its folder.
     """
 
     path: Path
     checkpoint: Path
+    named: bool = False
 
 
 def target(case: str, kind: str, *, output: str | None = None) -> Target:
@@ -67,7 +74,8 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
         path = beside.with_name(name)
     else:
         path = Path(output) / name if _is_folder(output) else Path(output)
-    return Target(path, path.with_name(path.name.removesuffix(".h5") + ".checkpoint"))
+    checkpoint = path.with_name(path.name.removesuffix(".h5") + ".checkpoint")
+    return Target(path, checkpoint, named=output is not None)
 
 
 def _is_folder(output: str) -> bool:
@@ -91,15 +99,22 @@ def _stem(path: Path) -> str:
     return stem or path.name
 
 
-def standing(place: Target, identity: str) -> Standing:
-    """What stands at the place of the result that has this identity."""
+def standing(place: Target, identity: str, *, kind: str, case: str) -> Standing:
+    """What stands at the place of the result that has this identity.
+
+    Args:
+        place: of the result.
+        identity: hash of everything that it depends on.
+        kind: of the result, such as ``fit``.
+        case: path of its case; ``-`` for stdin.
+    """
     if not place.path.exists():
         return Standing.NOTHING
     found = read_identity(place.path)
     if found is None:
         return Standing.UNKNOWN
     if found.identity != identity:
-        return Standing.OTHER
+        return Standing.OTHER if _is_of(found, place, kind, case) else Standing.FOREIGN
     return Standing.UNFINISHED if place.checkpoint.exists() else Standing.UP_TO_DATE
 
 
@@ -119,13 +134,117 @@ def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequenc
     sidecar = sidecar_path(place.path)
     for path in (place.path, place.checkpoint, *([] if sidecar is None else [sidecar])):
         refuse_inputs(path, inputs)
-    if not force and found in (Standing.OTHER, Standing.UNKNOWN):
+    if not force and found in (Standing.FOREIGN, Standing.UNKNOWN):
         raise OutputError(
             f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
             f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"
         )
     with suppress(_Probe), atomic_output(place.path, overwrite=True, inputs=inputs):
         raise _Probe
+
+
+# What was there before
+
+
+KEPT = 9
+"""Old results of one place that are kept at least; older ones go, unless they took `LONG`."""
+
+LONG = 600.0
+"""Seconds from which on a result is never removed."""
+
+
+def _is_of(found: ResultIdentity, place: Target, kind: str, case: str) -> bool:
+    """Whether a result is an earlier one of this command and case.
+
+    Beside the case its name says so; where the user has named a place, the case in it does.
+    """
+    if found.kind != kind:
+        return False
+    if not place.named:
+        return True
+    mine = Path("stdin") if case == STDIN else Path(case)
+    theirs = place.path.parent / found.case_file
+    return os.path.realpath(theirs) == os.path.realpath(mine)
+
+
+def set_aside(path: Path) -> tuple[Path, tuple[Path, ...]]:
+    """Keep a result that is about to be replaced beside it, under the next number.
+
+    It stays in its place as well until that is written, so that it is never gone.
+
+    Args:
+        path: of the result.
+
+    Returns:
+        Where it is kept, and what was removed for it.
+
+    Raises:
+        OutputError: it cannot be kept there.
+    """
+    final = _final(path)
+    earlier = kept_results(final)
+    number = 1 + (earlier[-1][0] if earlier else 0)
+    aside = final.with_name(f"{final.stem}.{number}{final.suffix}")
+    try:
+        aside.hardlink_to(final)
+    except (OSError, NotImplementedError):  # file systems without hard links, or just taken
+        with atomic_output(aside, overwrite=False, inputs=()) as temporary:
+            shutil.copyfile(final, temporary)
+    return aside, _thinned([kept for _, kept in earlier])
+
+
+def _final(path: Path) -> Path:
+    """The file itself, where its name is a link."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def kept_results(path: Path) -> list[tuple[int, Path]]:
+    """Earlier results of a place with their numbers, the oldest first."""
+    final = _final(path)
+    pattern = re.compile(re.escape(final.stem) + r"\.([1-9][0-9]*)" + re.escape(final.suffix))
+    try:
+        names = [entry.name for entry in final.parent.iterdir()]
+    except OSError:
+        return []
+    found = [(match, name) for name in names if (match := pattern.fullmatch(name))]
+    return sorted((int(match[1]), final.with_name(name)) for match, name in found)
+
+
+def _thinned(earlier: Sequence[Path]) -> tuple[Path, ...]:
+    """Remove the oldest of too many earlier results, but none that took long to compute."""
+    removed = []
+    for path in earlier[: max(0, len(earlier) + 1 - KEPT)]:
+        found = read_identity(path)
+        if found is not None and found.seconds < LONG:
+            with suppress(OSError):
+                path.unlink()
+                removed.append(path)
+    return tuple(removed)
+
+
+def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
+    """Put an earlier result of the same input back in its place, and keep what stands there.
+
+    Args:
+        place: of the result.
+        identity: hash of everything that it depends on.
+
+    Returns:
+        Where it was, and where what stood there is now; None if there is none of this input.
+
+    Raises:
+        OutputError: what stands there cannot be kept.
+    """
+    for _, path in reversed(kept_results(place.path)):
+        found = read_identity(path)
+        if found is not None and found.identity == identity and found.status != STOPPED:
+            aside, _ = set_aside(place.path)
+            try:
+                path.replace(_final(place.path))
+            except OSError as error:
+                raise output_error(place.path, error) from error
+            return path, aside
+    return None
 
 
 def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str]) -> None:

@@ -16,9 +16,10 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.model.arrays import Bools, Floats
+from geoident.identify.problem.problem import HasIncrements, Problem
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Channel, Reading, ReadingTable
+from geoident.model.gauges import Channel, Reading, ReadingTable, named_channels
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.running.errors import own_sd, total_sd
 
@@ -142,20 +143,57 @@ def with_computed(
         survey: of the model at p.
         p: (n,) parameters, SI.
     """
-    pairs = tuple(zip(readings.channel, readings.stage, strict=True))
-    common = ReadingPlaces.of(case, pairs, ())
-    own = replace(common, times=readings.time)
-    values = model.values(p)
-    at_own, at_common = (
-        model.instrument_errors.added(values, model.names, places) for places in (own, common)
-    )
-    more = at_own - at_common
-    place = common.rows, common.states - 1  # the survey leaves the virgin state out
+    place, more = _drift(readings, case, model, p)
     return replace(
         readings,
         computed=survey.computed[place] + more[:, 0],
         sensitivity=survey.sensitivity[place] + more[:, 1:],
     )
+
+
+def survey_of_used(
+    readings: ReadingTable, case: Case, model: CaseModel, problem: Problem, p: Floats
+) -> Survey:
+    """What the search knows of the model at p: the readings used, and nothing of the others.
+
+    Args:
+        readings: k of them, of which g are used.
+        case: of the model.
+        model: knows the drift.
+        problem: of the search.
+        p: (n,) parameters, SI, that it has evaluated.
+
+    Raises:
+        TimeIsUp: it has not, and there is no time for it.
+    """
+    v, J = problem.response.evaluate(p)
+    (rows, stages), more = _drift(readings, case, model, p)
+    place, more = (rows[readings.used], stages[readings.used]), more[readings.used]
+    shape = len(case.channels), len(case.stages)
+    computed, sensitivity = np.full(shape, np.nan), np.full((*shape, len(p)), np.nan)
+    computed[place], sensitivity[place] = v - more[:, 0], J - more[:, 1:]
+    response = problem.response
+    steps = response.increments(p) if isinstance(response, HasIncrements) else np.zeros((0, 0))
+    return Survey(computed, sensitivity, None, notes=(NO_TIME_LEFT,), increments=steps)
+
+
+NO_TIME_LEFT = (
+    "No time was left to compute all stages at the answer: the result has the fitted readings "
+    "alone, no predictions, forces and fields."
+)
+
+
+def _drift(
+    readings: ReadingTable, case: Case, model: CaseModel, p: Floats
+) -> tuple[tuple[Ints, Ints], Floats]:
+    """Channels and stages of k readings, and what drift adds at their own times, (k, 1 + n)."""
+    common = ReadingPlaces.of(case, readings.pairs, ())
+    own = replace(common, times=readings.time)
+    values = model.values(p)
+    at_own, at_common = (
+        model.instrument_errors.added(values, model.names, places) for places in (own, common)
+    )
+    return (common.rows, common.states - 1), at_own - at_common  # without the virgin state
 
 
 def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTable:
@@ -258,9 +296,13 @@ def unused_notes(readings: ReadingTable) -> tuple[str, ...]:
 
 
 def bad_notes(readings: ReadingTable) -> tuple[str, ...]:
-    """One sentence for every reading that is known to be wrong, with the reason."""
+    """Readings that are known to be wrong: a sentence for every stage and reason."""
+    together: dict[tuple[str, str], list[str]] = {}
+    for k in readings.unused:
+        if readings.bad[k] and not np.isnan(readings.value[k]):
+            at = readings.stage[k], readings.reason[k]
+            together.setdefault(at, []).append(readings.channel[k])
     return tuple(
-        f"{readings.channel[k]} at {readings.stage[k]} is not used, {readings.reason[k]}."
-        for k in readings.unused
-        if readings.bad[k] and not np.isnan(readings.value[k])
+        f"{named_channels(names)} at {stage} {'is' if len(names) == 1 else 'are'} not used, {why}."
+        for (stage, why), names in together.items()
     )

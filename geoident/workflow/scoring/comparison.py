@@ -51,7 +51,7 @@ def compared(candidates: Sequence[Candidate], *, in_order: bool = False) -> Mode
     require_comparable(candidates)
     models = [_score(candidate) for candidate in candidates]
     if not in_order:
-        models.sort(key=lambda model: model.parameters)
+        models.sort(key=lambda model: model.parameters + model.modes)
     evidence = np.array([model.log_evidence for model in models])
     chosen = int(np.flatnonzero(evidence >= evidence.max() - CLEAR)[0])
     others = np.delete(evidence, chosen)
@@ -144,17 +144,19 @@ def _some(names: Sequence[str]) -> str:
 def _score(one: Candidate) -> ModelScore:
     result = one.result
     assert result.evidence is not None
+    named = len(result.parameters.named)
     scores = result.backtest.next if result.backtest is not None else None
     return ModelScore(
         name=one.name,
         path=one.path,
-        parameters=len(result.parameters.names),
+        parameters=named,
         status=result.status,
         objective=result.objective,
         log_evidence=result.evidence.log_evidence,
         log_likelihood=result.evidence.log_likelihood,
         backtest=float("nan") if scores is None else scores.log_score,
         backtested=0 if scores is None else scores.readings,
+        modes=len(result.parameters.names) - named,
     )
 
 

@@ -17,7 +17,7 @@ from geoident.model.case import Case, Rung
 from geoident.model.results.result import Result
 from geoident.model.results.rivals import ModelComparison
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.estimating.finished import Finished, keep, write
+from geoident.workflow.estimating.finished import Finished, job_at_hand, write
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, job_provenance, load_inputs, plan_fit
 from geoident.workflow.scoring.comparison import Candidate, compared
@@ -48,8 +48,8 @@ def climb(job: Job, control: Control, fit_one: Callable[[Job, Control], Finished
         InputError: a model of the ladder is wrong, or none can be fitted.
         Interrupted: a stop was asked for; the same command goes on.
     """
-    if job.up_to_date:
-        return keep(job.place)
+    if (before := job_at_hand(job)) is not None:
+        return before
     case = job.inputs.case
     require_sound(job.request.case, job.request.overrides, case, job.request.text)
     done: list[_Climbed] = []
@@ -167,7 +167,7 @@ def _finished(job: Job, done: Sequence[_Climbed]) -> Finished:
         notes=(*found.result.notes, *left_out),
     )
     inputs = (*job.inputs.files, *(path for _, other in fitted for path in other.paths))
-    written = write(result, job.place, job.found, inputs=inputs)
+    written = write(result, job.place, job.found, inputs=inputs, force=job.request.force)
     others = tuple(path for _, finished in fitted for path in finished.paths)
     return replace(written, paths=(*written.paths, *others))
 

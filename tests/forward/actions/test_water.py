@@ -62,7 +62,7 @@ def test_without_in_situ_stress_the_first_step_finds_the_buoyant_weight():
     np.testing.assert_allclose(total, -(WEIGHT - GAMMA_W) * 3 * HEIGHT**2 / 2, rtol=1e-9)
 
 
-def test_a_table_drawn_down_settles_the_ground():
+def test_a_table_drawn_down_settles_the_ground(verification):
     """The pore pressure of the whole column goes: u(H) = -gamma_w H^2 / (2 M)."""
     survey = column(stages=(Stage("drain", water=still(Scalar(0.0))),)).survey(
         np.empty(0), fields=True
@@ -70,7 +70,9 @@ def test_a_table_drawn_down_settles_the_ground():
     mesh = survey.fields.mesh
     top = np.isclose(mesh.points[:, 1], HEIGHT)
     expected = -GAMMA_W * HEIGHT**2 / (2 * OEDOMETER)
-    np.testing.assert_allclose(survey.fields.displacement[1][top, 1], expected, rtol=1e-5)
+    found = survey.fields.displacement[1][top, 1]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    verification("drawdown", "", ["surface"], exact=-expected, found=-found.mean())
 
 
 def test_water_only_in_the_named_groups():

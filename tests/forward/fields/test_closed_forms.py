@@ -19,7 +19,7 @@ def graded(on_mesh, constant="E"):
     return [field_on(on_mesh, "rock", constant, lambda x: np.log1p(SLOPE * x[:, :1]))]
 
 
-def test_bar_whose_modulus_grows_along_it():
+def test_bar_whose_modulus_grows_along_it(verification):
     """u(L) = integral of sigma / E = sigma / (E0 SLOPE) log(1 + SLOPE L)."""
     mesh = box("quad8", (40, 1), size=(4.0, 1.0))
     staged = model_with_fields(
@@ -39,10 +39,11 @@ def test_bar_whose_modulus_grows_along_it():
     # d/dxi of the integral of sigma / (E0 (1 + a x)^xi) at xi = 1: -log^2(1 + a L) / (2 a)
     by_mode = -LOAD / (E0 * SLOPE) * np.log1p(SLOPE * 4.0) ** 2 / 2
     np.testing.assert_allclose(slope[0, 0], by_mode, rtol=1e-5)
+    verification("graded-bar", "", ["end of the bar"], exact=exact, found=value)
     assert response.adjoints.cost_less(100)
 
 
-def test_thick_cylinder_whose_modulus_is_a_power_of_the_radius():
+def test_thick_cylinder_whose_modulus_is_a_power_of_the_radius(verification):
     """E = E0 (r / a)^m, plane strain along the axis; inner pressure p.
 
     u = A r^s + B r^t with s, t the roots of x^2 + m x + m nu / (1 - nu) - 1 = 0 (C. O. Horgan and
@@ -77,6 +78,7 @@ def test_thick_cylinder_whose_modulus_is_a_power_of_the_radius():
     A, B = np.linalg.solve(equations, [-LOAD, 0.0])
     exact = [A * r**s + B * r**t for r in (1.0, 2.0)]
     np.testing.assert_allclose(found, exact, rtol=2e-5)
+    verification("graded-cylinder", "", [1.0, 2.0], exact=exact, found=found)
 
 
 def refused():

@@ -125,7 +125,8 @@ def test_derivatives_where_strengths_vary(planes, constants):
 
 
 REFUSED = {
-    "an angle": ("friction", {}, "an angle"),
+    "an angle": ("friction", {}, "an angle.*makes the shape of the yield surface"),
+    "another angle": ("dilation", {}, "a material of their own"),
     "a tension beside it": ("cohesion", {"tension": Scalar(1e3)}, "not change its shape"),
 }
 

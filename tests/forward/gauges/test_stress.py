@@ -75,7 +75,7 @@ def test_overcoring_beside_a_hole_reads_kirschs_stresses():
     assert _around_a_hole("tri3", 10, places).max() < 0.05
 
 
-def test_a_flat_jack_in_the_wall_reads_the_hoop_stress():
+def test_a_flat_jack_in_the_wall_reads_the_hoop_stress(verification):
     """3 K P0 - P0 and 3 P0 - K P0 of compression at crown and spring line."""
     reach, n = 40, 12
     layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
@@ -96,6 +96,8 @@ def test_a_flat_jack_in_the_wall_reads_the_hoop_stress():
     crown, side = staged.survey(NOTHING, fields=False).computed[:, 0]
     assert crown == pytest.approx((3 * K - 1) * P0, rel=0.03)
     assert side == pytest.approx((3 - K) * P0, rel=0.02)
+    exact = [(3 * K - 1) * P0, (3 - K) * P0]
+    verification("flat-jack", "", ["crown", "spring line"], exact=exact, found=[crown, side])
 
 
 WEIGHT, GAMMA_W = 20e3, 10e3

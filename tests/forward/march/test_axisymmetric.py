@@ -75,10 +75,14 @@ LAME_AT_16 = {"tri3": 1e-2, "tri6": 2e-4, "quad4": 3e-3, "quad8": 1e-5}
 
 
 @kinds
-def test_thick_cylinder_agrees_with_lame_and_converges(kind):
-    coarse, fine = (lame_error(pressed_section(kind, n)) for n in (16, 32))
+def test_thick_cylinder_agrees_with_lame_and_converges(kind, verification):
+    sections = [pressed_section(kind, n) for n in (16, 32)]
+    coarse, fine = map(lame_error, sections)
     assert coarse < LAME_AT_16[kind]
     assert np.log2(coarse / fine) > reference_element(kind).cell.order + 1 - 0.5
+    r, at = np.unique(sections[0][0], return_index=True)
+    exact = lame_cylinder(r, inner=INNER, outer=OUTER, pressure=PUSH, E=E, nu=NU)
+    verification("lame", kind, r, exact=exact, found=sections[0][1][at])
 
 
 @kinds
@@ -121,15 +125,24 @@ CAVITY_ERRORS = {"tri3": 1e-2, "tri6": 1e-3, "quad4": 5e-3, "quad8": 2e-4}
 
 def cavity_error(kind: str, n: int, layers: int, stress: tuple[float, float]) -> float:
     points, u = cavity(kind, n, layers, 30, stress)
-    exact = goodier(points, stress)
+    return error_of_wall(u, goodier(points, stress))
+
+
+def error_of_wall(u: np.ndarray, exact: np.ndarray) -> float:
     return np.linalg.norm(u - exact, axis=1).max() / np.linalg.norm(exact, axis=1).max()
 
 
 @pytest.mark.parametrize("stress", [(-6e6, -6e6), (-6e6, -12e6)], ids=["hydrostatic", "two"])
 @kinds
-def test_spherical_cavity_agrees_with_goodier_and_converges(kind, stress):
+def test_spherical_cavity_agrees_with_goodier_and_converges(kind, stress, verification):
     n, layers = CAVITY_MESHES[kind]
-    fine = cavity_error(kind, n, layers, stress)
+    points, u = cavity(kind, n, layers, 30, stress)
+    exact = goodier(points, stress)
+    fine = error_of_wall(u, exact)
+    if stress[0] != stress[1]:
+        angle = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+        sizes = {"exact": np.linalg.norm(exact, axis=1), "found": np.linalg.norm(u, axis=1)}
+        verification("sphere-about-axis", kind, angle, **sizes)
     assert fine < CAVITY_ERRORS[kind]
     assert cavity_error(kind, n // 2, layers // 2, stress) > 3 * fine
 
@@ -177,7 +190,7 @@ def half_space(kind: str, n: int, layers: int) -> Mesh:
 
 
 @kinds
-def test_flexible_plate_on_a_half_space_within_one_percent(kind):
+def test_flexible_plate_on_a_half_space_within_one_percent(kind, verification):
     """150 radii of ground, whose fixed far edge takes half a percent off; 8 elements underneath.
 
     12 for the linear triangle.
@@ -195,6 +208,7 @@ def test_flexible_plate_on_a_half_space_within_one_percent(kind):
     at = [np.linalg.norm(mesh.points - p, axis=1).argmin() for p in ([0.0, 0.0], [1.0, 0.0])]
     assert w[at[0]] == pytest.approx(centre, rel=0.01)
     assert w[at[1]] == pytest.approx(rim, rel=0.02)
+    verification("flexible-plate", kind, ["centre", "rim"], exact=[centre, rim], found=w[at])
 
 
 def plated(n: int, layers: int) -> Mesh:
@@ -227,7 +241,7 @@ def plated(n: int, layers: int) -> Mesh:
     )
 
 
-def test_rigid_plate_on_a_half_space_within_one_percent():
+def test_rigid_plate_on_a_half_space_within_one_percent(verification):
     """The stress at the rim is singular, so the error falls as the element size: extrapolated."""
     settled = []
     for n in (8, 16):
@@ -246,6 +260,8 @@ def test_rigid_plate_on_a_half_space_within_one_percent():
     exact = rigid_plate(radius=1.0, force=2e6 * np.pi, E=E, nu=NU)
     assert 2 * settled[1] - settled[0] == pytest.approx(exact, rel=0.01)
     assert settled[1] == pytest.approx(exact, rel=0.02)
+    found = [*settled, 2 * settled[1] - settled[0]]
+    verification("rigid-plate", "", ["coarse", "fine", "extrapolated"], exact=exact, found=found)
 
 
 @kinds

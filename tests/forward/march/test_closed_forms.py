@@ -39,18 +39,35 @@ def _wall(mesh):
     return used[np.abs(r[used] - RADIUS) < 1e-9]
 
 
-def _kirsch_error(kind: str, n: int, layers: int, reach: float) -> float:
-    """Largest error of a wall displacement relative to the largest wall displacement."""
+def _kirsch_wall(kind: str, n: int, layers: int, reach: float):
+    """Places on the wall, displacements there, and those of the closed form."""
     mesh = opening(kind, 2, n=n, layers=layers, radius=RADIUS, reach=reach)
     u = _excavated(mesh, (-13e6, -8e6, -9e6)).displacement[-1]
     wall = _wall(mesh)
     exact = kirsch(mesh.points[wall], radius=RADIUS, E=E, nu=NU, horizontal=13e6, vertical=8e6)
-    return np.linalg.norm(u[wall] - exact, axis=1).max() / np.linalg.norm(exact, axis=1).max()
+    return mesh.points[wall], u[wall], exact
+
+
+def _error(u, exact) -> float:
+    """Largest error of a displacement relative to the largest displacement."""
+    return np.linalg.norm(u - exact, axis=1).max() / np.linalg.norm(exact, axis=1).max()
+
+
+def _kirsch_error(*mesh) -> float:
+    _, u, exact = _kirsch_wall(*mesh)
+    return _error(u, exact)
+
+
+def _size(vectors):
+    return np.linalg.norm(vectors, axis=1)
 
 
 @pytest.mark.parametrize("kind", ["tri6", "quad8"])
-def test_kirsch_wall_displacement_within_half_a_percent(kind):
-    assert _kirsch_error(kind, n=8, layers=24, reach=40 * RADIUS) < 0.005
+def test_kirsch_wall_displacement_within_half_a_percent(kind, verification):
+    at, u, exact = _kirsch_wall(kind, n=8, layers=24, reach=40 * RADIUS)
+    assert _error(u, exact) < 0.005
+    angle = np.degrees(np.arctan2(at[:, 1], at[:, 0]))
+    verification("kirsch", kind, angle, exact=_size(exact), found=_size(u))
 
 
 def test_kirsch_error_falls_with_the_mesh_and_the_domain():
@@ -79,7 +96,7 @@ def test_kirsch_stress_concentration_at_the_crown():
 
 
 @pytest.mark.parametrize("kind", ["tet10", "hex20"])
-def test_spherical_cavity_wall_within_half_a_percent(kind):
+def test_spherical_cavity_wall_within_half_a_percent(kind, verification):
     mesh = opening(
         kind, 3, n=3 if kind == "hex20" else 2, layers=9, radius=RADIUS, reach=14 * RADIUS
     )
@@ -87,8 +104,11 @@ def test_spherical_cavity_wall_within_half_a_percent(kind):
     u = _excavated(mesh, stress).displacement[-1]
     wall = _wall(mesh)
     exact = spherical_cavity(mesh.points[wall], radius=RADIUS, E=E, nu=NU, stress=stress)
-    error = np.linalg.norm(u[wall] - exact, axis=1).max() / np.linalg.norm(exact, axis=1).max()
-    assert error < 0.005
+    assert _error(u[wall], exact) < 0.005
+    section = np.abs(mesh.points[wall][:, 1]) < 1e-9
+    x, _, z = mesh.points[wall][section].T
+    sizes = {"exact": _size(exact[section]), "found": _size(u[wall][section])}
+    verification("sphere", kind, np.degrees(np.arctan2(z, x)), **sizes)
 
 
 def test_spherical_cavity_error_falls_with_the_mesh():
@@ -104,7 +124,7 @@ def test_spherical_cavity_error_falls_with_the_mesh():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_column_of_lifts_settles_in_a_parabola(kind):
+def test_column_of_lifts_settles_in_a_parabola(kind, verification):
     dim = 3 if kind in KINDS_3D else 2
     n_lifts, height, density, g = 5, 2.0, 2100.0, 9.81
     mesh = box(kind, (1,) * (dim - 1) + (n_lifts,), size=(1.5,) * (dim - 1) + (n_lifts * height,))
@@ -134,7 +154,11 @@ def test_column_of_lifts_settles_in_a_parabola(kind):
     # Cut into triangles or tetrahedra unevenly, a linear mesh can't carry the weight straight down;
     # every other element has the closed form at the interfaces to rounding.
     tolerance = 0.03 if kind in ("tri3", "tet4") else 1e-10
+    mean = []
     for k in range(n_lifts):
         at = np.isclose(mesh.points[:, -1], (k + 1) * height)
         settled = -fields.displacement[-1][at][:, -1]
         np.testing.assert_allclose(settled, exact[k], rtol=tolerance)
+        mean.append(settled.mean())
+    tops = height * np.arange(1, n_lifts + 1)
+    verification("lifts", kind, tops, exact=exact[:n_lifts], found=mean)

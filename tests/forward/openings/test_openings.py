@@ -146,7 +146,7 @@ def test_plastic_multipliers_are_never_negative(name: str) -> None:
 
 
 @pytest.mark.parametrize("psi", [0.0, 30.0])
-def test_example_of_the_manuals(psi: float) -> None:
+def test_example_of_the_manuals(psi: float, verification) -> None:
     """FLAC, RS2 and 3DEC verify with a = 1 m, p0 = 30 MPa, c = 3.45 MPa, phi = 30 degrees.
 
     They print R = 1.734 m and sigma_R = 12.013 MPa. Their wall displacement is Salencon's.
@@ -162,6 +162,8 @@ def test_example_of_the_manuals(psi: float) -> None:
     assert float(state.opening.critical[0].value) == pytest.approx(12.013 * MPa, rel=2e-4)
     ours = -float(state.displacement(np.array([1.0])).value[0])
     assert 1.005 < ours / wall < 1.02  # the edge zone, which Salencon leaves out
+    found = float(state.plastic_radius.value)
+    verification("manuals", f"dilation {psi:g} degrees", ["edge"], exact=1.734, found=found)
 
 
 def test_salencons_displacement_where_the_axial_stress_is_in_the_middle() -> None:

@@ -58,7 +58,7 @@ def _tunnel(n=5, kind="quad8", reach=40):
 
 
 @pytest.mark.parametrize("part", [0.0, 0.4, 0.8])
-def test_lined_tunnel_follows_convergence_confinement(part):
+def test_lined_tunnel_follows_convergence_confinement(part, verification):
     """Ground u = (p0 - p) R / (2 G), lining p = k (u - u_0) with k = EA / R^2 (Panet, 1995)."""
     mesh = _tunnel()
     stages = (
@@ -71,6 +71,10 @@ def test_lined_tunnel_follows_convergence_confinement(part):
     pressure = (1 - part) * P0 / (1 + 2 * G / (k * RADIUS))
     np.testing.assert_allclose(inwards[1], part * P0 * RADIUS / (2 * G), rtol=0.005, atol=1e-12)
     np.testing.assert_allclose(inwards[2], (P0 - pressure) * RADIUS / (2 * G), rtol=0.005)
+    exact = np.array([part * P0, P0 - pressure]) * RADIUS / (2 * G)
+    means = inwards[1:].mean(axis=1)
+    variant = f"{part:.0%} released before"
+    verification("confinement", variant, ["opened", "lined"], exact=exact, found=means)
     assert np.isnan(survey.members.axial[:, 0]).all()
     np.testing.assert_allclose(survey.members.axial[:, 1], -pressure * RADIUS, rtol=0.01)
     assert np.abs(survey.members.moment[..., 1]).max() < 0.01 * pressure * RADIUS**2
@@ -95,7 +99,7 @@ def _ring_in_ground(K, EA, EI):
 
 
 @pytest.mark.parametrize(("EA", "EI"), [(4e9, 3e7), (1.2e9, 4e8)])
-def test_lining_under_unequal_stress(EA, EI):
+def test_lining_under_unequal_stress(EA, EI, verification):
     mesh = _tunnel(8)
     lining = Beam("wall", EA=Scalar(EA), EI=Scalar(EI), clamped_on=("x0", "y0"))
     stages = (Stage("open", excavate=("core",), build=("lining",)),)
@@ -107,6 +111,9 @@ def test_lining_under_unequal_stress(EA, EI):
     axial, moments = found.axial[order, 0], found.moment[order].mean(axis=1)[:, 0]
     assert axial[0] == pytest.approx(spring, rel=0.01)
     assert axial[-1] == pytest.approx(crown, rel=0.01)
+    variant = f"EA {EA / 1e9:g} GN/m, EI {EI / 1e6:g} MNm2/m"
+    where, ends = ["N at the spring line", "N at the crown"], axial[[0, -1]]
+    verification("lining", variant, where, exact=[spring, crown], found=ends)
     # The crown comes down: tension on its open side; at the spring line it is on the ground's.
     assert moments[-1] == pytest.approx(abs(moment), rel=0.02)
     assert moments[0] == pytest.approx(-abs(moment), rel=0.02)

@@ -37,30 +37,40 @@ def exact(psi: float | None) -> PlasticState:
     return state
 
 
-def plane(kind: str, psi: float | None, *, n: int, layers: int, reach: float):
-    """Errors of wall displacement and plastic radius."""
+def opened(kind: str, psi: float | None, *, n: int, layers: int, reach: float):
+    """Wall displacements and the plastic radius, found and exact."""
     mesh = CAVITY.mesh(kind, n=n, layers=layers, reach=reach)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
     (standing,) = marched(staged)[1:]
     truth = exact(psi)
     wall = truth.displacement(np.array([CAVITY.radius])).value
-    radius = CAVITY.plastic_radius(staged, standing) / truth.plastic_radius.value
-    return np.abs(CAVITY.outwards(staged, standing) / wall - 1).max(), abs(radius - 1)
+    radius = CAVITY.plastic_radius(staged, standing)
+    return CAVITY.outwards(staged, standing), radius, wall[0], float(truth.plastic_radius.value)
+
+
+def errors_of(wall, radius, exact_wall, exact_radius):
+    return np.abs(wall / exact_wall - 1).max(), abs(radius / exact_radius - 1)
+
+
+def name(kind: str, psi: float | None) -> str:
+    return f"{kind}, {'associated' if psi is None else 'no dilation'}"
 
 
 @flows
 @pytest.mark.parametrize("kind", ["tri6", "quad8"])
-def test_opening_within_one_percent(kind, psi):
+def test_opening_within_one_percent(kind, psi, verification):
     """12 elements around a quarter, 80 rings out to 40 radii (1,992 triangles, 1,000 quads)."""
-    wall, radius = plane(kind, psi, n=6, layers=80, reach=40)
-    assert wall < 0.01
-    assert radius < 0.01
+    wall, radius, exact_wall, exact_radius = opened(kind, psi, n=6, layers=80, reach=40)
+    errors = errors_of(wall, radius, exact_wall, exact_radius)
+    assert max(errors) < 0.01
+    verification("opening-wall", name(kind, psi), ["wall"], exact=-exact_wall, found=-wall.mean())
+    verification("opening-radius", name(kind, psi), ["edge"], exact=exact_radius, found=radius)
 
 
 @flows
 def test_error_of_the_wall_falls_with_the_mesh_and_the_domain(psi):
     errors = [
-        plane("tri6", psi, n=n, layers=layers, reach=reach)[0]
+        errors_of(*opened("tri6", psi, n=n, layers=layers, reach=reach))[0]
         for n, layers, reach in ((2, 16, 10), (4, 40, 20), (6, 80, 40))
     ]
     assert errors[0] > 3 * errors[1] > 6 * errors[2]
@@ -68,7 +78,7 @@ def test_error_of_the_wall_falls_with_the_mesh_and_the_domain(psi):
 
 
 @flows
-def test_stresses_around_the_opening(psi):
+def test_stresses_around_the_opening(psi, verification):
     mesh = CAVITY.mesh("quad8", n=4, layers=60, reach=40)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
     stress = marched(staged)[-1].stress[..., 0]
@@ -83,6 +93,9 @@ def test_stresses_around_the_opening(psi):
     # At the edge of the plastic zone the hoop stress has a kink.
     np.testing.assert_allclose(found, truth, atol=0.06 * CAVITY.pressure)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.006 * CAVITY.pressure
+    if psi is None:
+        for part, exact_part, found_part in zip(("radial", "hoop"), truth, found, strict=False):
+            verification("opening-stress", part, r[near], exact=-exact_part, found=-found_part)
 
 
 @flows
@@ -123,7 +136,7 @@ def sphere(strength: tuple[float, float], psi: float | None) -> tuple[float, flo
 
 @flows
 @pytest.mark.parametrize("kind", ["tri6", "quad8"])
-def test_spherical_cavity_about_its_axis(kind, psi):
+def test_spherical_cavity_about_its_axis(kind, psi, verification):
     mesh = CAVITY.mesh(kind, n=4, layers=40, reach=20)
     staged = CAVITY.staged(mesh, mohr(*ABOUT_AXIS, psi=psi), analysis=Analysis.AXISYMMETRIC)
     standing = marched(staged)[-1]
@@ -131,6 +144,7 @@ def test_spherical_cavity_about_its_axis(kind, psi):
     found = CAVITY.outwards(staged, standing)
     assert found.mean() == pytest.approx(wall, rel=0.01)
     np.testing.assert_allclose(found, wall, rtol=0.03)
+    verification("yielding-sphere", name(kind, psi), ["wall"], exact=-wall, found=-found.mean())
     # The radius is known to half the distance of points; rings are 8 % wide.
     assert CAVITY.plastic_radius(staged, standing) == pytest.approx(R, rel=0.025)
 

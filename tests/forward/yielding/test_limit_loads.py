@@ -36,18 +36,21 @@ def collapse_of(staged) -> CollapseError:
     [("tri6", None), ("tri6", 32), pytest.param("quad8", None, marks=pytest.mark.slow),
      pytest.param("quad8", 32, marks=pytest.mark.slow)],
 )  # fmt: skip
-def test_limit_pressure_of_a_thick_tresca_cylinder(kind, planes):
+def test_limit_pressure_of_a_thick_tresca_cylinder(kind, planes, verification):
     """12 elements around a quarter, 12 rings."""
     mesh = walled(kind, **SHAPE)
     found = collapse_of(cylinder(mesh, [1.2 * LIMIT], mohr(C, 0.0, planes=planes), E=E, nu=NU))
     assert 1.2 * found.fraction == pytest.approx(1.0, rel=0.01)
+    variant = f"{kind}, {f'{planes} planes' if planes else 'smooth'}"
+    limit = 1.2 * found.fraction * LIMIT
+    verification("tresca-limit", variant, ["limit pressure"], exact=LIMIT, found=limit)
     below = cylinder(mesh, [0.99 * LIMIT], mohr(C, 0.0, planes=planes), E=E, nu=NU)
     moved = below.survey(NOTHING, fields=True).fields.displacement[-1]
     assert np.abs(moved).max() > 2 * lame_cylinder(A, inner=A, outer=B, pressure=LIMIT, E=E, nu=NU)
 
 
 @pytest.mark.parametrize("edge", [1.2, 1.5, 1.8])
-def test_outer_face_of_a_partly_plastic_cylinder(edge):
+def test_outer_face_of_a_partly_plastic_cylinder(edge, verification):
     pressure, exact = tresca_cylinder(inner=A, outer=B, edge=edge, c=C, E=E, nu=NU)
     mesh = walled("quad8", **SHAPE)
     staged = cylinder(mesh, [pressure], mohr(C, 0.0), E=E, nu=NU)
@@ -56,6 +59,8 @@ def test_outer_face_of_a_partly_plastic_cylinder(edge):
     outer = np.abs(r - B) < 1e-9
     moved = np.linalg.norm(standing.u[:, 0].reshape(-1, 2)[outer], axis=1)
     np.testing.assert_allclose(moved, exact, rtol=0.003)
+    variant = f"plastic to {edge:g} m"
+    verification("tresca-cylinder", variant, ["outer face"], exact=exact, found=moved.mean())
     flows = np.linalg.norm(staged.discretization.points.position[standing.yielded], axis=1).max()
     assert flows == pytest.approx(edge, abs=0.04)
 
@@ -102,27 +107,33 @@ def bearing(phi: float) -> float:
     return (np.exp(np.pi * np.tan(phi)) * np.tan(np.pi / 4 + phi / 2) ** 2 - 1) / np.tan(phi)
 
 
-def test_prandtl_footing():
+def test_prandtl_footing(verification):
     """280 triangles, four under half of the strip, refined towards its edge; an upper bound."""
     exact = bearing(0.0)
     found = collapse_of(footing("tri6", 1.2 * exact, 0.0, fine=4, coarse=10, rows=10))
     assert 1.2 * found.fraction == pytest.approx(1.0, rel=0.03)
+    limit = 1.2 * found.fraction * exact
+    verification("footing", "tri6, 280 elements", ["no friction"], exact=exact, found=limit)
     footing("tri6", 0.99 * exact, 0.0, fine=4, coarse=10, rows=10).survey(NOTHING, fields=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tri6", "quad8"])
-def test_prandtl_footing_approaches_the_exact_factor(kind):
+def test_prandtl_footing_approaches_the_exact_factor(kind, verification):
     """224 quadrilaterals or 448 triangles."""
     found = collapse_of(footing(kind, 1.2 * bearing(0.0), 0.0, fine=6, coarse=10, rows=14))
     assert 1.2 * found.fraction == pytest.approx(1.0, rel=0.015)
+    limit = 1.2 * found.fraction * bearing(0.0)
+    verification("footing", f"{kind}, finer", ["no friction"], exact=bearing(0.0), found=limit)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [20.0, 25.0])
-def test_footing_with_friction(degrees):
+def test_footing_with_friction(degrees, verification):
     phi = np.radians(degrees)
     size = {20.0: (8.0, 4.0), 25.0: (12.0, 6.0)}[degrees]
     shape = {"fine": 6, "coarse": 12, "rows": 14, "size": size}
     found = collapse_of(footing("tri6", 1.3 * bearing(phi), phi, **shape))
     assert 1.3 * found.fraction == pytest.approx(1.0, rel=0.05)
+    variant, limit = f"tri6, {degrees:g} degrees", 1.3 * found.fraction * bearing(phi)
+    verification("footing", variant, ["friction"], exact=bearing(phi), found=limit)

@@ -9,6 +9,7 @@ so u = 2 + 0.4 lam and s = p0 - 4 + 1.2 lam + p1 lam.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import casadi
@@ -109,6 +110,35 @@ def test_numbers_of_very_different_size_do_not_spoil_the_elimination():
     matrix = sp.csr_array(np.diag([1e-6, 1e9]) @ given.equations.by_x.toarray() @ wide)
     x = determined_unknowns(given, matrix, np.array([[-1e-5], [0.0]]))
     assert x[:, 0] == pytest.approx([2.0, 4e-13, 0.0], rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-17])
+@pytest.mark.parametrize("turned", [False, True])
+def test_rows_and_columns_are_balanced_before_pivots_are_chosen(unit, turned):
+    """x + 1e17 y = 1e17 and x + y = 2: x = y = 1.
+
+    With 1 as first pivot the second equation would be lost to rounding, and x with it.
+    """
+    given = bars()
+    rows, right = np.array([[1.0, 1e17], [1.0, 1.0]]), np.array([1e17, 2.0])
+    if turned:
+        rows, right = rows.T, np.array([2.0, 1e17])
+    matrix = sp.csr_array(np.hstack([unit * rows, np.zeros((2, 1))]))
+    x = determined_unknowns(given, matrix, -unit * right[:, None])
+    assert x[:2, 0] == pytest.approx([1.0, 1.0], rel=1e-12)
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_an_unknown_in_no_equation_is_an_error_and_no_division_by_zero(lost):
+    given = bars()
+    matrix = given.equations.by_x.toarray()
+    for axis in (0, 1):
+        cut = matrix.copy()
+        cut[(slice(None), lost) if axis else (lost, slice(None))] = 0.0
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with pytest.raises(ModelError, match="singular"):
+                determined_unknowns(given, sp.csr_array(cut), np.ones((2, 1)))
 
 
 def test_what_cannot_be_condensed_is_said():

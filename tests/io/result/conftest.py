@@ -9,6 +9,7 @@ import pytest
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import (
     Counts,
     Diagnostics,
@@ -155,6 +156,26 @@ PROVENANCE = Provenance(
 )
 
 
+def make_reaction() -> GroundReaction:
+    """An opening that yields from the second pressure on, and two stages."""
+    return GroundReaction(
+        centre=np.array([1.0, -2.0]),
+        radius=2.5,
+        in_situ=np.array([1e7, 1.2e7, 1.1e7, 0.0]),
+        critical=5e6,
+        pressure=np.array([1.1e7, 4e6, 0.0]),
+        displacement=np.array([0.0, 2e-3, 9e-3]),
+        plastic_radius=np.array([np.nan, 2.8, 4.5]),
+        stages=("face", "far on"),
+        stage_pressure=np.array([6e6, 0.0]),
+        stage_displacement=np.array([1e-3, 9e-3]),
+        stage_plastic_radius=np.array([np.nan, 4.5]),
+        radii=np.array([2.5, 5.0, 10.0]),
+        radial=np.array([[6e6, 8e6, 1e7], [0.0, 5e6, 9e6]]),
+        hoop=np.array([[1.6e7, 1.3e7, 1.1e7], [2e6, 1.8e7, 1.3e7]]),
+    )
+
+
 def make_result(dim: int = 2, *, full: bool = True) -> Result:
     gauges = make_gauges(dim)
     shape = gauges.measured.shape
@@ -194,6 +215,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
             (np.array([1e10, 2e10, 3e10]), np.array([8e6, 9e6])),
             np.array([[1.0, 2.0], [3.0, np.inf], [5.0, 6.0]]),
         ),
+        reaction=make_reaction(),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
         diagnostics=make_diagnostics(len(gauges.readings)),

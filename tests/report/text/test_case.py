@@ -48,6 +48,7 @@ def summary(**changes):
         ),
         "parameters": ("E_rock", "K0"),
         "methods": ("condensation", "gauss-newton"),
+        "evaluations": "A fit by gauss-newton takes 5 to 10 evaluations.",
         "used": 33,
         "unused": (("the stage is not in fit.stages", 81),),
         "cost": COST,
@@ -120,7 +121,7 @@ def test_the_cost_is_in_words_and_units():
     text = " ".join(case_text(summary()).split())
     assert "has 2.32 million entries; all stages take 4870 million operations (counted)." in text
     assert "About 310 MB of memory and 1.2 s for one evaluation by cholmod" in text
-    assert "a fit by gauss-newton takes 5 to 10 evaluations." in text
+    assert "(estimated). A fit by gauss-newton takes 5 to 10 evaluations." in text
     yielding = CostEstimate("splu", 574, 999_999, 1e6, 30.0, newton_steps=15)
     text = " ".join(case_text(summary(cost=yielding)).split())
     assert "574 entries; all stages take 1000000 operations" in text

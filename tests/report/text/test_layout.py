@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from geoident.report.text.layout import with_interval
+from geoident.report.text.layout import WIDTH, TextTable, with_interval
 
 
 @pytest.mark.parametrize(
@@ -38,3 +38,25 @@ def test_rounding_moves_nothing_by_more_than_a_twentieth_of_the_interval():
         exact = (value, value - gap, value + gap)
         rounded = [float(text) for text in with_interval(*exact)]
         assert rounded == pytest.approx(exact, abs=0.05 * 2.0 * gap + 1e-12)
+
+
+def test_a_table_wider_than_the_terminal_is_folded_under_its_first_columns():
+    names = [f"{kind} of stage {n}" for n in range(1, 5) for kind in ("value", "error")]
+    rows = [["EX1", *(str(n) for n in range(8))], ["CONVERGENCE", *(str(10 * n) for n in range(8))]]
+    folded = TextTable(["gauge", *names], rows, right="l" + "r" * 8).folded()
+    parts = folded.split("\n\n")
+    assert len(parts) == 3
+    assert all(len(line) <= WIDTH for line in folded.splitlines())
+    for part in parts:
+        header, one, other = part.splitlines()
+        assert header.startswith("gauge  ")
+        assert (one.split()[0], other.split()[0]) == ("EX1", "CONVERGENCE")
+    assert [word for part in parts for word in part.splitlines()[1].split()[1:]] == list("01234567")
+
+
+def test_a_table_that_fits_or_is_empty_is_not_folded():
+    table = TextTable(["gauge", "mm"], [["EX1", "1.5"]])
+    assert table.folded() == table.text
+    assert TextTable(["gauge", "a" * 50, "b" * 50], []).folded() == ""
+    wide = TextTable(["gauge", "a" * 90], [["EX1", "1"]])
+    assert wide.folded() == wide.text

@@ -101,6 +101,9 @@ def test_forces_stand_in_kilonewtons(result):
     found = numbers(row, "N (kN)", "M_first (kNm)", "M_second (kNm)", "Q (kN)")
     assert found == pytest.approx([-1.2345, 0.05, -0.075, 2.5])
     assert (row["structure"], row["number"], row["stage"]) == ("wall", "4", "drift")
+    given = result.members.ends[0].ravel()
+    places = numbers(row, "x_first (m)", "y_first (m)", "x_second (m)", "y_second (m)")
+    assert places == pytest.approx(given)
 
 
 def test_the_history_has_costs_and_parameters_in_their_units(result):

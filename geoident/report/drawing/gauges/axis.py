@@ -9,12 +9,12 @@ from datetime import UTC, datetime
 import numpy as np
 from matplotlib.axes import Axes
 
-from geoident.io.text.dates import DateError, date_text, read_date
+from geoident.io.text.dates import date_text
 from geoident.model.arrays import Floats
 from geoident.model.results.result import NORMAL_95, GaugeTable, Result
 from geoident.report.drawing.gauges.instruments import Instrument
 from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
-from geoident.report.text.case import case_mapping
+from geoident.report.text.case import stage_dates
 
 _DAY = 86400.0  # s
 _CLOSE = 0.035
@@ -87,27 +87,13 @@ _MOST_DATES = 3
 def stage_axis(result: Result) -> StageAxis:
     """Dates of the stages, from the case or else from their readings; numbers if any has none."""
     stages = result.gauges.stages
-    dates = _dates(result)
+    dates = stage_dates(result)
     in_order = len(dates) > 1 and np.isfinite(dates).all() and bool((np.diff(dates) >= 0.0).all())
     if in_order and np.ptp(dates) > 0.0:
         every = np.r_[dates, result.gauges.readings.time] / _DAY
         ends = float(np.nanmin(every)), float(np.nanmax(every))
         return StageAxis(stages, dates / _DAY, dated=True, ends=ends)
     return StageAxis(stages, np.arange(len(stages), dtype=np.float64), dated=False)
-
-
-def _dates(result: Result) -> Floats:
-    """(n_stages,) seconds since 1970; NaN where nobody says."""
-    table, given = result.gauges.readings, case_mapping(result, "dates")
-    found = np.full(len(result.gauges.stages), np.nan)
-    names = np.array(table.stage)
-    for k, stage in enumerate(result.gauges.stages):
-        read = table.time[names == stage] if len(table) else np.empty(0)
-        try:
-            found[k] = read_date(str(given[stage]))
-        except (KeyError, DateError):
-            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
-    return found
 
 
 def value_limits(

@@ -1,0 +1,47 @@
+"""What the closed form of a circular opening says beside its readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoident.model.arrays import Floats
+
+
+@dataclass(frozen=True)
+class GroundReaction:
+    """The ground around a circular opening: its reaction, and the stages on their way along it.
+
+    Pressures and stresses are positive in compression, motions of the wall inwards, both as in
+    ground that is pressed by the mean of the in-situ stress all round.
+
+    Args:
+        centre: (2,) of the opening, m.
+        radius: of the opening, m.
+        in_situ: (4,) stress xx, yy, zz, xy at the centre, Pa.
+        critical: pressure inside below which the wall yields, Pa; NaN where it never does.
+        pressure: (k,) pressures inside, from that of the ground down, Pa.
+        displacement: (k,) of the wall under these, m.
+        plastic_radius: (k,) how far the ground then yields, m; NaN where it is elastic.
+        stages: names of the s stages with the opening.
+        stage_pressure: (s,) pressure inside at each, Pa; NaN where there is no closed form.
+        stage_displacement: (s,) of the wall at each, m.
+        stage_plastic_radius: (s,) at each, m; NaN where it is elastic.
+        radii: (m,) distances from the centre, m.
+        radial: (s, m) radial stress at each stage there, Pa.
+        hoop: (s, m) stress around the opening there, Pa.
+    """
+
+    centre: Floats
+    radius: float
+    in_situ: Floats
+    critical: float
+    pressure: Floats
+    displacement: Floats
+    plastic_radius: Floats
+    stages: tuple[str, ...]
+    stage_pressure: Floats
+    stage_displacement: Floats
+    stage_plastic_radius: Floats
+    radii: Floats
+    radial: Floats
+    hoop: Floats

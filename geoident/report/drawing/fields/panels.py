@@ -1,0 +1,360 @@
+"""What figures of fields have in common: panels, bands of colour, lines of the ground, gauges.
+
+Colours are in bands, so that a value can be read in print. Fields and lines of the mesh are images
+inside the figure, letters are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator
+
+from geoident.model.arrays import Bools, Floats
+from geoident.report.drawing.raster import Raster, show
+from geoident.report.drawing.scene import Scene, Window
+from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.style import (
+    DIVERGING,
+    GAUGE,
+    Picture,
+    hide_unused,
+)
+
+_WIDTH = 7.4
+_BANDS = 12
+_FEW = 5  # numbers along a narrow scale of colours
+_ENDS = (0.005, 0.995)
+
+
+@dataclass(frozen=True)
+class ColouredField:
+    """Something that is shown in colours.
+
+    Args:
+        label: what it is, with its unit.
+        at: its values (n,) at the points of a sheet in a state.
+        colours: map from light for 0 to dark for large sizes.
+    """
+
+    label: str
+    at: Callable[[Sheet, int], Floats]
+    colours: str
+
+
+def contours(
+    scene: Scene, sheet: Sheet, name: str, title: str, caption: str, quantity: ColouredField
+) -> Picture:
+    """The picture of a quantity stage by stage.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        name: of the picture.
+        title: what it shows.
+        caption: what has to be known.
+        quantity: at the points of the sheet.
+    """
+    shown, stages = len(scene.states), scene.n_states - 1
+    more = f" {shown} of {stages} stages." if 1 < shown < stages else ""
+    return Picture(
+        name,
+        f"{title}, stage by stage",
+        caption + more,
+        partial(contour_figure, scene, sheet, quantity),
+    )
+
+
+def contour_figure(scene: Scene, sheet: Sheet, quantity: ColouredField) -> Figure:
+    """A quantity after every stage, one scale of colours for all.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        quantity: at its points.
+    """
+    window = scene.window(sheet)
+    figure, panels = panel_figure(scene, window, len(scene.states))
+    shading = _draw_all(panels, scene, sheet, quantity, scene.states)
+    bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+    bar.set_label(quantity.label)
+    return figure
+
+
+def table_figure(scene: Scene, sheet: Sheet, columns: Sequence[ColouredField]) -> Figure:
+    """Several quantities side by side, each with its own colours, at the key states.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        columns: the quantities; a single one has its states side by side.
+    """
+    window, states = scene.window(sheet), scene.key_states
+    if len(columns) == 1:
+        figure, panels = panel_figure(scene, window, len(states), extra=0.9)
+        shading = _draw_all(panels, scene, sheet, columns[0], states)
+        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+        bar.set_label(columns[0].label)
+        return figure
+    across = 2 if window.aspect < 0.45 else len(columns)
+    down = len(columns) // across
+    width = _WIDTH / across
+    height = down * (len(states) * ((width - 0.35) * window.aspect + 0.36) + 0.95)
+    figure = Figure(figsize=(_WIDTH, height))
+    grid = figure.subplots(down * len(states), across, squeeze=False)
+    for k, quantity in enumerate(columns):
+        first = k // across * len(states)
+        panels = list(grid[first : first + len(states), k % across])
+        for n, axes in enumerate(panels):
+            axes.tick_params(labelbottom=n == len(states) - 1, labelleft=k % across == 0)
+        shading = _draw_all(panels, scene, sheet, quantity, states)
+        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.95, aspect=22,
+                              format="%g")  # fmt: skip
+        bar.ax.xaxis.set_major_locator(FixedLocator(_few(shading.norm)))
+        bar.set_label(quantity.label)
+    return figure
+
+
+def _few(norm: Any) -> list[float]:
+    """Some of the limits of the bands, zero among them where it is one."""
+    limits = [float(level) for level in norm.boundaries]
+    every = -(-len(limits) // _FEW)
+    start = min(range(len(limits)), key=lambda k: abs(limits[k])) % every
+    return limits[start::every]
+
+
+def _draw_all(
+    panels: Sequence[Axes],
+    scene: Scene,
+    sheet: Sheet,
+    quantity: ColouredField,
+    states: Sequence[int],
+) -> ScalarMappable:
+    """A quantity in one panel for each of some states, in one scale of colours."""
+    window = scene.window(sheet)
+    values = [quantity.at(sheet, state) for state in states]
+    shown = [
+        weighted(scene, sheet, state, window, value)
+        for value, state in zip(values, states, strict=True)
+    ]
+    scale = bands(np.hstack(shown), quantity.colours)
+    for axes, state, value in zip(panels, states, values, strict=True):
+        shade(axes, scene, sheet, state, value, scale)
+        draw_lines(axes, scene, sheet, state)
+        finish(axes, scene, sheet, window, state)
+    return ScalarMappable(scale["norm"], scale["cmap"])
+
+
+def panel_figure(
+    scene: Scene, window: Window, n: int, *, extra: float = 0.75
+) -> tuple[Figure, list[Axes]]:
+    """A figure with panels of the aspect of a window.
+
+    Args:
+        scene: what is drawn.
+        window: what each panel shows.
+        n: number of panels.
+        extra: height beside the panels, inches.
+    """
+    most = 2 if window.aspect < 0.45 else 3 if window.aspect < 0.8 or n in (3, 5, 6) else 4
+    columns = min(n, most)
+    rows = -(-n // columns)
+    width = min(_WIDTH / columns, 6.0)
+    height = rows * ((width - 0.45) * window.aspect + 0.32) + extra
+    figure = Figure(figsize=(max(width * columns, 4.5), height), layout="compressed")
+    panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    hide_unused(panels, n)
+    for k, axes in enumerate(panels[:n]):
+        axes.tick_params(labelbottom=k + columns >= n, labelleft=k % columns == 0)
+    return figure, panels[:n]
+
+
+def weighted(scene: Scene, sheet: Sheet, state: int, window: Window, value: Floats) -> Floats:
+    """(2, m) means of a quantity on the present triangles inside the window, and their areas.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+        window: what is shown.
+        value: (n,) at the points of the sheet.
+    """
+    triangles = sheet.triangles[scene.fields.present[state][sheet.element]]
+    corners = sheet.xy[triangles]
+    centre = corners.mean(axis=1)
+    inside = ((centre >= window.low) & (centre <= window.high)).all(axis=1)
+    (ax, ay), (bx, by) = (corners[inside, k].T - corners[inside, 0].T for k in (1, 2))
+    mean = value[triangles[inside]].mean(axis=1)
+    known = np.isfinite(mean)
+    return np.stack([mean, 0.5 * np.abs(ax * by - ay * bx)])[:, known]
+
+
+def bands(shown: Floats, colours: str) -> dict[str, Any]:
+    """Limits of the bands of colour, which ends are open, and the colours, as `tricontourf` wants.
+
+    A few extreme values at corners must not take the whole scale: it ends where less than half a
+    percent of the area lies beyond. Dark is far from zero. Where a good part lies on each side of
+    zero, each side has its hue.
+
+    Args:
+        shown: (2, m) values and their weights.
+        colours: the map, light to dark.
+    """
+    low, high = _ends(shown)
+    levels = np.asarray(MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+    low, high = float(levels[0]), float(levels[-1])
+    known = shown[0] if shown.size else np.zeros(1)
+    below, above = bool(known.min() < low), bool(known.max() > high)
+    ends: dict[tuple[bool, bool], Literal["neither", "both", "min", "max"]]
+    ends = {(True, False): "min", (False, True): "max", (True, True): "both",
+            (False, False): "neither"}  # fmt: skip
+    extend = ends[below, above]
+    middles = (levels[:-1] + levels[1:]) / 2
+    step = levels[1] - levels[0]
+    middles = np.r_[[low - step / 2] * below, middles, [high + step / 2] * above]
+    if low < 0 < high and min(-low, high) > 0.15 * max(-low, high):
+        reach = max(-low, high)
+        shades = colormaps[DIVERGING](Normalize(-reach, reach)(middles))
+    else:
+        part = np.linspace(0.0, 1.0, len(middles))
+        shades = colormaps[colours if high > -low else f"{colours}_r"](part)
+    norm = BoundaryNorm(levels, len(middles), extend=extend)
+    return {"levels": levels, "extend": extend, "cmap": ListedColormap(shades), "norm": norm}
+
+
+def _ends(shown: Floats) -> tuple[float, float]:
+    """Where the scale begins and ends."""
+    if not shown.size:
+        return 0.0, 1.0
+    order = np.argsort(shown[0], kind="stable")
+    value, share = shown[0, order], np.cumsum(shown[1, order])
+    places = np.searchsorted(share, np.array(_ENDS) * share[-1])
+    low, high = value[np.minimum(places, len(value) - 1)]
+    low = 0.0 if value[0] >= 0 else float(low)
+    return low, max(float(high), low + 1e-6 * max(abs(low), 1.0))
+
+
+def shade(
+    axes: Axes, scene: Scene, sheet: Sheet, state: int, value: Floats, scale: dict[str, Any]
+) -> Any:
+    """Colour the present part of a sheet by values at its points.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+        value: (n,) at the points of the sheet.
+        scale: of `bands`.
+    """
+    raster = scene.raster(sheet)
+    image = raster.linear(value, scene.fields.present[state][sheet.element])
+    return shade_image(axes, raster, image, scale)
+
+
+def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]) -> ScalarMappable:
+    """Colour an image (rows, columns) of values; NaN stays white.
+
+    Args:
+        axes: where to draw.
+        raster: with the place of the image.
+        image: values.
+        scale: of `bands`.
+    """
+    shading = ScalarMappable(scale["norm"], scale["cmap"])
+    colours = shading.to_rgba(np.ma.masked_invalid(image))
+    colours[~np.isfinite(image)] = 0.0
+    show(axes, raster, colours, zorder=0)
+    return shading
+
+
+def draw_lines(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
+    """Where the ground ends, and faintly where groups meet.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+    """
+    points = scene.fields.mesh.points
+    borders = sheet.borders(scene.borders_label(state))
+    add_lines(axes, sheet, borders.at(points), color="white", lw=0.3, alpha=0.6)
+    outline = sheet.outline(scene.fields.present[state])
+    add_lines(axes, sheet, outline.at(points), color="black", lw=0.7)
+
+
+def add_lines(axes: Axes, sheet: Sheet, ends: Floats, **style: Any) -> None:
+    """Line segments as an image: there may be thousands.
+
+    Args:
+        axes: where to draw.
+        sheet: a section or an outside of it.
+        ends: (k, 2, dim), m.
+        style: of the lines.
+    """
+    axes.add_collection(
+        LineCollection(list(ends[:, :, list(sheet.axes)]), rasterized=True, **style),
+        autolim=False,
+    )
+
+
+def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -> None:
+    """Title, limits, equal scales and names of the axes.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        window: what is shown.
+        state: number of the state.
+    """
+    axes.set_title(scene.title(state))
+    axes.set_aspect("equal")
+    axes.set_xlim(window.low[0], window.high[0])
+    axes.set_ylim(window.low[1], window.high[1])
+    across, up = sheet.axes
+    ticks = axes.xaxis.get_tick_params(), axes.yaxis.get_tick_params()
+    axes.set_xlabel(f"{scene.axis_names[across]} (m)" if ticks[0].get("labelbottom", True) else "")
+    axes.set_ylabel(f"{scene.axis_names[up]} (m)" if ticks[1].get("labelleft", True) else "")
+    axes.xaxis.set_major_locator(MaxNLocator(4))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def draw_gauge_lines(axes: Axes, scene: Scene, sheet: Sheet) -> None:
+    """The gauges as lines between their points, as far as they lie on the sheet.
+
+    Args:
+        axes: where to draw.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+    """
+    table = scene.result.gauges
+    for first, second in zip(table.first, table.second, strict=True):
+        ends = np.array([end for end in (first, second) if np.isfinite(end).all()])
+        if len(ends) and on_sheet(scene, sheet, ends).all():
+            axes.plot(*ends[:, list(sheet.axes)].T, "-o", color=GAUGE, lw=0.7, ms=1.8)
+
+
+def on_sheet(scene: Scene, sheet: Sheet, points: Floats) -> Bools:
+    """Which points (k, dim) lie on a sheet, within a hundredth of the model's size.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        points: m.
+    """
+    if sheet.plane is None:
+        return np.ones(len(points), dtype=bool)
+    near = 1e-2 * float((scene.box[1] - scene.box[0]).max())
+    return np.asarray(np.abs(points[:, sheet.plane.axis] - sheet.plane.value) <= near)

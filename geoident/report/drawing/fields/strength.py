@@ -1,0 +1,232 @@
+"""How near the ground is to yielding, and what yielded: from stresses, strains and strengths."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
+from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.yielding.surfaces import is_smooth, yield_planes
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case, Material
+from geoident.model.dual import ParameterPoint
+from geoident.report.drawing.fields.panels import (
+    ColouredField,
+    bands,
+    draw_lines,
+    finish,
+    panel_figure,
+    shade,
+    table_figure,
+    weighted,
+)
+from geoident.report.drawing.model.construction import construction_of, values_of
+from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.style import Picture, key
+
+_MOST = 1.2  # of the strength; nothing but rounding and means over elements goes beyond 1
+_ZONE = "#7a1f00"
+
+
+def strength_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple[Picture, ...]:
+    """Utilisation where strengths are known, and yielded zones where anything yields.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        tag: before the names of the pictures.
+        where: behind their titles.
+    """
+    found = []
+    if scene.case is not None and any(m.yields for m in scene.case.materials.values()):
+        found.append(
+            Picture(
+                f"{tag}utilisation",
+                f"Utilisation of the strength{where}",
+                "Shear stress by the shear strength at the same mean stress, with the strengths "
+                "that were found: 100 % yields. Mean stresses of elements.",
+                partial(utilisation_figure, scene, sheet),
+            )
+        )
+    if scene.fields.yielded.any():
+        strains = plastic_strain(scene)
+        words = "Line: the zone that has yielded up to this stage."
+        if strains is not None:
+            words += (
+                " Colours: equivalent plastic strain, the square root of 2/3 of the squares of the "
+                "plastic strains; total strains without the elastic ones."
+            )
+        found.append(
+            Picture(
+                f"{tag}yielded",
+                f"Yielded zones{where}",
+                words,
+                partial(yielded_figure, scene, sheet, strains),
+            )
+        )
+    return tuple(found)
+
+
+def utilisation_figure(scene: Scene, sheet: Sheet) -> Figure:
+    """Utilisation at the key states.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+    """
+
+    def at(sheet: Sheet, state: int) -> Floats:
+        known = np.isfinite(values := utilisation(scene, state))
+        return sheet.of_corners(sheet.corners.average(100.0 * values, known))
+
+    return table_figure(scene, sheet, [ColouredField("utilisation (%)", at, "YlOrRd")])
+
+
+def utilisation(scene: Scene, state: int) -> Floats:
+    """(n_elements,) share of the shear strength at the mean stress; NaN where there is none."""
+    case = scene.case
+    found = np.full(scene.fields.mesh.n_elements, np.nan)
+    if case is None:
+        return found
+    values = values_of(case, scene.result.parameters)
+    point = ParameterPoint(values, ())
+    stress = scene.fields.stress[state]
+    for material, elements in _materials_at(scene, case, state):
+        if material.yields:
+            found[elements] = _share(material, point, stress[elements], scene.solid)
+    return np.asarray(np.clip(found, 0.0, _MOST))
+
+
+def _share(material: Material, point: ParameterPoint, stress: Floats, solid: bool) -> Floats:
+    """(k,) by which the deviators of stresses (k, 6) reach the surface, seen from their mean."""
+    mean = stress[:, :3].mean(axis=1)
+    planes = yield_planes(material, point, 6 if solid else 4)
+    normals, distances = planes.normals.value, planes.distances.value
+    if is_smooth(material):
+        xx, yy, zz, xy, yz, xz = stress.T
+        rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
+        tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        shown = np.linalg.eigvalsh(tensor)[:, ::-1]
+    else:
+        shown = stress[:, : normals.shape[1]]
+    isotropic = np.zeros(normals.shape[1])
+    isotropic[:3] = 1.0
+    deviator = shown - mean[:, None] * isotropic
+    room = distances[None] - mean[:, None] * (normals @ isotropic)[None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(room > 0, (deviator @ normals.T) / room, np.inf)
+    return np.asarray(share.max(axis=1))
+
+
+def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, Ints]]:
+    """The materials that stand in a state, with their elements (k,)."""
+    mesh = scene.fields.mesh
+    number = np.full(mesh.n_elements, -1)
+    names = list(case.materials)
+    for group, name in case.groups.items():
+        if name is not None:
+            number[mesh.groups[group]] = names.index(name)
+    for stage in scene.history(state):
+        for group, name in {
+            **case.stages[stage - 1].install,
+            **case.stages[stage - 1].change,
+        }.items():
+            number[mesh.groups[group]] = names.index(name)
+    number[~scene.fields.present[state]] = -1
+    return [
+        (case.materials[names[k]], np.flatnonzero(number == k)) for k in np.unique(number) if k >= 0
+    ]
+
+
+def plastic_strain(scene: Scene) -> Floats | None:
+    """(n_states, n_elements) equivalent plastic strain; NaN where it cannot be told.
+
+    Total strains, means over elements, without the elastic strains of the change of stress. Told
+    of ground that yields, stands from the beginning and keeps its material, and has no field.
+
+    Args:
+        scene: what is drawn.
+    """
+    case, fields = scene.case, scene.fields
+    if case is None or any(stage.temperature for stage in case.stages):
+        return None
+    kinematics = kinematics_of(case.analysis)
+    geometries = tuple(
+        block_geometry(fields.mesh.points, b, kinematics) for b in fields.mesh.blocks
+    )
+    points = strain_points(fields.mesh, geometries, kinematics)
+    n_elements, s = fields.mesh.n_elements, points.n_strain
+    volume = np.bincount(points.element, points.volume, minlength=n_elements)
+    point = ParameterPoint(values_of(case, scene.result.parameters), ())
+    made = construction_of(case, fields.mesh)
+    changed = {group for stage in case.stages for group in stage.change}
+    steady = made.placed == 0
+    for group in changed:
+        steady[fields.mesh.groups[group]] = False
+    found = np.full((scene.n_states, n_elements), np.nan)
+    for state in (0, *scene.reached.tolist()):
+        strain = points.strain(scene.displacement(state).ravel())
+        total = np.array([np.bincount(points.element, e * points.volume, minlength=n_elements)
+                          for e in strain]) / volume  # fmt: skip
+        change = (fields.stress[state] - fields.stress[0]).T[:s]
+        for material, elements in _materials_at(scene, case, state):
+            here = elements[steady[elements]]
+            if material.yields and not material.fields and len(here):
+                stiffness = elasticity(material.elastic, point, section=not scene.solid).value
+                elastic = np.linalg.solve(stiffness[:s, :s], change[:, here])
+                plastic = total[:, here] - elastic
+                squares = (plastic[:3] ** 2).sum(axis=0) + 0.5 * (plastic[3:] ** 2).sum(axis=0)
+                found[state, here] = np.sqrt(2.0 / 3.0 * squares)
+    return found
+
+
+def yielded_figure(scene: Scene, sheet: Sheet, strains: Floats | None) -> Figure:
+    """Plastic strain in colours and the outline of what has yielded, stage by stage.
+
+    Args:
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        strains: (n_states, n_elements) equivalent plastic strain; None where it is not known.
+    """
+    window = scene.window(sheet)
+    states = [s for s in scene.states if scene.fields.yielded[s].any()] or list(scene.states[-1:])
+    figure, panels = panel_figure(scene, window, len(states), extra=1.0)
+    shown = {state: _strain_at(sheet, scene, strains, state) for state in states}
+    seen = [weighted(scene, sheet, state, window, shown[state]) for state in states]
+    scale = bands(np.hstack(seen), "Oranges")
+    for axes, state in zip(panels, states, strict=True):
+        shading = shade(axes, scene, sheet, state, shown[state], scale)
+        draw_lines(axes, scene, sheet, state)
+        _draw_zone(axes, scene, sheet, state)
+        finish(axes, scene, sheet, window, state)
+    if strains is not None:
+        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+        bar.set_label("equivalent plastic strain (%)")
+    figure.legend(handles=[key("yielded zone", color=_ZONE, lw=1.4)], loc="outside upper center")
+    return figure
+
+
+def _strain_at(sheet: Sheet, scene: Scene, strains: Floats | None, state: int) -> Floats:
+    """(n,) plastic strain at the points of a sheet, %; zero where the ground is elastic."""
+    value = np.zeros(scene.fields.mesh.n_elements) if strains is None else 100.0 * strains[state]
+    value = np.where(scene.fields.yielded[state], np.nan_to_num(value), 0.0)
+    return sheet.of_corners(sheet.corners.average(value, scene.fields.present[state]))
+
+
+def _draw_zone(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
+    """The line inside which elements have yielded."""
+    present = scene.fields.present[state]
+    share = sheet.corners.average(scene.fields.yielded[state].astype(float), present)
+    raster = scene.raster(sheet)
+    image = raster.linear(sheet.of_corners(share), present[sheet.element])
+    if np.nanmax(image, initial=0.0) < 0.5:
+        return
+    rows, columns = raster.shape
+    cell = (raster.high - raster.low) / np.array([columns, rows])
+    x, y = (raster.low[k] + cell[k] * (np.arange((columns, rows)[k]) + 0.5) for k in (0, 1))
+    axes.contour(x, y, np.nan_to_num(image), levels=[0.5], colors=[_ZONE], linewidths=1.1)

@@ -1,0 +1,1 @@
+"""The model: materials, stages, supports, loads, structures and gauges, before any result."""

@@ -1,0 +1,66 @@
+"""The whole model in one figure: `check --picture` and the first figure of a report.
+
+Colour says material and nothing else; stages are numbers and outlines. Every gauge has its name at
+its place.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from matplotlib.figure import Figure
+
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+from geoident.model.results.result import ParameterTable, Result
+from geoident.report.drawing.model.case import case_of
+from geoident.report.drawing.model.drawn import DrawnModel
+from geoident.report.drawing.model.plane import plane_figure
+from geoident.report.drawing.model.solid import solid_figure
+from geoident.report.drawing.style import Picture, image
+
+
+def case_picture(case: Case, mesh: Mesh, suffix: str) -> bytes:
+    """The picture as a file, ``svg``, ``png`` or ``pdf``; the same case gives the same bytes.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        suffix: of the file.
+    """
+    return image(model_picture(case, mesh), suffix)
+
+
+def model_picture(case: Case, mesh: Mesh) -> Picture:
+    """The picture of a case, not drawn yet."""
+    return Picture("case", case.title, "", partial(model_figure, case, mesh))
+
+
+def model_pictures(result: Result) -> tuple[Picture, ...]:
+    """The model of a result with the values that were found; none without a mesh."""
+    case = case_of(result)
+    if case is None or result.fields is None:
+        return ()
+    mesh = result.fields.mesh
+    caption = (
+        "Colours: materials. Pale with an outline: excavated in the stage of the number; with a "
+        "number only: placed in that stage."
+    )
+    if result.parameters.names:
+        caption += " Constants that were identified have their values."
+    draw = partial(model_figure, case, mesh, result.parameters)
+    return (Picture("model", "The model: materials, construction, gauges", caption, draw),)
+
+
+def model_figure(case: Case, mesh: Mesh, found: ParameterTable | None = None) -> Figure:
+    """The model with all that is in it.
+
+    Args:
+        case: the case.
+        mesh: its mesh.
+        found: identified values, None before a fit.
+    """
+    model = DrawnModel(case, mesh, found)
+    if mesh.dim == 3:
+        return solid_figure(model)
+    return plane_figure(model)

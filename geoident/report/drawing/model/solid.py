@@ -1,0 +1,299 @@
+"""A model in space: its outside, what is built in it with the gauges, sections through these."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from geoident.fem.faces import patches
+from geoident.forward.actions.supports import group_nodes
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
+from geoident.report.drawing.labels import hidden, place_labels
+from geoident.report.drawing.model.actions import LOAD, WATER
+from geoident.report.drawing.model.construction import marked_places
+from geoident.report.drawing.model.drawn import DrawnModel
+from geoident.report.drawing.model.plane import (
+    LETTERS,
+    WIDTH,
+    draw_gauges,
+    draw_legend,
+    draw_materials,
+    gauge_keys,
+)
+from geoident.report.drawing.scene import planes_through
+from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.structures import draw_structures
+from geoident.report.drawing.style import box_axes, short
+
+_VIEW = (24.0, -58.0)  # elevation and azimuth, degrees
+_SHARP = 0.9  # cosine of the angle between faces from which on their edge is drawn
+_EDGE = (0.15, 0.15, 0.15)
+_TALLEST = 2.9
+_ON = 1e-2  # of the model's size: how near to a section a gauge counts as on it
+
+
+def solid_figure(model: DrawnModel) -> Figure:
+    """Outside, inside and sections of a model in space.
+
+    Args:
+        model: what is drawn.
+    """
+    planes = planes_through(_gauge_points(model), model.box)
+    sheets = [sheet for sheet in map(model.maker.cut, planes) if len(sheet.triangles)]
+    windows = [_window(model, sheet) for sheet in sheets]
+    below = max((min(_TALLEST, _aspect(w) * (WIDTH / 2 - 0.7)) for w in windows), default=0.5)
+    figure = Figure(figsize=(WIDTH, 3.0 + 4.2 + below + 0.9))
+    grid = figure.add_gridspec(3, 2, height_ratios=[3.0, 4.2, below], width_ratios=[1.0, 1.0])
+    whole = figure.add_subplot(grid[0, 0], projection="3d", computed_zorder=False)
+    legend = figure.add_subplot(grid[0, 1])
+    inside = figure.add_subplot(grid[1, :], projection="3d", computed_zorder=False)
+    _draw_outside(whole, model)
+    meanings = _draw_inside(inside, model)
+    for k, (sheet, window) in enumerate(zip(sheets, windows, strict=True)):
+        _draw_section(figure.add_subplot(grid[2, k]), model, sheet, window)
+    keys = {handle.get_label(): handle for handle in meanings}
+    draw_legend(legend, model, keys)
+    figure.suptitle(short(model.case.title, 90), x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def _gauge_points(model: DrawnModel) -> Floats:
+    lines = [line for lines in model.gauges.values() for line in lines]
+    return np.vstack([np.empty((0, 3)), *lines])
+
+
+def _window(model: DrawnModel, sheet: Sheet) -> tuple[Floats, Floats]:
+    across = list(sheet.axes)
+    return model.near[0][across], model.near[1][across]
+
+
+def _aspect(window: tuple[Floats, Floats]) -> float:
+    return float((window[1][1] - window[0][1]) / (window[1][0] - window[0][0]))
+
+
+def _draw_outside(axes: Any, model: DrawnModel) -> None:
+    """The outer surface with the supports and loads that can be seen."""
+    there = model.made.material >= 0
+    faces, owner = outer_faces(model, there)
+    colours = model.element_colours[owner]
+    add_faces(axes, model, faces, colours, alpha=1.0)
+    surface = _triangles(model, faces)
+    edges = model.mesh.points[_zone_edges(model, np.where(there, model.zones, -1))]
+    _add_lines(axes, edges[~hidden(edges.mean(axis=1), surface, _towards())], lw=0.5)
+    _frame(axes, model.box)
+    named, places = [], []
+    for support in model.case.supports:
+        points = model.mesh.points[group_nodes(model.mesh, support.group)]
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        nearest = points[np.linalg.norm(points - middle, axis=1).argmin()]
+        if not hidden(nearest[None], surface, _towards()).any():
+            held = ", ".join("xyz"[c] for c in support.components)
+            named.append(f"{short(support.group)}: {held}")
+            places.append(nearest)
+    _draw_loads(axes, model, surface)
+    place_labels(axes, places, named, size=LETTERS, centred=True)
+    axes.set_title("the whole model; what is held along which axis")
+
+
+def _draw_loads(axes: Any, model: DrawnModel, surface: Floats) -> None:
+    """Arrows of the loads whose tips can be seen, with their names."""
+    size = 0.12 * float((model.box[1] - model.box[0]).max())
+    for load in model.loads:
+        seen = ~hidden(load.tips, surface, _towards())
+        tips, arrows = load.tips[seen], size * load.arrows[seen]
+        if not len(tips):
+            continue
+        colour = WATER if load.water else LOAD
+        tails = tips - arrows
+        axes.quiver(*tails.T, *arrows.T, color=colour, lw=1.0, arrow_length_ratio=0.35, zorder=6)
+        place_labels(axes, [tails], [short(load.label, 40)], colour=colour, size=LETTERS)
+
+
+def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
+    """What is dug and placed, other materials than that of most ground, structures and gauges."""
+    made = model.made
+    there = made.material >= 0
+    host = np.bincount(made.material[there & ~made.moved], minlength=1).argmax()
+    weak = there & ~made.moved & (made.material != host)
+    near = model.near
+    for chosen, alpha in ((weak, 0.45), (made.moved & there, 0.55)):
+        faces, owner = outer_faces(model, chosen)
+        faces, owner = _near_faces(model, faces, owner)
+        add_faces(axes, model, faces, model.element_colours[owner], alpha=alpha)
+    shown = (made.moved | weak) & there
+    edges = model.mesh.points[_zone_edges(model, np.where(shown, model.zones, -1))]
+    kept = ((edges >= near[0] - 1e-9) & (edges <= near[1] + 1e-9)).all(axis=(1, 2))
+    _add_lines(axes, edges[kept], lw=0.6)
+    _frame(axes, near, zoom=1.15)
+    keys = draw_structures(axes, model.case, model.mesh)
+    draw_gauges(axes, model.case, model.gauges, names=True)
+    places = list(marked_places(model.mesh, made))
+    if (made.dug > 0).any():  # linings are too thin and too many to be numbered in space
+        places = [(n, x) for n, x in places if not n.startswith("+")]
+    place_labels(axes, [x for _, x in places], [n for n, _ in places], centred=True,
+                 size=LETTERS, weight="bold")  # fmt: skip
+    axes.set_title("inside: construction and gauges")
+    return [*keys, *gauge_keys(model.case)]
+
+
+def _draw_section(
+    axes: Any, model: DrawnModel, sheet: Sheet, window: tuple[Floats, Floats]
+) -> None:
+    """A section with the gauges on it."""
+    plane = sheet.plane
+    assert plane is not None
+    draw_materials(axes, model, sheet, window, width=WIDTH / 2 - 0.5)
+    near = _ON * float((model.box[1] - model.box[0]).max())
+    on = {
+        name: [line[:, list(sheet.axes)] for line in lines]
+        for name, lines in model.gauges.items()
+        if all((np.abs(line[:, plane.axis] - plane.value) <= near).all() for line in lines)
+    }
+    draw_gauges(axes, model.case, on, names=True)
+    stages = model.made.dug[sheet.element]
+    middles = sheet.xy[sheet.triangles].mean(axis=1)
+    seen = ((middles >= window[0]) & (middles <= window[1])).all(axis=1)
+    numbers = np.unique(stages[(stages > 0) & seen])
+    places = [_most_inside(middles[(stages == n) & seen]) for n in numbers]
+    place_labels(axes, places, [str(n) for n in numbers], centred=True, size=LETTERS,
+                 weight="bold")  # fmt: skip
+    axes.set_xlim(window[0][0], window[1][0])
+    axes.set_ylim(window[0][1], window[1][1])
+    axes.set_aspect("equal")
+    for axis, name in ((axes.xaxis, sheet.axes[0]), (axes.yaxis, sheet.axes[1])):
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_label_text(f"{model.axis_names[name]} (m)")
+    axes.set_title(f"section {plane}")
+
+
+def _most_inside(middles: Floats) -> Floats:
+    """That of some places (k, 2) which lies next to the middle of all."""
+    return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
+
+
+def outer_faces(model: DrawnModel, chosen: Bools) -> tuple[list[Ints], Ints]:
+    """Corners of the outer faces of some elements, kind by kind, and the elements behind them."""
+    mesh, table = model.mesh, model.maker.faces
+    found = patches(mesh, table, table.free(chosen))
+    corners = [patch.nodes[:, : CELLS[patch.kind].n_corners] for patch in found]
+    owners = [patch.element for patch in found]
+    return corners, np.concatenate([np.empty(0, np.int64), *owners])
+
+
+def _near_faces(model: DrawnModel, faces: list[Ints], owner: Ints) -> tuple[list[Ints], Ints]:
+    """The faces whose middle lies in the box around gauges and construction."""
+    low, high = model.near
+    kept, owners, first = [], [np.empty(0, np.int64)], 0
+    for nodes in faces:
+        middle = model.mesh.points[nodes].mean(axis=1)
+        here = ((middle >= low - 1e-9) & (middle <= high + 1e-9)).all(axis=1)
+        kept.append(nodes[here])
+        owners.append(owner[first : first + len(nodes)][here])
+        first += len(nodes)
+    return kept, np.concatenate(owners)
+
+
+def add_faces(
+    axes: Any, model: DrawnModel, faces: list[Ints], colours: Floats, *, alpha: float
+) -> None:
+    """Faces in their colours, darker where they lean; far ones are drawn first.
+
+    Args:
+        axes: of space.
+        model: with the mesh.
+        faces: corners (n, 3 or 4), kind by kind.
+        colours: (sum of n, 3).
+        alpha: opacity.
+    """
+    polygons: list[Floats] = []
+    light = [np.empty(0)]
+    for nodes in faces:
+        corners = model.mesh.points[nodes]
+        polygons += list(corners)
+        light.append(_light(corners))
+    if not polygons:
+        return
+    shade = colours * np.concatenate(light)[:, None]
+    # One collection, since matplotlib sorts by depth only within each.
+    axes.add_collection3d(
+        Poly3DCollection(
+            polygons,
+            facecolors=np.c_[shade, np.full(len(shade), alpha)],
+            linewidths=0.0,
+            rasterized=True,
+            zorder=1,
+        )
+    )
+
+
+def _light(corners: Floats) -> Floats:
+    """(n,) brightness of faces (n, n_corners, 3) by their inclination, 0.78 to 1."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
+    return np.asarray(np.clip((share**2) @ np.array([0.84, 0.92, 1.0]), 0.78, 1.0))
+
+
+def _triangles(model: DrawnModel, faces: list[Ints]) -> Floats:
+    """(m, 3, 3) the faces as triangles."""
+    parts = [np.empty((0, 3), np.int64)]
+    for nodes in faces:
+        parts += [nodes[:, [0, k, k + 1]] for k in range(1, nodes.shape[1] - 1)]
+    return np.asarray(model.mesh.points[np.concatenate(parts)])
+
+
+def _zone_edges(model: DrawnModel, zones: Ints) -> Ints:
+    """Edges (k, 2) at which the outer faces of zones turn sharply."""
+    found = [np.empty((0, 2), np.int64)]
+    for zone in np.unique(zones[zones >= 0]):
+        faces, _ = outer_faces(model, zones == zone)
+        found.append(_sharp_edges(model.mesh.points, faces))
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _sharp_edges(points: Floats, faces: list[Ints]) -> Ints:
+    """Edges (k, 2) between faces that meet at an angle, and where a surface ends."""
+    edges, normals = [np.empty((0, 2), np.int64)], [np.empty((0, 3))]
+    for nodes in faces:
+        corners = points[nodes]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        n = nodes.shape[1]
+        edges += [nodes[:, [k, (k + 1) % n]] for k in range(n)]
+        normals += [normal] * n
+    pairs = np.sort(np.concatenate(edges), axis=1)
+    normal = np.concatenate(normals)
+    unique, first, place, count = np.unique(
+        pairs, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    cosine = np.abs(np.einsum("ij,ij->i", normal, normal[first[place.ravel()]]))
+    least = np.ones(len(unique))
+    np.minimum.at(least, place.ravel(), cosine)
+    return np.asarray(unique[(count != 2) | (least < _SHARP)])
+
+
+def _add_lines(axes: Any, ends: Floats, *, lw: float) -> None:
+    if len(ends):
+        axes.add_collection3d(Line3DCollection(list(ends), colors=[_EDGE], linewidths=lw, zorder=2))
+
+
+def _towards() -> Floats:
+    """Direction (3,) from the model to the eye."""
+    elevation, azimuth = np.radians(_VIEW)
+    level = np.cos(elevation)
+    return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+
+def _frame(axes: Any, box: tuple[Floats, Floats], *, zoom: float = 1.0) -> None:
+    box_axes(axes, *box)
+    axes.set_box_aspect(box[1] - box[0], zoom=zoom)
+    axes.set_proj_type("ortho")
+    axes.view_init(*_VIEW)
+    axes.grid(visible=False)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))

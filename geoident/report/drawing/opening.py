@@ -1,0 +1,206 @@
+"""An opening in closed form: a sketch, the ground reaction curve, how far it yields, stresses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from geoident.model.arrays import Floats
+from geoident.model.results.opening import GroundReaction
+from geoident.model.results.result import Result
+from geoident.report.drawing.labels import place_labels
+from geoident.report.drawing.style import (
+    ACCENT,
+    COMPUTED,
+    FAINT,
+    MEASURED,
+    MM,
+    SMALL,
+    Picture,
+    colour,
+    key,
+    short,
+)
+from geoident.report.text.layout import number
+
+_GROUND, _YIELDED = "#e8e8e3", "#c9b79c"
+_SOFT = 1e6
+"""Mean in-situ stress, Pa, below which stresses are shown in kPa."""
+
+_MOST_STAGES = 5
+
+
+def opening_pictures(result: Result) -> tuple[Picture, ...]:
+    """The opening of a closed form and its ground reaction; none of other results."""
+    found = result.reaction
+    if found is None:
+        return ()
+    yields = bool(np.isfinite(found.stage_plastic_radius).any())
+    zone = " The brown ground yields at the last stage with a closed form." if yields else ""
+    return (
+        Picture(
+            "opening",
+            "The opening, its gauges and the in-situ stress",
+            f"Lines and dots: gauges. Arrows: in-situ stress, positive in compression.{zone}",
+            lambda: sketch_figure(result, found),
+        ),
+        Picture(
+            "ground-reaction",
+            "Ground reaction",
+            "Left: pressure inside the opening against the motion of the wall inwards, by the "
+            "identified parameters; dots: the stages; dotted: from there on the wall yields. "
+            "Middle: how far the ground yields. Right: radial stress (dashed) and stress around "
+            "the opening (solid) at the stages.",
+            lambda: reaction_figure(found),
+        ),
+    )
+
+
+def _unit(found: GroundReaction) -> tuple[str, float]:
+    """Unit of stresses, and how many Pa it has."""
+    return ("kPa", 1e3) if float(np.abs(found.in_situ).max()) < _SOFT else ("MPa", 1e6)
+
+
+def _last(values: Floats) -> float:
+    """The last finite value; NaN if there is none."""
+    known = values[np.isfinite(values)]
+    return float(known[-1]) if known.size else float("nan")
+
+
+def sketch_figure(result: Result, found: GroundReaction) -> Figure:
+    """The opening with the ground that yields, gauges with their names and the in-situ stress."""
+    figure = Figure(figsize=(6.2, 6.2))
+    axes = figure.subplots()
+    a, (x, y) = found.radius, found.centre
+    yielded = _last(found.stage_plastic_radius)
+    points = np.concatenate([result.gauges.first, result.gauges.second])
+    points = points[np.isfinite(points).all(axis=1)]
+    away = np.abs(points - found.centre).max(initial=0.0)
+    reach = 1.12 * max(2.0 * a, 1.15 * np.nan_to_num(yielded), away)
+    axes.set_facecolor(_GROUND)
+    if np.isfinite(yielded):
+        axes.add_patch(Circle((x, y), yielded, facecolor=_YIELDED, edgecolor=FAINT, ls="--"))
+    axes.add_patch(Circle((x, y), a, facecolor="white", edgecolor="black", lw=1.6))
+    edge = 1.28 * reach
+    axes.set_xlim(x - edge, x + edge)
+    axes.set_ylim(y - edge, y + edge)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    _draw_stress(axes, found, edge)
+    _draw_gauges(axes, result, found, yielded)
+    return figure
+
+
+def _draw_stress(axes: Axes, found: GroundReaction, edge: float) -> None:
+    """Arrows from the four sides with the stresses at the centre."""
+    unit, size = _unit(found)
+    x, y = found.centre
+    arrow: Any = {"arrowstyle": "-|>", "color": ACCENT, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+    for k, name in enumerate(("xx", "yy")):
+        stress = float(found.in_situ[k])
+        for side in (-1.0, 1.0):
+            for along in (-0.35, 0.0, 0.35):
+                ends = np.full((2, 2), along * edge)
+                ends[:, k] = side * edge * np.array([0.985, 0.885])
+                if stress < 0.0:
+                    ends = ends[::-1]
+                tail, head = ends + found.centre
+                axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow)
+        place = np.array([x, y])
+        place[k] -= 0.84 * edge
+        place[1 - k] += 0.17 * edge
+        words = f"{name} {number(stress / size, 3)} {unit}"
+        axes.text(float(place[0]), float(place[1]), words, fontsize=SMALL, color=ACCENT,
+                  ha="left" if k == 0 else "center", va="center")  # fmt: skip
+
+
+def _draw_gauges(axes: Axes, result: Result, found: GroundReaction, yielded: float) -> None:
+    """Gauges as lines and dots with the names of their channels, and the radii."""
+    table = result.gauges
+    anchors: list[Floats] = []
+    names: list[str] = []
+    lines: list[Floats] = []
+    for channel, first, second in zip(table.channels, table.first, table.second, strict=True):
+        if not np.isfinite(second).all():
+            continue
+        ends = np.stack([first, second]) if np.isfinite(first).all() else second[None]
+        axes.plot(*ends.T, "-o", color=MEASURED, lw=1.0, ms=3.2)
+        anchors.append(second)
+        names.append(short(channel, 16))
+        lines.append(ends)
+    turn = np.deg2rad(225.0)
+    direction = np.array([np.cos(turn), np.sin(turn)])
+    for radius, letter in ((found.radius, "a"), (yielded, "R")):
+        if np.isfinite(radius):
+            anchors.append(found.centre + radius * direction)
+            names.append(f"{letter} = {number(radius, 3)} m")
+            lines.append(anchors[-1][None])
+    place_labels(axes, anchors, names, avoid=lines)
+
+
+def reaction_figure(found: GroundReaction) -> Figure:
+    """Pressure against the motion of the wall, the plastic radius, stresses against the radius."""
+    figure = Figure(figsize=(10.4, 3.9))
+    left, middle, right = figure.subplots(1, 3)
+    unit, size = _unit(found)
+    inward, pressure = MM * found.displacement, found.pressure / size
+    left.plot(inward, pressure, color=COMPUTED, lw=1.4)
+    left.set_xlabel("wall inwards (mm)")
+    left.set_ylabel(f"pressure inside ({unit})")
+    _draw_stages(left, found, MM * found.stage_displacement, found.stage_pressure / size)
+    if np.isfinite(found.plastic_radius).any():
+        middle.plot(found.plastic_radius, pressure, color=COMPUTED, lw=1.4)
+        _draw_stages(middle, found, found.stage_plastic_radius, found.stage_pressure / size)
+    else:
+        middle.text(0.5, 0.5, "the ground stays elastic", transform=middle.transAxes, ha="center",
+                    fontsize=SMALL, color=FAINT)  # fmt: skip
+    middle.axvline(found.radius, color="black", lw=1.0)
+    middle.set_xlabel("radius of what yields (m)")
+    middle.set_ylabel(f"pressure inside ({unit})")
+    for axes in (left, middle):
+        axes.set_ylim(min(0.0, float(pressure.min())), 1.06 * float(pressure.max()))
+        if np.isfinite(found.critical) and found.critical > float(found.pressure.min()):
+            axes.axhline(found.critical / size, color=FAINT, lw=0.9, ls=":")
+        axes.grid()
+    left.set_xlim(left=min(0.0, float(inward.min())))
+    _draw_stresses(right, found)
+    return figure
+
+
+def _draw_stages(axes: Axes, found: GroundReaction, x: Floats, y: Floats) -> None:
+    there = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    axes.plot(x[there], y[there], "o", color=MEASURED, ms=4.5, clip_on=False)
+    drawn = axes.get_lines()[0].get_xydata()
+    curve = np.asarray(drawn, dtype=np.float64)
+    place_labels(
+        axes,
+        [np.array([x[k], y[k]]) for k in there],
+        [short(found.stages[k], 18) for k in there],
+        avoid=[curve[np.isfinite(curve).all(axis=1)]],
+    )
+
+
+def _draw_stresses(axes: Axes, found: GroundReaction) -> None:
+    unit, size = _unit(found)
+    numbers = np.arange(len(found.stages))
+    if len(numbers) > _MOST_STAGES:
+        numbers = numbers[np.linspace(0, len(numbers) - 1, _MOST_STAGES).round().astype(int)]
+    for k, stage in enumerate(numbers):
+        axes.plot(found.radii, found.hoop[stage] / size, color=colour(k), lw=1.2)
+        axes.plot(found.radii, found.radial[stage] / size, "--", color=colour(k), lw=1.2)
+    mean = 0.5 * float(found.in_situ[0] + found.in_situ[1])
+    axes.axhline(mean / size, color=FAINT, lw=0.8, ls=":")
+    axes.set_xlabel("distance from the centre (m)")
+    axes.set_ylabel(f"stress ({unit}, compression)")
+    axes.set_xlim(found.radius, float(found.radii.max()))
+    axes.set_ylim(bottom=min(0.0, float(found.radial.min() / size)))
+    axes.grid()
+    axes.legend(handles=[
+        *(key(short(found.stages[stage], 16), color=colour(k)) for k, stage in enumerate(numbers)),
+        key("radial", color="black", ls="--"), key("around", color="black"),
+    ])  # fmt: skip

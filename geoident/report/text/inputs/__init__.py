@@ -1,0 +1,1 @@
+"""What a case says of ground, construction, structures and supports, in tables and sentences."""

@@ -1,0 +1,102 @@
+"""Materials, in-situ stress and water of a case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
+from geoident.report.text.layout import TextTable
+
+_YIELD_NAMES = {
+    "planes": "yield planes",
+    "tresca": "Tresca",
+    "mohr-coulomb": "Mohr-Coulomb",
+    "drucker-prager": "Drucker-Prager",
+    "weak-plane": "weak plane",
+}
+
+
+def materials_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+    """Materials with their laws, constants and groups.
+
+    Args:
+        case: as texts.
+        numbers: how its numbers are said.
+    """
+    users = _groups(case)
+    rows = [
+        [name, _law(material), _constants(material, numbers), ranged(users.get(name, ()))]
+        for name, material in entries(case, "materials").items()
+        if isinstance(material, Mapping)
+    ]
+    return TextTable(("material", "law", "constants", "groups"), rows)
+
+
+def _groups(case: CaseTexts) -> dict[str, list[str]]:
+    """Material to the groups that are of it, from the beginning or after some stage."""
+    found: dict[str, list[str]] = {}
+    pairs = [*entries(case, "groups").items()]
+    for stage in case.get("stages", ()):
+        pairs += [*entries(stage, "install").items(), *entries(stage, "change").items()]
+    for group, material in dict.fromkeys(pairs):
+        found.setdefault(str(material), []).append(str(group))
+    return found
+
+
+def _law(material: CaseTexts) -> str:
+    """Elasticity and yield surfaces by name."""
+    names = [str(surface.get("type", "")) for surface in _surfaces(material)]
+    yields = [_YIELD_NAMES.get(name, name) for name in names]
+    return ", ".join([f"{material.get('elastic', 'isotropic')} elastic", *yields])
+
+
+def _surfaces(material: CaseTexts) -> list[CaseTexts]:
+    given = material.get("yield", [])
+    found = given if isinstance(given, list) else [given]
+    return [surface for surface in found if isinstance(surface, Mapping)]
+
+
+def _constants(material: CaseTexts, numbers: SaidNumbers) -> str:
+    order = sorted(material, key=lambda key: key in ("density", "expansion"))
+    said = [
+        f"{key} = {numbers.text(material[key])}" for key in order if key not in ("elastic", "yield")
+    ]
+    for surface in _surfaces(material):
+        own = {key: value for key, value in surface.items() if key not in ("type", "planes")}
+        planes = listed(surface.get("planes"))
+        said += [f"{key} = {numbers.text(value)}" for key, value in own.items()]
+        said += [f"{len(planes)} planes"] if planes else []
+    return "; ".join(said)
+
+
+def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
+    """In-situ stress, gravity and water, a sentence each.
+
+    Args:
+        case: as texts.
+        numbers: how its numbers are said.
+    """
+    stress = entries(case, "in_situ")
+    parts = [
+        f"{key.replace('_', ' ')} {_by_group(value, numbers)}"
+        for key, value in stress.items()
+        if key not in ("model", "equilibrium", "groups")
+    ]
+    found = [f"In-situ stress: {', '.join([str(stress.get('model')), *parts])}."] if stress else []
+    for group, own in entries(stress, "groups").items():
+        found.append(f"In-situ stress of {group}: {numbers.text(own)}.")
+    if case.get("gravity"):
+        found.append(f"Gravity: {numbers.text(case['gravity'])}.")
+    if case.get("water"):
+        found.append(f"Water in the pores: {numbers.text(case['water'])}.")
+    return tuple(found)
+
+
+def _by_group(value: object, numbers: SaidNumbers) -> str:
+    """A number, or one for each group: groups of one number together."""
+    if not isinstance(value, Mapping):
+        return numbers.text(value)
+    groups: dict[str, list[str]] = {}
+    for group, given in value.items():
+        groups.setdefault(numbers.text(given), []).append(str(group))
+    return "; ".join(f"{given} in {ranged(names)}" for given, names in groups.items())

@@ -1,0 +1,70 @@
+"""Renew what is made in the manual: ``python -m manual [PART...]``, all parts if none is named."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from geoident.io.docs.case_schema import key_page_text
+from manual import gallery, verification
+from manual.commands import command_page
+from manual.drawings import DRAWINGS, svg
+from manual.pages import DOCS, page_name, pages_that_are_run, read_page
+from manual.transcript import renew, run_page
+
+
+def keys() -> None:
+    """The page of all keys of a case."""
+    (DOCS / "keys.md").write_text(key_page_text(), encoding="utf-8")
+
+
+def commands() -> None:
+    """The page of all commands."""
+    (DOCS / "commands.md").write_text(command_page(), encoding="utf-8")
+
+
+def drawings() -> None:
+    """The drawings of the conventions."""
+    for name, draw in DRAWINGS.items():
+        (DOCS / f"{name}.svg").write_bytes(svg(draw))
+
+
+def page_that_is_run(path: Path) -> Callable[[], None]:
+    """Outputs, files and pictures of a page with commands."""
+
+    def run() -> None:
+        page = read_page(path)
+        with tempfile.TemporaryDirectory() as folder:
+            renew(page, run_page(page, Path(folder)))
+
+    return run
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "keys": keys,
+    "commands": commands,
+    "drawings": drawings,
+    "verification": verification.main,
+    "verification/pages": verification.write,
+    "gallery": gallery.write,
+    **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
+}
+
+
+def main(words: list[str]) -> None:
+    """Renew the parts that are named, or all.
+
+    Raises:
+        SystemExit: there is no such part.
+    """
+    if unknown := [word for word in words if word not in PARTS]:
+        raise SystemExit(f"no part {unknown[0]}; there are {', '.join(PARTS)}")
+    for name in words or PARTS:
+        print(name, flush=True)
+        PARTS[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

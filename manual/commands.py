@@ -1,0 +1,115 @@
+"""The page of all commands, made from the commands themselves."""
+
+from __future__ import annotations
+
+import re
+from inspect import cleandoc
+
+import click
+
+from geoident.cli.app import COMMANDS, geoident
+from geoident.errors import ExitCode
+
+HEAD = """\
+# Commands
+
+Made from the commands themselves; `geoident COMMAND --help` says the same. Each command ends with
+what comes next.
+
+What was asked for (paths, tables, JSON) goes to the standard output; progress, remarks and errors
+go to the standard error, so a program that reads `geoident show case.fit.h5 --json` gets the JSON
+alone. Results are written whole or not at all, and no output ever replaces an input of its command,
+also through a link.
+
+| command | what it does |
+|---|---|"""
+
+EXIT_CODES = {
+    ExitCode.DONE: "done (also: already up to date)",
+    ExitCode.BUG: "a bug: a short message and where the log is (of `diff`: the results differ; its "
+    "bugs are 70)",
+    ExitCode.USAGE: "wrong flags",
+    ExitCode.INVALID_INPUT: "invalid input: case, mesh, readings",
+    ExitCode.NOT_CONVERGED: "finished, but not converged, not determined, poorly fitted or out of "
+    "budget, or (`backtest`) the bands do not hold; the result is written and says so",
+    ExitCode.NO_SOLUTION: "the model has no solution (a mechanism, singular, plastic collapse)",
+    ExitCode.OUTPUT: "output: exists from other input, no permission, disk full",
+    ExitCode.SOME_FAILED: "some of several cases failed",
+    ExitCode.INTERRUPTED: "interrupted; the same command continues from the checkpoint",
+    ExitCode.TERMINATED: "ended from outside; as above",
+}
+
+
+def command_page() -> str:
+    """The text of ``commands.md``."""
+    context = click.Context(geoident, info_name="geoident")
+    commands = [_command(name) for name in COMMANDS]
+    rows = [f"| [`geoident {c.name}`](#geoident-{c.name}) | {_first(c)} |" for c in commands]
+    parts = [_part(command, context) for command in commands]
+    return "\n".join([HEAD, *rows, "", _exit_codes(), *parts])
+
+
+def _command(name: str) -> click.Command:
+    found = geoident.get_command(click.Context(geoident), name)
+    assert found is not None
+    found.name = name
+    return found
+
+
+def _first(command: click.Command) -> str:
+    return _text(command).partition("\n\n")[0].replace("\n", " ").rstrip(".")
+
+
+def _text(command: click.Command) -> str:
+    return cleandoc(command.help or "")
+
+
+def _exit_codes() -> str:
+    rows = [f"| {code.value} | {EXIT_CODES[code]} |" for code in ExitCode]
+    return "\n".join(["## Exit codes", "", "| code | meaning |", "|---|---|", *rows, ""])
+
+
+def _part(command: click.Command, parent: click.Context) -> str:
+    context = click.Context(command, info_name=command.name, parent=parent)
+    usage = f"geoident {command.name} {' '.join(command.collect_usage_pieces(context))}"
+    lines = [f"## geoident {command.name}", "", "```text", usage, "```", ""]
+    lines += [_paragraphs(_text(command)), ""]
+    options = [p for p in command.params if isinstance(p, click.Option)]
+    if options:
+        lines += ["| option | meaning |", "|---|---|", *(_option(o, context) for o in options), ""]
+    lines += _epilog(command)
+    return "\n".join(lines)
+
+
+def _paragraphs(text: str) -> str:
+    """Paragraphs as help shows them: lines are joined, but not those behind a backspace."""
+    found = []
+    for paragraph in re.split(r"\n{2,}", text):
+        if paragraph.startswith("\b\n"):
+            found.append(f"```text\n{paragraph[2:]}\n```")
+        else:
+            found.append(_escaped(paragraph.replace("\n", " ")))
+    return "\n\n".join(found)
+
+
+def _option(option: click.Option, context: click.Context) -> str:
+    names, about = option.get_help_record(context) or ("", "")
+    return f"| `{names.replace('|', chr(92) + '|')}` | {_escaped(about)} |"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "\\<").replace("*", "\\*")
+
+
+def _epilog(command: click.Command) -> list[str]:
+    """Examples as a block, what follows them as text."""
+    lines: list[str] = []
+    for part in re.split(r"\n{2,}", cleandoc(command.epilog or "")):
+        title, _, body = part.removeprefix("\b\n").strip("\b\n").partition("\n")
+        if not body:
+            lines += [_escaped(title), ""]
+        elif title.endswith(":"):
+            lines += [title, "", "```text", cleandoc("\n" + body), "```", ""]
+        else:
+            lines += ["```text", f"{title}\n{body}", "```", ""]
+    return lines

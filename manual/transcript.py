@@ -1,0 +1,163 @@
+"""Running a page: its files are written into a folder, its commands are run there.
+
+Commands run inside this process, as the tests do: ``geoident`` by click's runner, ``gmsh`` through
+its Python interface with the words of its command line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import shlex
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from click.testing import CliRunner
+from PIL import Image
+
+from geoident.cli.app import geoident
+from manual.pages import Command, File, Page, cut, difference, read_page
+
+PICTURES = {".png", ".svg"}
+COLOURS = 96  # of pictures in a page
+WIDTH = 1200  # px
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happened.
+
+    Attributes:
+        folder: where it ran.
+        outputs: of the commands, as on a screen.
+        codes: their exit codes.
+    """
+
+    folder: Path
+    outputs: tuple[str, ...]
+    codes: tuple[int, ...]
+
+
+def run_page(page: Page, folder: Path) -> Run:
+    """Write the files of a page and run its commands in their order, in an empty folder."""
+    before = () if page.like is None else read_page(page.like).folder.iterdir()
+    for file in (*before, *given_files(page)):
+        if file.suffix not in PICTURES:
+            shutil.copy(file, folder / file.name)
+    outputs, codes = [], []
+    for step in page.steps:
+        if isinstance(step, File):
+            (folder / step.name).write_text(step.text, encoding="utf-8")
+        else:
+            output, code = run_command(step.line, folder)
+            outputs.append(output)
+            codes.append(code)
+    return Run(folder, tuple(outputs), tuple(codes))
+
+
+def given_files(page: Page) -> list[Path]:
+    """The files of a page that it does not show."""
+    there = page.folder.iterdir() if page.folder.is_dir() else ()
+    return sorted(f for f in there if f.suffix not in PICTURES and f.name not in page.files)
+
+
+def run_command(line: str, folder: Path) -> tuple[str, int]:
+    """Output and exit code of a line that is typed in a folder.
+
+    Raises:
+        ValueError: it is no command of a page.
+    """
+    program, *words = shlex.split(line)
+    with _inside(folder):
+        if program == "geoident":
+            done = CliRunner().invoke(geoident, words)
+            return done.output, done.exit_code
+        if program == "gmsh":
+            return "", _gmsh(words)
+    raise ValueError(f"a page may run geoident and gmsh, not: {line}")
+
+
+def faults(page: Page, run: Run) -> list[str]:
+    """What in a page is not as it was when run: outputs, exit codes, pictures that are missing."""
+    found = []
+    for command, output, code in zip(page.commands, run.outputs, run.codes, strict=True):
+        if code != command.code:
+            found.append(f"{command.line}: exit code {code}: {output[-2000:]}")
+        elif told := difference(command.output, cut(output, command.show)):
+            found.append(f"{command.line}: {told}")
+    return found + [f"no command makes {p.name}" for p in page.pictures if not _made(run, p)]
+
+
+def renew(page: Page, run: Run) -> None:
+    """Write the outputs of a run into a page, and its files and pictures beside it.
+
+    Raises:
+        ValueError: a command ended otherwise than the page says, or makes no such picture.
+    """
+    for command, output, code in zip(page.commands, run.outputs, run.codes, strict=True):
+        if code != command.code:
+            raise ValueError(f"{command.line}: exit code {code}\n{output}")
+    page.path.write_text(page.with_outputs(run.outputs), encoding="utf-8")
+    for name, text in page.files.items():
+        page.folder.mkdir(exist_ok=True)
+        (page.folder / name).write_text(text, encoding="utf-8")
+    for picture in page.pictures:
+        made = _made(run, picture)
+        if made is None:
+            raise ValueError(f"{page.path.name}: no command makes {picture.name}")
+        picture.write_bytes(
+            small(made.read_bytes()) if made.suffix == ".png" else made.read_bytes()
+        )
+
+
+def small(picture: bytes, *, width: int = WIDTH, colours: int = COLOURS) -> bytes:
+    """A PNG with few colours, no wider than a page."""
+    image = Image.open(io.BytesIO(picture)).convert("RGB")
+    if image.width > width:
+        height = round(image.height * width / image.width)
+        image = image.resize((width, height), Image.Resampling.LANCZOS)
+    kept = io.BytesIO()
+    image.quantize(colours, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
+    return kept.getvalue()
+
+
+def _made(run: Run, picture: Path) -> Path | None:
+    return next(iter(sorted(run.folder.rglob(picture.name))), None)
+
+
+def _gmsh(words: list[str]) -> int:
+    """What gmsh does with the words of its command line that pages use."""
+    import gmsh  # noqa: PLC0415 - only where meshes are made
+
+    parser = argparse.ArgumentParser(allow_abbrev=False, prefix_chars="-")
+    parser.add_argument("geometry")
+    parser.add_argument("-o", dest="mesh", required=True)
+    parser.add_argument("-order", type=int, default=1)
+    parser.add_argument("-setnumber", nargs=2, default=("size", "1"))
+    for dimension in (2, 3):
+        parser.add_argument(f"-{dimension}", dest="dim", action="store_const", const=dimension)
+    asked = parser.parse_args(words)
+    gmsh.initialize(["gmsh", "-v", "1", "-setnumber", *asked.setnumber], readConfigFiles=False)
+    gmsh.open(asked.geometry)
+    gmsh.model.mesh.generate(asked.dim)
+    gmsh.model.mesh.setOrder(asked.order)
+    gmsh.write(asked.mesh)
+    gmsh.finalize()
+    return 0
+
+
+@contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+__all__ = ["Command", "Run", "faults", "given_files", "renew", "run_page", "small"]

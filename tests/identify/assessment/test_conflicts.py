@@ -1,0 +1,111 @@
+"""Priors that contradict the readings, and parameters that are tied to each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.trench import CASE, write_case
+
+from geoident.identify.assessment.conflicts import FALSE_ALARMS, prior_conflicts
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.problem import Problem, Scaling
+from geoident.io.result.file import read_result
+from geoident.model.parameter import Parameter, Prior
+
+A = np.array([[1.0, 0.4], [0.3, 1.0], [0.8, -0.5], [0.2, 0.6]])
+SD = 0.3
+
+
+def estimated(problem):
+    """The estimate of a linear problem with its priors."""
+    scaling = Scaling(problem.parameters)
+    rows = np.array([[1.0 / q.prior.sd if i == j else 0.0 for j in range(2)]
+                     for i, q in enumerate(problem.parameters) if q.prior])  # fmt: skip
+    means = np.array([q.prior.mean / q.prior.sd for q in problem.parameters if q.prior])
+    whole = np.vstack([A / SD, rows.reshape(-1, 2)])
+    values = np.linalg.lstsq(whole, np.concatenate([problem.measured / SD, means]), rcond=None)[0]
+    return scaling, values
+
+
+def problem_of(measured, priors):
+    parameters = tuple(
+        Parameter(name, 1.0, -500.0, 500.0, prior=prior)
+        for name, prior in zip(("a", "b"), priors, strict=True)
+    )
+    return Problem(None, np.asarray(measured), np.full(4, SD), parameters)
+
+
+def conflicts(problem):
+    scaling, p = estimated(problem)
+    rows = scaling.prior_jacobian(p)
+    whole = np.vstack([A * scaling.slope(p) / SD, rows])
+    covariance = np.linalg.inv(whole.T @ whole)
+    named = np.ones(2, dtype=bool)
+    x, residuals = scaling.to_scaled(p), scaling.prior_residuals(p)
+    return scaling, prior_conflicts(x, rows, residuals, covariance, named)
+
+
+def test_right_priors_are_said_to_be_wrong_in_so_many_fits_and_no_more():
+    """Truths from the priors, errors as stated: 2000 fits of two priors that the readings mix."""
+    rng = np.random.default_rng(0)
+    priors = (Prior(2.0, 0.5), Prior(-1.0, 1.0))
+    said = 0
+    for _ in range(2000):
+        truth = [rng.normal(q.mean, q.sd) for q in priors]
+        measured = A @ truth + SD * rng.standard_normal(4)
+        said += bool(conflicts(problem_of(measured, priors))[1])
+    assert said / 2000 == pytest.approx(FALSE_ALARMS, abs=0.015)
+
+
+def test_what_the_rest_gives_is_the_fit_without_that_prior():
+    measured = A @ [10.0, 1.0]
+    priors = (Prior(20.0, 3.0), Prior(1.2, 0.5))
+    scaling, (found,) = conflicts(problem_of(measured, priors))
+    _, without = estimated(problem_of(measured, (None, priors[1])))
+    assert found.parameter == 0
+    assert found.x * scaling.reference[0] == pytest.approx(without[0], rel=1e-9)
+    whole = np.vstack([A / SD, [[0.0, 1.0 / 0.5]]])
+    sd = np.sqrt(np.linalg.inv(whole.T @ whole)[0, 0])
+    assert found.sd_x * scaling.reference[0] == pytest.approx(sd, rel=1e-9)
+    assert found.distance == pytest.approx((without[0] - 20.0) / np.hypot(sd, 3.0), rel=1e-9)
+
+
+def test_a_prior_of_twice_what_the_readings_say_is_named(tmp_path):
+    """20 +- 4 GPa against 5 GPa from the readings."""
+    prior = ", prior: {mean: 20 GPa, sd: 4 GPa}}"
+    text = CASE.replace("50 GPa], scale: log}", f"50 GPa], scale: log{prior}")
+    path = write_case(tmp_path)
+    path.write_text(text)
+    ended = run_command("fit", path)
+    (said,) = [q for q in read_result(tmp_path / "case.fit.h5").findings if "contradicts" in q]
+    assert "The prior of E (20 +- 4 GPa) contradicts the readings: without it they give" in said
+    assert "GPa (95 %:" in said
+    assert "one of prior, accuracies and model is wrong" in said
+    assert "contradicts the readings" in " ".join(ended.stderr.split())
+    path.write_text(text.replace("20 GPa, sd", "6 GPa, sd"))
+    run_command("fit", path)
+    assert not any("contradicts" in q for q in read_result(tmp_path / "case.fit.h5").findings)
+
+
+def tied(jacobian, sd=0.01):
+    parameters = (Parameter("E", 2.0, 0.1, 50.0, "log"), Parameter("K0", 1.0, 0.2, 4.0))
+    J = np.array(jacobian)
+    problem = Problem(None, np.zeros(len(J)), np.full(len(J), sd), parameters)
+    return assess(problem, np.array([2.0, 1.0]), J)
+
+
+def test_parameters_that_can_make_up_for_each_other_are_named_though_both_have_intervals():
+    found = tied([[1.0, 1.0], [1.0, 1.3], [1.0, 0.9]])
+    assert found.determined.all()
+    assert found.correlation[0, 1] < -0.95
+    (said,) = found.findings
+    assert said.startswith("The readings tie E and K0 to each other (correlation -0.9")
+    assert "one larger and the other smaller" in said
+
+
+def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated():
+    assert tied([[1.0, 1.0], [1.0, -0.3], [1.0, 0.9]]).findings == ()
+    alone = tied([[1.0, 1.0], [1.0, 1.0]], sd=0.01).findings
+    assert len(alone) == 1
+    assert "cannot separate" in alone[0]

@@ -1,0 +1,130 @@
+"""Parameters drawn: on their scales, in pairs with ellipses, and scans without false islands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import label
+from scipy.stats import chi2
+
+from geoident.model.results.result import Grid
+from geoident.report.drawing.parameters.corner import ellipse, pair_figure, pair_pictures
+from geoident.report.drawing.parameters.intervals import parameter_figure
+from geoident.report.drawing.parameters.scan import region, region_levels, scan_figure
+from geoident.report.drawing.style import drawing_style
+from tests.support.results import example_result, parameters
+
+E = np.geomspace(2e9, 80e9, 21)
+SIGMA = np.linspace(2e6, 20e6, 21)
+
+
+def ridge(E, sigma, *, accuracy=0.01):
+    """Twenty readings of sigma / E to 1 %, and priors that hold the two on their ridge."""
+    ratio = (sigma / E) / (8e6 / 14e9)
+    prior = (np.log(E / 14e9) / 0.18) ** 2 + ((sigma - 8e6) / 8e5) ** 2
+    return 20.0 * ((ratio - 1.0) / accuracy) ** 2 + prior + 3.0
+
+
+def grid(*, hole=False):
+    phi = ridge(*np.meshgrid(E, SIGMA, indexing="ij"))
+    if hole:
+        phi[:3, :3] = np.inf
+    return Grid(("E_rock", "sigma_v"), (E, SIGMA), phi)
+
+
+@pytest.mark.parametrize("hole", [False, True])
+def test_a_ridge_narrower_than_the_grid_is_one_region(hole):
+    """E and sigma_v are tied to 1 % on a grid of steps of 20 %."""
+    found = region(grid(hole=hole), {"E_rock"})
+    for level in region_levels(2):
+        assert label(found.rise < level, np.ones((3, 3)))[1] == 1
+    exact = ridge(*found.at)
+    inside = exact - exact.min() < region_levels(2)[1]
+    np.testing.assert_allclose(found.rise[inside], (exact - exact.min())[inside], atol=0.1)
+    values, rise = found.profile(0)
+    ends = values[rise < chi2.ppf(0.95, 1)][[0, -1]]
+    # by the priors, of which readings leave the sum: sd of log E is 0.0873 around 8.2 / 14.4
+    many = np.geomspace(10e9, 20e9, 801)
+    fine = np.array([ridge(e, e * 8e6 / 14e9 * np.linspace(0.97, 1.03, 2001)).min() for e in many])
+    np.testing.assert_allclose(
+        ends, many[fine - fine.min() < chi2.ppf(0.95, 1)][[0, -1]], rtol=0.01
+    )
+
+
+def test_levels_are_those_of_chi_squared():
+    for count in (1, 2):
+        assert region_levels(count) == pytest.approx(chi2.ppf([0.68, 0.95], count), rel=1e-6)
+
+
+def test_a_scan_is_drawn_on_the_scales_of_its_parameters():
+    with drawing_style():
+        figure = scan_figure(parameters(), grid(), {"E_rock"})
+        figure.draw_without_rendering()
+        line = scan_figure(
+            parameters(), Grid(("E_rock",), (E,), grid().objective[:, 8]), {"E_rock"}
+        )
+        line.draw_without_rendering()
+    whole = next(axes for axes in figure.axes if axes.get_ylabel() == "sigma_v (MPa)")
+    assert (whole.get_xscale(), whole.get_yscale()) == ("log", "linear")
+    assert whole.get_xlim() == pytest.approx((2.0, 80.0))
+    assert whole.get_xlabel() == "E_rock (GPa)"
+    assert line.axes[0].get_xscale() == "log"
+    assert line.axes[0].get_xlabel() == "E_rock (GPa)"
+
+
+def test_an_interval_is_drawn_on_the_scale_of_its_parameter_with_prior_bounds_and_numbers():
+    with drawing_style():
+        figure = parameter_figure([("estimate", parameters())], {"E_rock"})
+        figure.draw_without_rendering()
+    rock, stress, ratio = figure.axes
+    assert [axes.get_xscale() for axes in figure.axes] == ["log", "linear", "linear"]
+    for axes, low, high in ((rock, 2.0, 80.0), (stress, 2.0, 20.0), (ratio, 0.3, 3.0)):
+        first, last = axes.get_xlim()
+        assert first < low < high < last
+    assert "12.3 (11.6 to 13.1)" in {text.get_text() for text in rock.texts}
+    (prior,) = [patch for patch in rock.patches if patch.get_alpha() == 0.35]
+    ends = prior.get_extents().transformed(rock.transData.inverted())
+    assert np.sqrt(ends.x0 * ends.x1) == pytest.approx(14.0, rel=1e-6)  # its median
+    names = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert names == {"estimate, 95 %", "prior, 95 %", "start", "bound"}
+
+
+def correlated():
+    """E_rock (logarithm) and K0 known with a correlation of 0.9."""
+    table = parameters()
+    sd = np.array([4e8, 1.0, 0.1])
+    correlation = np.array([[1.0, np.nan, 0.9], [np.nan, np.nan, np.nan], [0.9, np.nan, 1.0]])
+    covariance = correlation * np.outer(sd, sd)
+    values = np.array([1.234e10, 6.5e6, 1.5])
+    table = replace(table, values=values, covariance=covariance, correlation=correlation)
+    case = "parameters: {E_rock: {scale: log}, K0: {start: 1}}"
+    return replace(example_result(2), parameters=table, case_resolved=case)
+
+
+def test_an_ellipse_holds_its_share():
+    covariance = np.array([[4.0, 1.8], [1.8, 1.0]])
+    border = ellipse(np.array([1.0, 2.0]), covariance, 0.95)
+    off = border - np.array([[1.0], [2.0]])
+    distance = np.einsum("ik,ij,jk->k", off, np.linalg.inv(covariance), off)
+    np.testing.assert_allclose(distance, chi2.ppf(0.95, 2), rtol=1e-12)
+
+
+def test_pairs_have_the_ellipse_of_their_covariance_on_their_scales():
+    result = correlated()
+    (picture,) = pair_pictures(result)
+    assert picture.name == "pairs"
+    with drawing_style():
+        figure = pair_figure(result)
+        figure.draw_without_rendering()
+    (panel,) = [axes for axes in figure.axes if axes.get_ylabel() == "K0" and axes.get_visible()]
+    assert (panel.get_xscale(), panel.get_yscale()) == ("log", "linear")
+    outer = next(line for line in panel.get_lines() if len(line.get_xdata()) == 181)
+    x, y = np.log(outer.get_xdata()), outer.get_ydata()
+    reach = np.sqrt(chi2.ppf(0.95, 2))
+    assert np.ptp(x) / 2 == pytest.approx(reach * 4e8 / 1.234e10, rel=1e-3)
+    assert np.ptp(y) / 2 == pytest.approx(reach * 0.1, rel=1e-3)
+    assert np.corrcoef(x[:-1], y[:-1])[0, 1] == pytest.approx(0.9, abs=1e-3)
+    low, high = panel.get_ylim()
+    assert 0.3 <= low < 1.5 < high <= 3.0  # not beyond the bounds
+    alone = replace(result, parameters=parameters().picked(np.array([0])))
+    assert pair_pictures(alone) == ()
