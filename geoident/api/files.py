@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from functools import partial
 
 from geoident.api.calling import AnyPath, needed, spoken
 from geoident.api.results import KINDS, ModelChoice, ResultFile
 from geoident.api.runs import path_of
 from geoident.errors import UsageError
 from geoident.io.result.file import read_result as read_file
+from geoident.model.results.head import ReportHead
 from geoident.report.text.csv_tables import csv_tables, csv_text
 from geoident.workflow.compare import compare as run_comparison
 from geoident.workflow.export import (
@@ -19,7 +22,14 @@ from geoident.workflow.export import (
     export_vtkhdf,
     export_vtu,
 )
-from geoident.workflow.report import files_read, page_path, read_results, write_page
+from geoident.workflow.report import (
+    files_read,
+    head_of,
+    page_path,
+    read_logo,
+    read_results,
+    write_page,
+)
 
 _FORMATS = ("csv", "vtu", "vtkhdf")
 
@@ -61,7 +71,10 @@ def compare(*results: ResultFile | AnyPath) -> ModelChoice:
 
 @spoken
 def report(
-    *results: ResultFile | AnyPath, output: AnyPath | None = None, force: bool = False
+    *results: ResultFile | AnyPath,
+    output: AnyPath | None = None,
+    force: bool = False,
+    head: Mapping[str, str] | None = None,
 ) -> str:
     """Write the report: one page that opens in any browser, prints, and needs no other file.
 
@@ -69,6 +82,8 @@ def report(
         results: one, or several for a page that compares them.
         output: file or existing folder of the page; beside the first result if None.
         force: replace a different file of that name.
+        head: what the head of the page says, in place of ``report`` in the case: ``title``,
+            ``project``, ``client``, ``author``, ``revision``, ``date``, ``logo`` (a path).
 
     Returns:
         The path of the page.
@@ -88,8 +103,20 @@ def report(
     paths = [path_of(result) for result in results]
     place = page_path(paths, output=None if output is None else os.fspath(output))
     read = read_results(paths)
-    inputs = files_read(paths, read)
-    return write_page(read, place, overwrite=force, inputs=inputs, render=report_page)
+    said = head_of(paths, read, _head(head or {}))
+    inputs = (*files_read(paths, read), *([said.logo] if said.logo else []))
+    render = partial(report_page, head=said, logo=read_logo(said))
+    return write_page(read, place, overwrite=force, inputs=inputs, render=render)
+
+
+def _head(given: Mapping[str, str]) -> ReportHead:
+    """The head of a page as a caller gives it."""
+    known = [field.name for field in fields(ReportHead)]
+    for key in given:
+        if key not in known:
+            msg = f"A report has no '{key}' in its head: it has {', '.join(known)}."
+            raise UsageError(msg)
+    return ReportHead(**given)
 
 
 @spoken

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -38,6 +39,52 @@ _ONE_PLACE = 1e-3
 """Distance of nodes, in parts of the shortest edge, up to which they stand at one place."""
 
 
+def suspected_unit(low: Sequence[float], high: Sequence[float]) -> str:
+    """Why the coordinates of a mesh may be no metres, a sentence; empty where they may well be.
+
+    Args:
+        low: (dim,) its smallest coordinates, m.
+        high: (dim,) its largest ones.
+
+    >>> suspected_unit((0.0, 0.0), (60.0, 40.0))
+    ''
+    >>> suspected_unit((0.0, 0.0), (60e3, 40e3))[:62]
+    'the mesh is 60000 m by 40000 m large, if its coordinates are m'
+    """
+    sizes = [b - a for a, b in zip(low, high, strict=True)]
+    if max(sizes) < LARGEST:
+        return ""
+    told = " by ".join(f"{size:.6g} m" for size in sizes)
+    return (
+        f"the mesh is {told} large, if its coordinates are metres: if they are millimetres, scale "
+        "it by 0.001 (gmsh: Mesh.ScalingFactor = 0.001)"
+    )
+
+
+LARGEST = 5000.0
+"""Metres from which on a mesh is suspected to be in millimetres."""
+
+
+def inner_points(mesh: Mesh, volumes: Floats) -> tuple[tuple[float, ...], ...]:
+    """Two points well inside the mesh, as examples: centres of elements of no small size.
+
+    Args:
+        mesh: the mesh.
+        volumes: (n_elements,) of its elements.
+    """
+    centres = np.concatenate([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
+    large = np.flatnonzero(volumes >= np.median(volumes))
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    middle, up = 0.5 * (low + high), 0.25 * (high - low)
+    up[:-1] = 0.0
+    places = 4 - math.floor(math.log10(float((high - low).max()) or 1.0))
+    found = []
+    for place in (middle, middle + up):
+        near = large[np.argmin(np.linalg.norm(centres[large] - place, axis=1))]
+        found.append(tuple(round(float(x), places) for x in centres[near]))
+    return tuple(found)
+
+
 def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:
     """What a mesh holds."""
     volumes = element_volumes(mesh, kinematics)
@@ -56,6 +103,8 @@ def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:
         node_groups=_parts(mesh, mesh.node_groups, lambda members: members),
         ungrouped=int(np.count_nonzero(count == 0)),
         shared=int(np.count_nonzero(count > 1)),
+        inside=inner_points(mesh, volumes),
+        suspicion=suspected_unit(_corner(mesh, used, np.min), _corner(mesh, used, np.max)),
     )
 
 

@@ -14,7 +14,7 @@ from geoident.errors import Fault, InputError, Location, ModelError
 from geoident.fem.faces import hanging_nodes, nonconforming
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
-from geoident.fem.measure import coinciding_nodes
+from geoident.fem.measure import coinciding_nodes, suspected_unit
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented, overlapping, turned_elements
 from geoident.forward.actions.supports import (
@@ -239,6 +239,8 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     densities = [case.materials[name].density for name in on_mesh.sequence.materials]
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
+    if said := suspected_unit(on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)):
+        notes.append(said)
     if in_tension:
         notes.append(
             "at the start values the virgin ground is in tension: stresses are positive in "

@@ -19,7 +19,7 @@ from geoident.forward.checks import (
     notes_on_mesh,
 )
 from geoident.forward.equations import ReadingRows, export, export_obstacle
-from geoident.forward.gauges.adjoints import ReadingAdjoints
+from geoident.forward.gauges.adjoints import AdjointTable, ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
@@ -27,7 +27,7 @@ from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.ground.moduli import inadmissible_moduli
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.stage import UnitForces
+from geoident.forward.march.stage import StageEnd, UnitForces
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
@@ -101,6 +101,8 @@ class StagedModel:
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
         self._all_readings: dict[int, ReadingAdjoints] = {}
+        self._other_readings: dict[tuple[int, bytes], ReadingAdjoints] = {}
+        self._last_adjoints: AdjointTable | None = None
 
     @property
     def counts(self) -> Counts:
@@ -248,8 +250,7 @@ class StagedModel:
         if back is None:
             table = self.relative(seen_at)
         else:
-            table = np.full((len(observed), len(self.observation.channels), 1 + len(p)), np.nan)
-            table[back.states, back.rows] = back.table(run, end, seen_at)
+            table = self._table_by_adjoints(back, run, end, seen_at)
         table = self.with_later(table)
         table = self.instrument_errors.added_to_all(table, values, self.names)
         table = table[1:].swapaxes(0, 1)  # without the virgin state
@@ -290,6 +291,43 @@ class StagedModel:
             found = ReadingAdjoints(self.march, self.observation, rows, states, last)
             self._all_readings[last] = found
         return self._all_readings[last]
+
+    def _table_by_adjoints(
+        self, ways: ReadingAdjoints, run: Run, end: StageEnd, observed: Floats
+    ) -> Floats:
+        """All readings and their derivatives (n_states, n_channels, 1 + n), NaN where none is.
+
+        A fit ends where it evaluated last: the derivatives of the readings that it was given are
+        known then, and only those of the others are taken back through the stages.
+        """
+        n = len(run.given.names)
+        table = np.full((len(observed), len(self.observation.channels), 1 + n), np.nan)
+        known = self._last_adjoints
+        if known is not None and known.values == run.given.values:
+            here = known.states <= ways.last
+            table[known.states[here], known.rows[here]] = known.table[here]
+            ways = self._without(ways, known)
+        if ways.rows.size:
+            table[ways.states, ways.rows] = ways.table(run, end, observed)
+        return table
+
+    def _without(self, ways: ReadingAdjoints, known: AdjointTable) -> ReadingAdjoints:
+        """The way back from the readings that are not known."""
+        of_known = np.zeros(self.observation.readable.shape, dtype=bool)
+        of_known[known.states, known.rows] = True
+        left = ~of_known[ways.states, ways.rows]
+        key = ways.last, left.tobytes()
+        if key not in self._other_readings:
+            self._other_readings = {
+                key: ReadingAdjoints(
+                    self.march, self.observation, ways.rows[left], ways.states[left], ways.last
+                )
+            }
+        return self._other_readings[key]
+
+    def keep_adjoints(self, table: AdjointTable) -> None:
+        """Keep readings with their derivatives, for a survey of the same parameters."""
+        self._last_adjoints = table
 
     def with_later(self, table: Floats) -> Floats:
         """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
@@ -434,6 +472,7 @@ class StagedResponse:
         change = model.observation.increments(seen[:, :, 0], model.sequence.bases)
         self._increments = p.tobytes(), change
         table = self.adjoints.table(run, observed[-1][0], seen)
+        model.keep_adjoints(AdjointTable(run.given.values, self._row, self._state, table.copy()))
         self._activity = p.tobytes(), run.findings.activity
         table += model.instrument_errors.added(model.values(p), self.names, self._places)
         return table[:, 0], table[:, 1:]

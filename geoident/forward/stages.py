@@ -191,6 +191,11 @@ class CaseOnMesh:
         return face_table(self.mesh)
 
     @cached_property
+    def outline(self) -> tuple[FacetPatch, ...]:
+        """The outer faces of the whole mesh."""
+        return patches(self.mesh, self.table, self.table.free(np.ones(self.mesh.n_elements, bool)))
+
+    @cached_property
     def locator(self) -> Locator:
         """Finds elements by points."""
         return Locator(self.mesh)

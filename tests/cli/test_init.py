@@ -1,16 +1,19 @@
 """A newcomer gets a case that works, or one for their own mesh that says what is missing."""
 
+import re
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
+from geoident.fem.location import Locator
 from geoident.io.case.file import read_case
 from geoident.io.docs.skeleton import name_text
 from geoident.io.docs.templates import TEMPLATES
+from geoident.io.mesh.file import read_mesh
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.in_situ import GeostaticStress
-from tests.support.trench import write_mesh
+from tests.support.trench import CASE, READINGS, write_mesh
 
 MESHLESS = ("opening",)
 WITH_TUTORIAL = ("twin-tunnels",)
@@ -112,6 +115,37 @@ class TestFromMesh:
         assert filled.stages[0].excavate == ("upper",)
         assert filled.gravity == (0.0, -9.81)  # not commented out: the stress is its weight
         assert isinstance(filled.in_situ, GeostaticStress)
+
+    def test_the_points_that_it_proposes_are_in_the_mesh(self, case):
+        """And what it proposes to excavate is a small group."""
+        text = case.read_text(encoding="utf-8")
+        mesh = read_mesh(str(case.parent.parent / "trench.inp"), dim=2)
+        locator = Locator(mesh)
+        proposed = text.partition("gauges:")[2]
+        found = re.findall(r"\[([-0-9.e]+) m, ([-0-9.e]+) m\]", proposed)
+        assert len(found) >= 5
+        for point in {(float(x), float(y)) for x, y in found}:
+            assert locator.sites(point)[0].outside < 0.0
+        assert "# - {name: heading, excavate: [upper]}" in text
+
+    def test_a_mesh_in_millimetres_is_suspected(self, here, run):
+        write_mesh(here / "trench.inp")
+        nodes, rest = Path("trench.inp").read_text().split("*ELEMENT", 1)
+        rows = [line.split(",") for line in nodes.splitlines()[1:]]
+        large = [f"{n}, {1e3 * float(x)}, {1e3 * float(y)}, 0" for n, x, y, _ in rows]
+        Path("mm.inp").write_text("\n".join(["*NODE", *large, "*ELEMENT" + rest]))
+        run("init", "site", "--from", "mm.inp")
+        text = Path("site/case.yaml").read_text(encoding="utf-8")
+        assert "the mesh is 6000 m by 4000 m large" in text
+        Path("mm.yaml").write_text(CASE.replace("trench.inp", "mm.inp"))
+        Path("readings.csv").write_text(READINGS)
+        said = " ".join(run("check", "mm.yaml").stdout.split())
+        assert "if they are millimetres, scale it by 0.001" in said
+        outside = CASE.replace("trench.inp", "mm.inp").replace("[1 m, 4 m]", "[-1 m, 4 m]")
+        Path("mm.yaml").write_text(outside)
+        refused = " ".join(run("check", "mm.yaml").stderr.split())
+        assert "lies outside the mesh" in refused
+        assert "if they are millimetres" in refused
 
     def test_a_mesh_that_is_none(self, here, run):
         refused = run("init", "--from", "nothing.msh")

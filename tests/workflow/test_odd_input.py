@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.meshes import build
 from support.trench import CASE, READINGS, write_case
 
 from geoident.cli.app import geoident
+from geoident.fem.faces import distance_to_faces, face_table, patches
+from geoident.forward.gauges.beyond_mesh import allowed_distance
 
 
 def _json(command, case):
@@ -75,8 +79,9 @@ def test_a_point_just_outside_the_mesh_is_told_by_name(tmp_path, height, told):
     assert notes == (expected if told else [])
 
 
-@pytest.mark.parametrize(("height", "found"), [(4.0999, True), (4.1001, False)])
-def test_a_point_is_taken_by_an_element_that_is_a_tenth_of_its_size_away(tmp_path, height, found):
+@pytest.mark.parametrize(("height", "found"), [(4.0099, True), (4.0101, False), (4.3, False)])
+def test_a_point_in_the_air_is_refused_beyond_rounding(tmp_path, height, found):
+    """A hundredth of the length of the face below it, which is 1 m long and flat."""
     case = write_case(tmp_path)
     case.write_text(CASE.replace(ON_TOP, f"S:  {{kind: settlement, point: [1 m, {height!r} m]"))
     checked = _json("check", case)
@@ -84,6 +89,30 @@ def test_a_point_is_taken_by_an_element_that_is_a_tenth_of_its_size_away(tmp_pat
     assert [fault["code"] for fault in checked.get("faults", [])] == (
         [] if found else ["gauge-outside"]
     )
+    if height == 4.0101:
+        said = checked["faults"][0]
+        assert "'S' lies 0.01 m outside the mesh, in the air" in said["message"]
+        assert "the nearest node is (1, 4) m" in said["hint"]
+
+
+@pytest.mark.parametrize(("arc", "found"), [(0.5, True), (1.0, True), (1.9, False)])
+def test_a_point_on_a_round_edge_that_straight_faces_cut_off_is_taken(arc, found):
+    """Twelve faces on a circle of radius 6 m, whose arcs are 20 cm high."""
+    n, radius = 12, 6.0
+    angle = np.arange(n) * 2 * np.pi / n
+    rings = [r * np.column_stack([np.cos(angle), np.sin(angle)]) for r in (2.0, radius)]
+    inner, outer = np.arange(n), n + np.arange(n)
+    nodes = np.column_stack([inner, outer, np.roll(outer, -1), np.roll(inner, -1)])
+    mesh = build("quad4", np.concatenate(rings), nodes)
+    table = face_table(mesh)
+    outline = patches(mesh, table, table.free(np.ones(mesh.n_elements, dtype=bool)))
+    chord = radius * np.cos(np.pi / n)
+    height = radius - chord
+    place = np.array([np.cos(np.pi / n), np.sin(np.pi / n)]) * (chord + arc * height)
+    away = distance_to_faces(mesh, outline, place)
+    assert height == pytest.approx(0.204, abs=1e-3)
+    assert away == pytest.approx(arc * height, rel=1e-6)
+    assert (away <= allowed_distance(mesh, outline, place)) == found
 
 
 def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
@@ -91,7 +120,7 @@ def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
     case = write_case(tmp_path)
     gauges = "".join(
         f"  {name}: {{kind: settlement, point: [1 m, {y} m], accuracy: 0.01 mm}}\n"
-        for name, y in (("A", 3.0), ("B", 4.0), ("C", 4.08))
+        for name, y in (("A", 3.0), ("B", 4.0), ("C", 4.008))
     )
     case.write_text(CASE.replace("gauges:\n", f"gauges:\n{gauges}"))
     readings = _json("simulate", case)["readings"]
@@ -99,8 +128,8 @@ def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
         next(r["value"] for r in readings if (r["gauge"], r["stage"]) == (name, "second"))
         for name in "ABC"
     )
-    assert above == pytest.approx(top + 0.08 * (top - below), rel=1e-9)
-    assert abs(above - top) > 1e-3 * abs(top)
+    assert above == pytest.approx(top + 0.008 * (top - below), rel=1e-9)
+    assert abs(above - top) > 1e-4 * abs(top)
 
 
 @pytest.mark.parametrize(("zero", "found"), [("first", False), ("second", True)])

@@ -83,6 +83,7 @@ def command(
     _require_matplotlib()
     from geoident.model.results.head import ReportHead
     from geoident.report.drawing.album import figure_files
+    from geoident.report.drawing.style import images
     from geoident.report.page.page import report_page
 
     place = "" if no_page else page_path(results, output=options.output)
@@ -91,7 +92,8 @@ def command(
     written: tuple[str, ...] = ()
     if place:
         said = head_of(results, read, ReportHead(**head))
-        render = partial(report_page, head=said, logo=read_logo(said))
+        draw = partial(images, suffix="svg")
+        render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
         inputs = (*inputs, said.logo) if said.logo else inputs
         page = write_page(read, place, overwrite=options.force, inputs=inputs, render=render)
         written += (page,)

@@ -22,6 +22,8 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import Site, format_point
+from geoident.fem.measure import suspected_unit
+from geoident.forward.gauges.beyond_mesh import beside_fault, is_beside
 from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures.members import Structures
@@ -29,9 +31,6 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel, Reads
 from geoident.model.mesh import Mesh
-
-_SNAPPED = 1e-6
-"""How far outside an element a point is said to be snapped to it, in parts of its size."""
 
 
 @dataclass(frozen=True)
@@ -126,10 +125,11 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
             place, turned = kinematics.in_section(point)
             sites = on_mesh.locator.sites(place)
             site, there = best_site(sites, on_mesh.sequence, on_mesh.case.zero_of(channel))
-            if site is None:
+            beside = beside_fault(on_mesh, channel, point, sites)
+            if site is None or beside is not None:
                 refused = (channel.gauge, point, channel.zero)
                 if refused not in nowhere:  # said once of the end of a casing that all refer to
-                    faults.append(point_fault(on_mesh, channel, point, sites))
+                    faults.append(beside or point_fault(on_mesh, channel, point, sites))
                 nowhere.add(refused)
                 continue
             moved = np.outer(site.shapes, turned * np.array(vector))
@@ -200,11 +200,6 @@ def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
     )
 
 
-def is_beside(site: Site) -> bool:
-    """Whether a point lies just outside the element that takes it."""
-    return site.outside > _SNAPPED
-
-
 def point_fault(
     on_mesh: CaseOnMesh, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
 ) -> Fault:
@@ -231,7 +226,8 @@ def point_fault(
             channel.key,
             code="gauge-outside",
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
-            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}",
+            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}"
+            + (f"; {said}" if (said := suspected_unit(low, high)) else ""),
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
     when, hint = "is never there", "correct the point"

@@ -23,11 +23,11 @@ from geoident.errors import Fault
 from geoident.fem.kinematics import Kinematics
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
+from geoident.forward.gauges.beyond_mesh import beside_fault, is_beside
 from geoident.forward.gauges.observable import (
     MarchState,
     Placed,
     best_site,
-    is_beside,
     point_fault,
 )
 from geoident.forward.in_situ.water import PorePressure
@@ -327,8 +327,9 @@ class Spots:
             sites = on_mesh.locator.sites(place) if given is None else given[row]
             site, there = _site(channel, sites, on_mesh)
             found.append(_Spot(channel, np.array(place), signs, site, there))
-            if site is None:
-                faults.append(point_fault(on_mesh, channel, channel.second, sites))
+            beside = None if given else beside_fault(on_mesh, channel, channel.second, sites)
+            if site is None or beside is not None:
+                faults.append(beside or point_fault(on_mesh, channel, channel.second, sites))
         snapped = (s.channel.name for s in found if s.site is not None and is_beside(s.site))
         readable = np.array([spot.there for spot in found], dtype=np.bool_)
         shape = (len(found), len(on_mesh.sequence.states))

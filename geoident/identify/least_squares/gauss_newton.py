@@ -53,6 +53,13 @@ from geoident.identify.problem.problem import History, Observer, Outcome, Proble
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
 
+MODES_GAIN = 10.0
+"""Times the gain at which a descent by modes of a field may end.
+
+What is left then moves nothing by a thousandth of its standard deviation, and steps by modes, far
+from quadratic where residuals stay, gain a twentieth of the last one: each is an evaluation.
+"""
+
 NEGLIGIBLE = 1e-6
 """A promised gain of a thousandth of a standard deviation, squared."""
 
@@ -117,9 +124,15 @@ def gauss_newton_descent(
     return Descent(
         evaluator,
         lambda point, radius: gauss_newton_step(box, point, radius),
-        Stopping(box, options.tolerance),
+        Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options)),
         options.max_iterations,
     )
+
+
+def _gain_tolerance(discrepancy: Discrepancy, options: GaussNewtonOptions) -> float:
+    """Relative gain that ends a descent."""
+    modes = any(q.field for q in discrepancy.problem.parameters)
+    return options.tolerance * (MODES_GAIN if modes else 1.0)
 
 
 def gauss_newton_step(box: TrustBox, point: Iterate, radius: float) -> Step:
@@ -266,11 +279,13 @@ class Stopping:
 
     Args:
         box: measures steps.
-        tolerance: relative size of a step, or of the gain it promises, that ends a descent.
+        tolerance: relative size of a step that ends a descent.
+        gain: relative gain that a step promises, likewise; None for the same.
     """
 
     box: TrustBox
     tolerance: float
+    gain: float | None = None
 
     def reason(self, point: Iterate, full: Step) -> str | None:
         """Why nothing is left to do, judged by the unrestricted step that would come next."""
@@ -279,7 +294,8 @@ class Stopping:
                 f"The next step would change no parameter by more than {self.tolerance:g}, "
                 "relative."
             )
-        if full.gain <= max(self.tolerance * min(point.phi, 1e4), 1e-14 * point.phi):
+        gain = self.tolerance if self.gain is None else self.gain
+        if full.gain <= max(gain * min(point.phi, 1e4), 1e-14 * point.phi):
             return f"The next step would lower the misfit by no more than {full.gain:.1e}."
         return None
 

@@ -17,7 +17,8 @@ response is the same to the last digit, and they yield as soon as others give wa
 descent they rise out of the way with each step, and are brought near again where it ended.
 
 Parameters at which the ground collapses have no discrepancy and are stepped back from; the start
-may be one of them.
+may be one of them. Then it retreats towards stronger ground (`starts`), and the scan looks whether
+there is better.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem, YieldSystem
-from geoident.identify.yield_limits.starts import Restarts, strength_scan
+from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
 from geoident.identify.yield_limits.stationarity import (
     GLOBAL,
     NONE,
@@ -268,6 +269,8 @@ class ImplicitSearch:
             assert refused is not None
             raise refused
         strength = strengths(point.activity, self.scaling.slope(point.p))
+        if start is None and (start := self.retreat(strength)) is not None:
+            point = start
         if not strength.any() or point.phi <= self.exact:
             return point
         return strength_scan(self.evaluator, strength, start) or point
@@ -279,6 +282,25 @@ class ImplicitSearch:
         places = (corner, *halton_starts(scaling, _FALLBACKS))
         found = (self.evaluator.start(x, "rescue") for x in places)
         return next((point for point in found if point is not None), None)
+
+    def retreat(self, strength: Bools) -> YieldIterate | None:
+        """The start with its strengths raised until the ground stands, or None.
+
+        What was found with the readings of fewer stages is often a little too weak for the later
+        ones, and right in all else.
+
+        Args:
+            strength: (n,) parameters that are raised together.
+        """
+        if not strength.any():
+            return None
+        for x in raised(self.scaling, strength):
+            if self.spent():
+                break
+            point = self.evaluator.start(x, "stronger")
+            if point is not None:
+                return point
+        return None
 
     def improve(self, start: YieldIterate) -> Ending[YieldIterate]:
         """The best ending of a descent from a start and of restarts around it."""

@@ -9,6 +9,10 @@ separates the strengths is left to the descent that follows. A given start that 
 scan. Parameters that are no strengths (moduli, in-situ stress, friction angles) stay at their
 start, and a point is judged by what the linearised discrepancy would be after their best step.
 
+**Retreat.** A given start at which the ground collapses, as the answer for fewer stages may be, has
+its strengths raised by `RAISE`, and by the square of the last factor each time that this is not
+enough: what does not stand costs most of all, so few of these points are tried.
+
 **Restarts.** The response is piecewise smooth in the strengths: every strain point that begins or
 ceases to yield, and every plane that comes in front of another, is a kink, and kinks make local
 minima. They lie along what the readings hardly determine, so that is where to look for a better
@@ -37,6 +41,9 @@ from geoident.model.arrays import Bools, Floats
 
 STEP = 1.5
 """Largest factor between the strengths of two points of the scan."""
+
+RAISE = 1.1
+"""First factor on the strengths of a start at which the ground collapses."""
 
 NEAR = 0.1
 """A discrepancy below this part of that of the strongest ground is near enough for a descent."""
@@ -90,6 +97,23 @@ def strength_scan(
         if least <= NEAR * strongest or (worse and expected > 4.0 * lowest) or worse == 2:
             break
     return best
+
+
+def raised(scaling: Scaling, strength: Bools) -> Iterator[Floats]:
+    """The start (n,) with its strengths raised, ever more, as far as their upper bounds.
+
+    Args:
+        scaling: of the parameters.
+        strength: (n,) those that are raised together.
+    """
+    begin, high = scaling.to_natural(scaling.start), scaling.to_natural(_finite_upper(scaling))
+    last, factor = begin, RAISE
+    while True:
+        values = np.where(strength, np.minimum(begin * factor, high), begin)
+        if np.array_equal(values, last):
+            return
+        yield scaling.to_scaled(values)
+        last, factor = values, factor**2
 
 
 def _ray(scaling: Scaling, strength: Bools) -> Iterator[Floats]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import textwrap
 from collections.abc import Sequence
 
 from geoident.io.case.file import BLANK
@@ -17,6 +18,7 @@ _PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "~"}
 _AXES = "xyz"
 _MARGIN = 1e-6
+_FEW = 2  # elements of a group that is no sliver
 _FACETS = {2: "edges", 3: "surfaces"}
 
 
@@ -36,7 +38,7 @@ def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
         _supports(mesh),
         _IN_SITU,
         _stages(mesh),
-        _gauges(mesh.dim),
+        _gauges(mesh),
         _READINGS,
     )
     return "\n".join(parts)
@@ -79,6 +81,7 @@ def _head(mesh: MeshSummary, mesh_file: str, title: str) -> str:
         "#",
         f"# The mesh has {mesh.nodes} nodes and {mesh.elements} elements ({kinds}).",
         f"#   {_extent(mesh.low, mesh.high)}",
+        *(f"#   {line}" for line in textwrap.wrap(mesh.suspicion, 96)),
         "format: geoident-case/1",
         f"title: {name_text(title)}",
         f"analysis: {analysis}",
@@ -134,17 +137,22 @@ def _suggestion(part: PartSummary, mesh: MeshSummary) -> str:
 
 
 def _stages(mesh: MeshSummary) -> str:
-    names = [name_text(part.name) for part in mesh.groups] or ["GROUP"]
+    dug = name_text(min(mesh.groups, key=_dug).name) if mesh.groups else "GROUP"
     return (
         "# Construction, step by step: all changes of one stage happen together.\n"
         f"stages: {BLANK}\n"
-        f"  # - {{name: heading, excavate: [{names[-1]}]}}\n"
-        f"  # - {{name: lining, install: {{{names[-1]}: MATERIAL}}}}\n"
+        f"  # - {{name: heading, excavate: [{dug}]}}\n"
+        f"  # - {{name: lining, install: {{{dug}: MATERIAL}}}}\n"
     )
 
 
-def _gauges(dim: int) -> str:
-    one, other = (f"[{'0 m, ' * (dim - 1)}{level} m]" for level in (5, 10))
+def _dug(part: PartSummary) -> tuple[bool, float]:
+    """What is more likely to be excavated comes first: a small group, but no sliver."""
+    return part.count < _FEW, part.volume or 0.0
+
+
+def _gauges(mesh: MeshSummary) -> str:
+    one, other = (f"[{', '.join(f'{x:.12g} m' for x in point)}]" for point in mesh.inside)
     return (
         "# What is measured; zero is the stage at whose end the gauge is set to zero.\n"
         f"gauges: {BLANK}\n"

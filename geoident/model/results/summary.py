@@ -241,6 +241,8 @@ class MeshSummary:
         node_groups: of nodes.
         ungrouped: number of elements that are in no group.
         shared: number of elements that are in several groups.
+        inside: two points (dim,) well inside, m.
+        suspicion: why its coordinates may be no metres; empty where they may well be.
     """
 
     file: str
@@ -253,6 +255,8 @@ class MeshSummary:
     node_groups: tuple[PartSummary, ...]
     ungrouped: int
     shared: int
+    inside: tuple[tuple[float, ...], ...]
+    suspicion: str = ""
 
     @property
     def dim(self) -> int:

@@ -25,7 +25,7 @@ from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
-from geoident.report.drawing.style import Picture, image
+from geoident.report.drawing.style import Picture, images
 from geoident.report.drawing.varied import varied_pictures
 
 
@@ -113,8 +113,9 @@ def figure_files(results: Labelled, suffixes: Sequence[str]) -> dict[str, bytes]
     pictures = list(comparison(results))
     for number, (_, result) in enumerate(results, start=1):
         pictures += album(result, prefix=f"{number}-" if several else "").all
+    drawn = {suffix: images(pictures, suffix) for suffix in suffixes}
     return {
-        f"{picture.name}.{suffix}": image(picture, suffix)
-        for picture in pictures
-        for suffix in suffixes
+        f"{picture.name}.{suffix}": files[k]
+        for k, picture in enumerate(pictures)
+        for suffix, files in drawn.items()
     }

@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 
 from geoident.model.arrays import Floats
 from geoident.report.saving.figure_file import collector_paused, figure_file
+from geoident.report.saving.side_by_side import side_by_side
 
 COMPUTED = "#1f4e79"
 MEASURED = "#262626"
@@ -91,6 +92,16 @@ def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
     with collector_paused(), drawing_style():
         return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
+
+
+def images(pictures: Sequence[Picture], suffix: str) -> list[bytes]:
+    """Figures as files, drawn side by side by all processors.
+
+    Args:
+        pictures: in their order.
+        suffix: ``svg``, ``png`` or ``pdf``.
+    """
+    return side_by_side(partial(image, suffix=suffix), pictures)
 
 
 def colour(k: int) -> str:

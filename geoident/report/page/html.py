@@ -106,6 +106,9 @@ _SIZES = "".join(
 )
 """Figures by their own width in hundreds of pixels: they grow into the room that there is."""
 
+_PHONE = "".join(f"  .w{k} svg {{ min-width: {78 * k}px; }}\n" for k in range(5, 21))
+"""Figures that would be unreadable at the width of a phone scroll in their own box."""
+
 _PRINTED = "".join(
     f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
     if k < 55 or k > 75
@@ -176,9 +179,7 @@ a {{ color: #1f4e79; }}
 }}
 @media screen and (max-width: 700px) {{
   header, main, nav {{ padding-left: 14px; padding-right: 14px; }}
-  .drawing svg {{ min-width: 660px; }}
-  .w1 svg, .w2 svg, .w3 svg, .w4 svg, .w5 svg, .w6 svg {{ min-width: 0; }}
-  td {{ max-width: 32ch; }}
+{_PHONE}  td {{ max-width: 32ch; }}
 }}
 @page {{ size: A4; margin: 17mm 15mm 16mm;
   @bottom-right {{ content: counter(page) " / " counter(pages); font: 8pt sans-serif; }} }}

@@ -1,6 +1,7 @@
 """The parts of a descent one by one: which trials are taken, the next radius, when it ends."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from geoident.identify.least_squares.acceptance import Acceptance, Iterate, Step
 from geoident.identify.least_squares.gauss_newton import (
     Stopping,
+    gauss_newton_descent,
     gauss_newton_step,
     gradient_cosines,
     phi_after_step,
@@ -15,6 +17,7 @@ from geoident.identify.least_squares.gauss_newton import (
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import Scaling
+from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
 
 
@@ -178,6 +181,28 @@ def test_a_gain_below_the_tolerance_of_phi_is_none(box, phi, gain, ends):
     found = Stopping(box, 1e-6).reason(point, step(0.0, gain=gain))
     assert (found is not None) == ends
     assert not ends or f"by no more than {gain:.1e}" in (found or "")
+
+
+@pytest.mark.parametrize(("gain", "ends"), [(3.9e-5, True), (4.1e-5, False)])
+def test_the_gain_may_have_a_tolerance_of_its_own(box, gain, ends):
+    point = iterate(0.0, [2.0, 0.0])
+    assert bool(Stopping(box, 1e-6, 1e-5).reason(point, step(0.0, gain=gain))) == ends
+
+
+def test_a_descent_by_modes_of_a_field_ends_at_ten_times_the_gain():
+    """A gain of 5e-8 of phi is promised: too much for a parameter, not for a mode."""
+
+    def ended(parameters):
+        problem = SimpleNamespace(
+            problem=SimpleNamespace(parameters=parameters), scaling=Scaling(parameters)
+        )
+        history = SimpleNamespace(stop=None)
+        descent = gauss_newton_descent(problem, GaussNewtonOptions(), history)
+        return descent.stopping.reason(iterate(0.0, [2.0, 0.0]), step(0.0, gain=2e-7))
+
+    one = Parameter("E", 1.0, 0.1, 10.0)
+    assert ended((one,)) is None
+    assert ended((one, replace(one, name="rock.mode-1", field="rock")))
 
 
 @pytest.mark.parametrize(

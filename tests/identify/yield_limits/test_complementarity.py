@@ -98,6 +98,26 @@ def test_a_start_that_collapses_is_said_and_left():
     assert any("cannot carry the load" in remark for remark in found.remarks)
 
 
+def test_a_start_that_collapses_retreats_to_stronger_ground():
+    """As the answer for fewer stages may: 3 are carried, 3.5 need a sixth more of both."""
+    bars = PlasticBars([Frame([1.0, 2.0], [0, 1], [2.0, 3.5])] * 2, 2)
+    parameters = (
+        Parameter("k1", 1.2, 0.1, 20.0, "log"),
+        Parameter("k2", 1.8, 0.1, 20.0, "log"),
+    )
+    found = run(problem_of(bars, bars.readings(np.array([1.5, 2.1])), parameters))
+    assert found.objective < 1e-10
+    tried = [(it.note, list(it.values)) for it in found.iterations]
+    stronger = [values for note, values in tried if note.startswith("stronger")]
+    np.testing.assert_allclose(stronger, np.outer([1.1, 1.21], [1.2, 1.8]))
+    assert [note for note, _ in tried if note.startswith("stronger")] == [
+        "stronger: no solution",
+        "stronger",
+    ]
+    # the scan sees soon that this is better than what lies above: it is not lowered as far as here
+    assert sum(note.startswith("strength ") for note, _ in tried) <= 3
+
+
 def test_where_everything_in_the_bounds_collapses_the_start_is_refused():
     bars = PlasticBars([Frame([1.0], [0], [50.0])], 1)
     with pytest.raises(CollapseError):

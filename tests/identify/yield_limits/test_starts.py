@@ -8,7 +8,7 @@ import pytest
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import Scaling
-from geoident.identify.yield_limits.starts import Restarts, strength_scan
+from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
 from geoident.identify.yield_limits.stationarity import YieldIterate
 from geoident.model.parameter import Parameter
 
@@ -188,3 +188,17 @@ def test_steps_are_in_the_units_of_the_parameters():
     one = drawn(STIFF, 1.0, strength=[True] * 3)
     two = drawn(STIFF, 1.0, strength=[True] * 3, unit=2.0)
     np.testing.assert_allclose(two, 2.0 * one, atol=1e-6)
+
+
+def test_strengths_are_raised_ever_more_as_far_as_their_bounds():
+    """By 1.1, its square, the square of that; the bound of the one ends what the other may do."""
+    parameters = (
+        Parameter("k1", 1.0, 0.1, 1.3, "log"),
+        Parameter("k2", 2.0, 0.1, 3.0, "linear"),
+        Parameter("E", 5.0, 1.0, 9.0, "log"),
+    )
+    scaling = Scaling(parameters)
+    found = [scaling.to_natural(x) for x in raised(scaling, np.array([True, True, False]))]
+    factors = [1.1, 1.1**2, 1.1**4, 1.1**8]
+    expected = [[min(f, 1.3), min(2.0 * f, 3.0), 5.0] for f in factors]
+    np.testing.assert_allclose(found, expected)
