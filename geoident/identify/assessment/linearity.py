@@ -1,7 +1,7 @@
 """Whether the model is linear enough for the intervals that are said (theory 6.7).
 
-The ends of a 95 % interval are where phi is 3.84 above its minimum if the model is linear. Where the
-least known parameter is known so badly that it need not be, the model is asked at both ends.
+The ends of a 95 % interval are where phi is 3.84 above its minimum if the model is linear. Where
+the least known parameter is known so badly that it need not be, the model is asked at both ends.
 """
 
 from __future__ import annotations
