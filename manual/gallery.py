@@ -26,6 +26,7 @@ from manual.transcript import small
 
 ROOT = DOCS.parents[1]
 FOLDER = DOCS / "gallery"
+OF_README = "cavern-overview.png"
 WANTED = ("model", "overview")
 WIDTH = 900  # px
 MOST = 60_000  # bytes of a picture
@@ -124,6 +125,8 @@ def write() -> None:
         pictures = [p for p in album(result).all if p.name in WANTED]
         for picture in pictures:
             (FOLDER / file_name(one, picture.name)).write_bytes(_light(image(picture, "png")))
+            if file_name(one, picture.name) == OF_README:
+                (DOCS / "cavern.png").write_bytes(small(image(picture, "png")))
         parts.append(_part(one, result, pictures))
     (DOCS / "gallery.md").write_text("\n".join(parts), encoding="utf-8")
 

@@ -20,6 +20,9 @@ from click.testing import CliRunner
 from PIL import Image
 
 from geoident.cli.app import geoident
+from geoident.io.result.file import read_result
+from geoident.report.drawing.album import album
+from geoident.report.drawing.style import Picture, image
 from manual.pages import Command, File, Page, cut, difference, read_page
 
 PICTURES = {".png", ".svg"}
@@ -89,11 +92,14 @@ def faults(page: Page, run: Run) -> list[str]:
             found.append(f"{command.line}: exit code {code}: {output[-2000:]}")
         elif told := difference(command.output, cut(output, command.show)):
             found.append(f"{command.line}: {told}")
-    return found + [f"no command makes {p.name}" for p in page.pictures if not _made(run, p)]
+    lost = [p for p in page.pictures if not _made(run, p) and p.stem not in _drawn(run)]
+    return found + [f"no command makes {p.name}" for p in lost]
 
 
 def renew(page: Page, run: Run) -> None:
     """Write the outputs of a run into a page, and its files and pictures beside it.
+
+    A picture is a file that a command made, or the figure of that name in the report.
 
     Raises:
         ValueError: a command ended otherwise than the page says, or makes no such picture.
@@ -105,28 +111,34 @@ def renew(page: Page, run: Run) -> None:
     for name, text in page.files.items():
         page.folder.mkdir(exist_ok=True)
         (page.folder / name).write_text(text, encoding="utf-8")
+    drawn = _drawn(run)
     for picture in page.pictures:
         made = _made(run, picture)
-        if made is None:
+        if made is None and picture.stem not in drawn:
             raise ValueError(f"{page.path.name}: no command makes {picture.name}")
-        picture.write_bytes(
-            small(made.read_bytes()) if made.suffix == ".png" else made.read_bytes()
-        )
+        new = made.read_bytes() if made else image(drawn[picture.stem], "png")
+        picture.write_bytes(small(new))
 
 
 def small(picture: bytes, *, width: int = WIDTH, colours: int = COLOURS) -> bytes:
     """A PNG with few colours, no wider than a page."""
-    image = Image.open(io.BytesIO(picture)).convert("RGB")
-    if image.width > width:
-        height = round(image.height * width / image.width)
-        image = image.resize((width, height), Image.Resampling.LANCZOS)
+    opened = Image.open(io.BytesIO(picture)).convert("RGB")
+    if opened.width > width:
+        height = round(opened.height * width / opened.width)
+        opened = opened.resize((width, height), Image.Resampling.LANCZOS)
     kept = io.BytesIO()
-    image.quantize(colours, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
+    opened.quantize(colours, dither=Image.Dither.NONE).save(kept, "png", optimize=True)
     return kept.getvalue()
 
 
 def _made(run: Run, picture: Path) -> Path | None:
     return next(iter(sorted(run.folder.rglob(picture.name))), None)
+
+
+def _drawn(run: Run) -> dict[str, Picture]:
+    """The figures of the report of the result, by name."""
+    path = run.folder / "case.fit.h5"
+    return {p.name: p for p in album(read_result(path)).all} if path.exists() else {}
 
 
 def _gmsh(words: list[str]) -> int:

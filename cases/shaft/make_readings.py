@@ -8,4 +8,4 @@ sys.path.insert(0, str(HERE.parent))
 
 from truth_readings import make_readings  # noqa: E402
 
-make_readings(HERE, mesh=("--size", 0.5), seed=1)
+make_readings(HERE, mesh=("--size", 0.333), seed=1)

@@ -20,6 +20,8 @@ import click
 from geoident.cli.options import Options
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
     from geoident.model.parameter import Parameter
     from geoident.model.results.result import Iteration
 
@@ -103,14 +105,18 @@ class Terminal:
             self._refresh()
 
     def _refresh(self) -> None:
+        self._shown = self._pace.elapsed
+        self._status.update(self)
+
+    def __rich__(self) -> Text:
+        """The live line now: a terminal asks several times a second, so its clock goes evenly."""
         from rich.text import Text
 
-        self._shown = self._pace.elapsed
         remaining = self._pace.remaining()
-        words = [self._step, self._stage, clock_text(self._shown)]
-        words += [] if remaining is None else [f"about {clock_text(remaining)} left"]
+        words = [self._step, self._stage, clock_text(self._pace.elapsed)]
+        words += [] if remaining is None else [f"about {about_text(remaining)} left"]
         text = " | ".join(word for word in words if word)
-        self._status.update(Text(text, no_wrap=True, overflow="ellipsis"))  # brackets are no markup
+        return Text(text, no_wrap=True, overflow="ellipsis")  # brackets are no markup
 
     @contextmanager
     def live(self, title: str) -> Iterator[None]:
@@ -152,6 +158,8 @@ class Pace:
     def __post_init__(self) -> None:
         self.started = self.clock()
         self._steps: list[float] = []
+        self._at = self.started
+        self._done_at = (0.0, self.started)
 
     @property
     def elapsed(self) -> float:
@@ -161,20 +169,29 @@ class Pace:
     def add(self, step: float) -> None:
         """An iteration with a step of this size is done."""
         self._steps.append(step)
+        self._at = self.clock()
 
     def remaining(self) -> float | None:
         """Seconds that are still to be expected; None where the steps do not shrink yet.
 
         The last two steps give the ratio by which they shrink, the iterations so far their time.
+        Between two iterations it counts down: what has gone by since the last one is subtracted.
         """
         left = None if self.max_time is None else max(0.0, self.max_time - self.elapsed)
         if self.done > 0.0:
-            expected = self.elapsed * (1.0 - self.done) / self.done
-            return expected if left is None else min(expected, left)
+            if self.done != self._done_at[0]:
+                self._done_at = self.done, self.clock()
+            took = self._done_at[1] - self.started
+            return self._counted(took * (1.0 - self.done) / self.done, self._done_at[1], left)
         iterations = self._iterations_left()
         if iterations is None:
             return left
-        expected = iterations * self.elapsed / len(self._steps)
+        each = (self._at - self.started) / len(self._steps)
+        return self._counted(iterations * each, self._at, left)
+
+    def _counted(self, expected: float, at: float, left: float | None) -> float:
+        """What is left of the seconds that were expected at a time, and no more than ``left``."""
+        expected = max(0.0, expected - (self.clock() - at))
         return expected if left is None else min(expected, left)
 
     def _iterations_left(self) -> float | None:
@@ -182,6 +199,18 @@ class Pace:
         if len(steps) < 2 or steps[1] >= steps[0]:
             return None
         return min(_MOST, max(0.0, math.log(_DONE / steps[1]) / math.log(steps[1] / steps[0])))
+
+
+def about_text(seconds: float) -> str:
+    """A time that is only known roughly.
+
+    >>> about_text(7.2), about_text(53), about_text(113), about_text(1500), about_text(7300)
+    ('5 s', '55 s', '2 min', '25 min', '2 h 02 min')
+    """
+    if seconds < 55.0:
+        return f"{max(5, 5 * round(seconds / 5))} s"
+    minutes = max(1, round(seconds / 60))
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def clock_text(seconds: float) -> str:

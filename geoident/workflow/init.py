@@ -21,13 +21,14 @@ CASE = "case.yaml"
 SCHEMA = "case.schema.json"
 
 
-def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
+def init_template(name: str, folder: str, *, force: bool, schema: bool = False) -> tuple[str, ...]:
     """Write a template into a folder: the case, its mesh with the geometry, its readings.
 
     Args:
         name: of the template.
         folder: where to write.
         force: replace files of these names.
+        schema: write the JSON schema of cases beside it, by which editors complete keys.
 
     Returns:
         The files, the case first.
@@ -35,16 +36,19 @@ def init_template(name: str, folder: str, *, force: bool) -> tuple[str, ...]:
     Raises:
         OutputError: files of these names exist, or cannot be written.
     """
-    return _write(template_files(name), folder, force=force, inputs=())
+    return _write(template_files(name), folder, force=force, schema=schema, inputs=())
 
 
-def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ...]:
+def init_from_mesh(
+    mesh_path: str, folder: str, *, force: bool, schema: bool = False
+) -> tuple[str, ...]:
     """Write a case that is to be filled in for a mesh, which stays where it is.
 
     Args:
         mesh_path: of the mesh.
         folder: where to write.
         force: replace files of these names.
+        schema: write the JSON schema of cases beside it, by which editors complete keys.
 
     Returns:
         The files, the case first.
@@ -60,14 +64,22 @@ def init_from_mesh(mesh_path: str, folder: str, *, force: bool) -> tuple[str, ..
         mesh_file=seen_from(Path(folder), mesh_path),
         title=Path(mesh_path).stem,
     )
-    return _write({CASE: text.encode()}, folder, force=force, inputs=mesh_files(mesh_path))
+    inputs = mesh_files(mesh_path)
+    return _write({CASE: text.encode()}, folder, force=force, schema=schema, inputs=inputs)
 
 
 def _write(
-    contents: Mapping[str, bytes], folder: str, *, force: bool, inputs: Sequence[str]
+    contents: Mapping[str, bytes],
+    folder: str,
+    *,
+    force: bool,
+    schema: bool,
+    inputs: Sequence[str],
 ) -> tuple[str, ...]:
     """Write files into a folder, made if it is missing; none if one of them is there already."""
-    contents = {**contents, SCHEMA: case_schema_text().encode()}
+    if schema:
+        first = f"# yaml-language-server: $schema={SCHEMA}\n#\n".encode()
+        contents = {**contents, CASE: first + contents[CASE], SCHEMA: case_schema_text().encode()}
     names = sorted(contents, key=lambda name: (name != CASE, name))
     paths = {name: Path(folder) / name for name in names}
     there = [str(path) for path in paths.values() if os.path.lexists(path)]

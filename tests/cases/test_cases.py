@@ -18,6 +18,7 @@ from geoident.cli.app import geoident
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 from geoident.units import read_quantity
+from manual.pages import cut, difference
 
 CASES = Path(__file__).parents[2] / "cases"
 QUICK = (
@@ -113,6 +114,21 @@ def test_the_fit_finds_the_truth_and_predicts_the_later_stages(name, tmp_path):
     assert len(scored) >= 20
     assert np.mean(inside) >= 0.9
     assert any(note.startswith("Predicted stage") for note in result["notes"])
+    if name == "cavern":
+        assert difference(quoted_in_readme(), cut(shown(tmp_path), ("Parameters",))) == ""
+
+
+def quoted_in_readme() -> str:
+    """What README says that the first command prints, as it is cut from the whole."""
+    text = (CASES.parent / "README.md").read_text(encoding="utf-8")
+    lines = text.partition("    Parameters\n")[2].partition("\n\n")[0].splitlines()
+    return "\n".join(["...", "Parameters", *(line.strip() for line in lines), "..."])
+
+
+def shown(folder: Path) -> str:
+    """What `show` prints of the only result in a folder."""
+    (path,) = folder.glob("*.h5")
+    return CliRunner().invoke(geoident, ["show", str(path)]).output
 
 
 @pytest.mark.parametrize("name", ["case.yaml", pytest.param("field.yaml", marks=pytest.mark.slow)])

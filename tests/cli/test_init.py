@@ -62,6 +62,23 @@ def test_nothing_is_overwritten_unless_asked(here, run):
     assert Path("readings.csv").read_text() != "mine"
 
 
+def test_the_schema_is_written_where_it_is_asked_for(here, run):
+    """It is larger than all the rest together."""
+    plain = run("init", "plain").stdout.splitlines()
+    assert [Path(file).name for file in plain] == [
+        "case.yaml",
+        "cavern.geo",
+        "cavern.msh",
+        "readings.csv",
+    ]
+    assert "$schema" not in Path("plain/case.yaml").read_text(encoding="utf-8")
+    with_schema = run("init", "other", "--schema").stdout.splitlines()
+    assert "other/case.schema.json" in with_schema
+    first = Path("other/case.yaml").read_text(encoding="utf-8").splitlines()[0]
+    assert first == "# yaml-language-server: $schema=case.schema.json"
+    assert run("check", "other/case.yaml", "-q").exit_code == 0
+
+
 class TestFromMesh:
     @pytest.fixture
     def case(self, here, run) -> Path:
@@ -141,7 +158,7 @@ class TestFromMesh:
         Path("readings.csv").write_text(READINGS)
         said = " ".join(run("check", "mm.yaml").stdout.split())
         assert "if they are millimetres, scale it by 0.001" in said
-        outside = CASE.replace("trench.inp", "mm.inp").replace("[1 m, 4 m]", "[-1 m, 4 m]")
+        outside = CASE.replace("trench.inp", "mm.inp").replace("[1 m, 4 m]", "[-900 m, 4 m]")
         Path("mm.yaml").write_text(outside)
         refused = " ".join(run("check", "mm.yaml").stderr.split())
         assert "lies outside the mesh" in refused

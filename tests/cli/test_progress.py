@@ -42,6 +42,18 @@ def test_the_time_that_was_given_bounds_what_is_left():
     assert paced([0.5, 0.7], max_time=5.0).remaining() == pytest.approx(3.0)
 
 
+def test_between_two_iterations_it_counts_down_and_does_not_grow():
+    pace = paced([1.0, 1e-1, 1e-2], seconds=2.0)
+    pace.clock.now += 5.0
+    assert pace.remaining() == pytest.approx(12.0 - 5.0)
+    pace.clock.now += 50.0
+    assert pace.remaining() == 0.0
+    pace.done = 0.5
+    assert pace.remaining() == pytest.approx(61.0)
+    pace.clock.now += 11.0
+    assert pace.remaining() == pytest.approx(50.0)
+
+
 class Told(Silent):
     def __init__(self):
         self.stages = []
@@ -72,7 +84,8 @@ def test_the_live_line_has_all_of_it(monkeypatch):
         terminal.step(iteration(3, 0.01))
         terminal._shown = -1.0
         terminal.stage("bench [1]", 2, 6)
-        shown = str(terminal._status.status)
+        shown = str(terminal.__rich__())
+        assert terminal._status.status is terminal  # asked anew at every turn of the spinner
     for words in ("gauss-newton 3", "12.5", "E_rock 9.9 GPa", "stage 2 of 6, bench [1]", "left"):
         assert words in shown
 

@@ -15,6 +15,7 @@ from geoident.cli.app import COMMANDS, geoident
 from manual.commands import EXIT_CODES, command_page
 from manual.conf import contents
 from manual.drawings import DRAWINGS, svg
+from manual.gallery import file_name, shown
 from manual.pages import DOCS
 
 ROOT = DOCS.parents[1]
@@ -131,3 +132,19 @@ def test_the_site_is_made_without_a_warning_and_needs_no_network(tmp_path):
         )
         assert loaded == [], page
     assert "docs/index.html" in (tmp_path / "site" / "index.html").read_text("utf-8")
+
+
+def test_the_gallery_shows_every_case():
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    for one in shown():
+        assert f"\n## {one.title}\n" in text, "run: python -m manual gallery"
+        for command in one.commands:
+            assert command in text
+        assert f"](gallery/{file_name(one, 'overview')})" in text
+    linked = set(re.findall(r"\]\(gallery/([\w.-]+)\)", text))
+    assert linked == {path.name for path in (DOCS / "gallery").iterdir()}
+
+
+def test_the_pages_are_small():
+    """Pictures of a manual are for the eye; whoever wants them sharp makes them again."""
+    assert sum(path.stat().st_size for path in DOCS.rglob("*") if path.is_file()) < 3_000_000

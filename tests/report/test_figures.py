@@ -24,7 +24,8 @@ from tests.support.results import STAGES, changed_gauges, example_result, small_
 SLACK = 1.0  # pixels of 1/100 inch
 NAMES = [
     ("plane", name)
-    for name in ("overview", "parameters", "readings-1", "extensometers-1", "displacement",
+    for name in ("overview", "parameters", "pairs", "readings-1", "extensometers-1",
+                 "displacement",
                  "displacement-parts", "stress-minimum", "stress-maximum", "stress-crosses",
                  "yielded", "deformed", "vectors",
                  "one-to-one", "residuals", "history", "correlation")
@@ -97,9 +98,10 @@ def test_slanted_names_of_stages_have_room(kind, name, figures):
 def test_axes_say_what_they_show_in_which_unit(kind, name, figures):
     figure = figures[kind][name]
     labels = " ".join(t.get_text() for t in visible_texts(figure))
-    if name in ("correlation", "parameters", "history", "residuals"):
+    if name in ("correlation", "parameters", "pairs", "history", "residuals"):
         wanted = {"correlation": "correlation", "parameters": "E_rock (GPa)",
-                  "history": "misfit", "residuals": "standard deviation"}[name]  # fmt: skip
+                  "pairs": "E_rock (GPa)", "history": "misfit",
+                  "residuals": "standard deviation"}[name]  # fmt: skip
         assert wanted in labels
     else:
         assert "mm" in labels or "MPa, tension positive" in labels or "(m)" in labels

@@ -18,6 +18,7 @@ from geoident.report.drawing.gauges.instruments import PLUMB, TROUGH, instrument
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
+from tests.report import test_figures
 from tests.support.results import example_result, wide_gauges
 
 STAGES = ("dig", "line", "later")
@@ -119,6 +120,12 @@ def test_the_depth_of_an_inclinometer_goes_down():
         (axes,) = drawn(picture.draw()).axes
     assert axes.yaxis_inverted()
     assert axes.get_ylabel() == "depth along the casing (m)"
+    for each in (picture, *reading_pictures(given)):
+        with drawing_style():
+            figure = drawn(each.draw())
+            shown = {"plane": {each.name: figure}}
+            test_figures.test_no_text_is_cut("plane", each.name, shown)
+            test_figures.test_no_text_lies_on_another("plane", each.name, shown)
 
 
 def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough):

@@ -43,8 +43,11 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--from", "mesh", metavar="MESH", type=click.Path(), help="Start from a mesh of your own."
 )
+@click.option("--schema", is_flag=True, help="Also the JSON schema by which editors complete keys.")
 @takes("force", after=_next)
-def command(folder: str, template: str | None, mesh: str | None, options: Options) -> int:
+def command(
+    folder: str, template: str | None, mesh: str | None, schema: bool, options: Options
+) -> int:
     """Write a commented case with mesh and readings that can be fitted at once.
 
     With --from, write the case for a mesh of your own: its groups, extents and numbers of elements
@@ -55,9 +58,10 @@ def command(folder: str, template: str | None, mesh: str | None, options: Option
     if mesh is not None and template is not None:
         raise click.UsageError("--template and --from exclude each other.")
     if mesh is not None:
-        files = init_from_mesh(mesh, folder, force=options.force)
+        files = init_from_mesh(mesh, folder, force=options.force, schema=schema)
     else:
-        files = init_template(template or next(iter(TEMPLATES)), folder, force=options.force)
+        name = template or next(iter(TEMPLATES))
+        files = init_template(name, folder, force=options.force, schema=schema)
     for file in files:
         click.echo(file)
     return 0

@@ -75,8 +75,6 @@ def _head(mesh: MeshSummary, mesh_file: str, title: str) -> str:
     analysis = "solid" if mesh.dim == 3 else "plane-strain"
     kinds = ", ".join(f"{number} {kind}" for kind, number in mesh.kinds)
     lines = [
-        "# yaml-language-server: $schema=case.schema.json",
-        "#",
         f"# A case to be filled in: `geoident check` lists every {BLANK} that is left.",
         "#",
         f"# The mesh has {mesh.nodes} nodes and {mesh.elements} elements ({kinds}).",

@@ -10,6 +10,7 @@ from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.result import NORMAL_95, Result
+from geoident.report.drawing.parameters.scale import logarithmic, set_scale
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
@@ -60,6 +61,7 @@ def settling_figure(result: Result, found: Backtest) -> Figure:
     names = result.parameters.names[:_MOST_PARAMETERS]
     figure, panels = panel_grid(len(names), height=2.3, extra=0.2)
     stages = tuple(result.gauges.stages[step.last] for step in found.steps)
+    logs = logarithmic(result)
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         unit = result.parameters.units[i], result.parameters.dimensions[i]
         values, low, high = (
@@ -68,11 +70,20 @@ def settling_figure(result: Result, found: Backtest) -> Figure:
         )
         known = np.array([step.determined[i] for step in found.steps], dtype=np.bool_)
         _draw_settling(axes, np.where(known, values, np.nan), low, high)
+        if name in logs and _positive(np.r_[values, low, high]):
+            drawn = np.r_[values[known], low[known], high[known]]
+            first, last = float(np.nanmin(drawn)), float(np.nanmax(drawn))
+            set_scale(axes.yaxis, low=first / 1.06, high=last * 1.06, log=True, most=4)
         shown = shown_unit(*unit)
         axes.set_title(f"{short(name)} ({shown})" if shown else short(name))
         stage_ticks(axes, stages)
         axes.grid(axis="y")
     return figure
+
+
+def _positive(values: Floats) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size) and bool((known > 0.0).all())
 
 
 def _in_unit(values: Floats, unit: tuple[str, str]) -> Floats:
@@ -94,13 +105,14 @@ def error_figure(result: Result, found: Backtest) -> Figure:
     axes = figure.subplots()
     axes.axhspan(-NORMAL_95, NORMAL_95, color=FAINT, alpha=0.15, lw=0)
     axes.axhline(0.0, color=FAINT, lw=0.7)
-    largest = NORMAL_95
+    largest, drawn = NORMAL_95, [False, False]
     for step in found.steps:
         bands = bands_of(found, step)
         z, ahead = bands.z, next_read(bands)
         largest = max(largest, float(np.nanmax(np.abs(z), initial=0.0)))
-        _draw_errors(axes, z, ahead, filled=True)
-        _draw_errors(axes, z, ~ahead, filled=False)
+        for k, part in enumerate((ahead, ~ahead)):
+            _draw_errors(axes, z, part, filled=part is ahead)
+            drawn[k] |= bool((part & np.isfinite(z)).any())
     linear = largest <= 8.0
     if not linear:
         axes.set_yscale("symlog", linthresh=4.0)
@@ -108,11 +120,9 @@ def error_figure(result: Result, found: Backtest) -> Figure:
     stage_ticks(axes, result.gauges.stages)
     axes.grid(axis="y")
     dot = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
-    axes.legend(
-        handles=[key("next stage", **dot), key("further ahead", mfc="white", **dot)],
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.0),
-    )
+    handles = [key("next stage", **dot)] if drawn[0] else []
+    handles += [key("further ahead", mfc="white", **dot)] if drawn[1] else []
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 

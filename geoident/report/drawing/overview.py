@@ -30,6 +30,8 @@ from geoident.report.drawing.style import (
 )
 
 _PANELS = 6
+_COLUMNS = 3
+_WIDTH, _TALLEST = 7.4, 4.2  # of the figure, and of the field in it, inches
 
 
 def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...]:
@@ -48,24 +50,26 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
 
 
 def overview_figure(result: Result, scene: Scene | None) -> Figure:
-    """Displacements after the last fitted stage, beside the gauges that moved most."""
+    """Displacements after the last fitted stage, and below the gauges that moved most."""
     rows = _busiest(result)
-    field = scene is not None and bool(scene.sheets)
-    figure = Figure(figsize=(11, 5.8) if field else (8.5, 5.8))
-    gauge_part: Figure | SubFigure = figure
-    if scene is not None and field:
-        wide = scene.window(scene.sheets[0]).aspect < 0.7
-        ratios = [1.25, 1.0] if wide else [1.0, 1.35]
-        parts = figure.subfigures(1, 2, width_ratios=ratios, squeeze=False)
+    columns = min(len(rows), _COLUMNS)
+    lines = -(-len(rows) // columns)
+    below = 0.5 + 1.9 * lines
+    gauge_part: Figure | SubFigure
+    if scene is not None and scene.sheets:
+        above = min(_TALLEST, _WIDTH * scene.window(scene.sheets[0]).aspect) + 0.9
+        figure = Figure(figsize=(_WIDTH, above + below))
+        parts = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)
         _draw_field(parts[0, 0].subplots(), scene)
-        gauge_part = parts[0, 1]
-    panels = gauge_part.subplots(-(-len(rows) // 2), 2, sharex=True, squeeze=False)
-    for axes, row in zip(panels.ravel(), rows, strict=False):
+        gauge_part = parts[1, 0]
+    else:
+        gauge_part = figure = Figure(figsize=(_WIDTH, below))
+    panels = gauge_part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
+    for axes, row in zip(panels, rows, strict=False):
         _draw_channel(axes, result, row)
-    if len(rows) % 2:
-        panels[-1, 1].remove()
-        if len(rows) > 2:
-            panels[-2, 1].tick_params(labelbottom=True)
+    for k in range(len(rows), len(panels)):
+        panels[k - columns].tick_params(labelbottom=True)
+        panels[k].remove()
     handles = [
         key("measured", color=MEASURED, marker="o", ls="", ms=4),
         key("computed", color=COMPUTED),
@@ -97,7 +101,7 @@ def _draw_field(axes: Axes, scene: Scene) -> None:
     axes.set_title(f"after {short(scene.stage(state), 20)}{where}")
     figure = axes.get_figure()
     assert figure is not None
-    bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.85)
+    bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.6, aspect=45)
     bar.set_label("displacement (mm)")
 
 

@@ -111,7 +111,7 @@ _PHONE = "".join(f"  .w{k} svg {{ min-width: {78 * k}px; }}\n" for k in range(5,
 
 _PRINTED = "".join(
     f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
-    if k < 55 or k > 75
+    if k < 65 or k > 75
     else f"  .p{k} {{ display: flex; max-width: none; width: 99%; gap: 3%; }}\n"
     f"  .p{k} .drawing {{ flex: 0 0 {k - 3}%; }}\n"
     for k in range(10, 105, 5)

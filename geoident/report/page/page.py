@@ -55,8 +55,6 @@ from geoident.report.text.parameters import compared_parameters, parameter_table
 from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20
-_OF_THE_SEARCH = ("history",)
-"""Figures for those who want to know how the answer was found."""
 
 _SIGNS = ("signs",)
 """Figures of conventions."""
@@ -168,7 +166,8 @@ def _provenances(results: Labelled) -> tuple[PagePart, ...]:
 def _parts(result: Result) -> tuple[PagePart, ...]:
     """All sections of one result."""
     pictures = album(result)
-    fit = [p for p in pictures.quality if p.name not in _OF_THE_SEARCH]
+    search = _of_the_search(pictures)
+    fit = [p for p in pictures.quality if p not in search]
     tested, backtested = _backtest(result), result.kind == "backtest"
     return (
         section(
@@ -207,7 +206,6 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             *(tested if backtested else tested[:1]),
             Figures(pictures.backtest),
         ),
-        section("Notes", joined([tag("p", note) for note in result.notes if note])),
         section(
             "All readings",
             TitledTable(unit_title("Readings", result.gauges), reading_table(result)),
@@ -215,19 +213,24 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             closed=True,
         ),
         section("Predictions tested", *(() if backtested else tested), closed=True),
-        section(
-            "Course of the search",
-            Figures(tuple(p for p in pictures.quality if p.name in _OF_THE_SEARCH)),
-            closed=True,
-        ),
+        section("Course of the search", Figures(search), closed=True),
         section(
             f"All {structures.TITLE.lower()}",
             TitledTable(structures.TITLE, structures.force_table(result.members)),
             closed=True,
         ),
+        section("Notes", joined([tag("p", note) for note in result.notes if note]), closed=True),
         section("Provenance", _provenance(result), closed=True),
         section("Case file", _case(result), closed=True),
     )
+
+
+def _of_the_search(pictures: Album) -> tuple[Picture, ...]:
+    """Figures for those who want to know how the answer was found, and what others say better."""
+    names = {"history"}
+    if any(p.name == "pairs" for p in pictures.parameters):
+        names.add("correlation")
+    return tuple(p for p in pictures.quality if p.name in names)
 
 
 def _model(result: Result, pictures: Album) -> PagePart:

@@ -21,10 +21,10 @@ from geoident.report.page.html import Html, tag
 _LINK = "{http://www.w3.org/1999/xlink}href"
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 _SIZE = re.compile(r' width="(\d+)" height="(\d+)"')
-_PRINT_SCALE = 0.64
-"""Letters of 8.5 points are 5.5 points high on paper."""
+_PRINT_SCALE = 0.6
+"""Letters of 8.5 points are 5 points high on paper."""
 _PRINT_WIDTH = 680  # pixels of A4 without its margins
-_PRINT_HEIGHT = 335  # pixels of a figure at most, so that two and more find room on a page
+_PRINT_HEIGHT = 300  # pixels of a figure at most, so that three find room on a page
 _DROPPED = ("metadata", "style", "title", "desc")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
@@ -38,8 +38,9 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
         text: what it shows, for those who cannot see it.
     """
     root = ElementTree.fromstring(svg)
-    used = {_target(*item) for element in root.iter() for item in element.attrib.items()}
-    names = {old: f"{name}-{k}" for k, old in enumerate(sorted(used - {""}))}
+    targets = (_target(*item) for element in root.iter() for item in element.attrib.items())
+    used = dict.fromkeys(old for old in targets if old)  # in their order: names may be of memory
+    names = {old: f"{name}-{k}" for k, old in enumerate(used)}
     _clean(root, names)
     width, height = (
         round(float(root.attrib.pop(key).removesuffix("pt")) * 4 / 3) for key in ("width", "height")

@@ -32,6 +32,7 @@ _STROKE = {
     "stroke-linejoin": "round",
     "paint-order": "stroke",
 }
+_REFERENCE = re.compile(r"url\(#([^)]+)\)")
 _SPACES = re.compile(r"^ +| +$|(?<= ) +")
 
 ElementTree.register_namespace("", _SVG)
@@ -74,6 +75,7 @@ def with_words(svg: bytes, *, title: str, description: str) -> bytes:
                 text.attrib |= _STROKE
     for text in root.iter(f"{{{_SVG}}}text"):
         _fit(text)
+    _number_names(root)
     root.set("font-family", FONTS)
     for name, words in (("desc", description), ("title", title)):
         if words:
@@ -82,6 +84,29 @@ def with_words(svg: bytes, *, title: str, description: str) -> bytes:
             root.insert(0, element)
     written: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return written
+
+
+def _number_names(root: ElementTree.Element) -> None:
+    """Names of what is referred to by numbers in their order.
+
+    matplotlib makes them of what they name, and of some transforms it takes the place in memory.
+    """
+    pairs = [pair for element in root.iter() for pair in element.attrib.items()]
+    used = dict.fromkeys(name for key, text in pairs for name in _referred(key, text))
+    new = {old: f"r{k}" for k, old in enumerate(used)}
+    for element in root.iter():
+        for key, text in element.attrib.items():
+            if key == "id":
+                element.set(key, new.get(text, text))
+            for old in _referred(key, text):
+                element.set(key, text.replace(f"#{old}", f"#{new[old]}"))
+
+
+def _referred(key: str, text: str) -> list[str]:
+    """Names that an attribute refers to; a colour is none."""
+    if key.endswith("href"):
+        return [text[1:]] if text.startswith("#") else []
+    return _REFERENCE.findall(text)
 
 
 def _fit(element: ElementTree.Element) -> None:

@@ -33,6 +33,7 @@ from geoident.report.drawing.style import (
 
 _WIDTH = 7.4
 _BANDS = 12
+_NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
 
@@ -166,7 +167,9 @@ def panel_figure(
         n: number of panels.
         extra: height beside the panels, inches.
     """
-    most = 2 if window.aspect < 0.45 else 3 if window.aspect < 0.8 or n in (3, 5, 6) else 4
+    longest = max((len(scene.title(state)) for state in scene.states), default=0)
+    few = window.aspect < 0.8 or n in (3, 5, 6) or longest > _NARROW
+    most = 2 if window.aspect < 0.45 else 3 if few else 4
     columns = min(n, most)
     rows = -(-n // columns)
     width = min(_WIDTH / columns, 6.0)
@@ -268,14 +271,34 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
     Args:
         axes: where to draw.
         raster: with the place of the image.
-        image: values.
+        image: values (rows, columns).
         scale: of `bands`.
     """
     shading = ScalarMappable(scale["norm"], scale["cmap"])
     colours = shading.to_rgba(np.ma.masked_invalid(image))
     colours[~np.isfinite(image)] = 0.0
     show(axes, raster, colours, zorder=0)
+    if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
+        draw_level(axes, raster, image, 0.0, colors="black", linewidths=0.6, linestyles="dashed")
     return shading
+
+
+def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style: Any) -> None:
+    """The line along which an image has a value, if it has it.
+
+    Args:
+        axes: where to draw.
+        raster: with the place of the image.
+        image: (rows, columns) values; NaN for none.
+        level: the value.
+        style: of the line.
+    """
+    if not np.nanmin(image, initial=level) < level <= np.nanmax(image, initial=level):
+        return
+    rows, columns = raster.shape
+    cell = (raster.high - raster.low) / np.array([columns, rows])
+    x, y = (raster.low[k] + cell[k] * (np.arange((columns, rows)[k]) + 0.5) for k in (0, 1))
+    axes.contour(x, y, np.ma.masked_invalid(image), levels=[level], **style)
 
 
 def draw_lines(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
@@ -352,7 +375,7 @@ def on_sheet(scene: Scene, sheet: Sheet, points: Floats) -> Bools:
     Args:
         scene: what is drawn.
         sheet: a section or an outside of it.
-        points: m.
+        points: (k, dim) m.
     """
     if sheet.plane is None:
         return np.ones(len(points), dtype=bool)

@@ -17,6 +17,7 @@ from geoident.model.dual import ParameterPoint
 from geoident.report.drawing.fields.panels import (
     ColouredField,
     bands,
+    draw_level,
     draw_lines,
     finish,
     panel_figure,
@@ -54,9 +55,8 @@ def strength_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple
             )
         )
     if scene.fields.yielded.any():
-        strains = plastic_strain(scene)
         words = "Line: the zone that has yielded up to this stage."
-        if strains is not None:
+        if _has_strain(scene):
             words += (
                 " Colours: equivalent plastic strain, the square root of 2/3 of the squares of the "
                 "plastic strains; total strains without the elastic ones."
@@ -66,7 +66,7 @@ def strength_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple
                 f"{tag}yielded",
                 f"Yielded zones{where}",
                 words,
-                partial(yielded_figure, scene, sheet, strains),
+                partial(yielded_figure, scene, sheet),
             )
         )
     return tuple(found)
@@ -143,6 +143,11 @@ def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, 
     ]
 
 
+def _has_strain(scene: Scene) -> bool:
+    """Whether plastic strains can be told from the others: nothing strains without stress."""
+    return scene.case is not None and not any(stage.temperature for stage in scene.case.stages)
+
+
 def plastic_strain(scene: Scene) -> Floats | None:
     """(n_states, n_elements) equivalent plastic strain; NaN where it cannot be told.
 
@@ -153,7 +158,7 @@ def plastic_strain(scene: Scene) -> Floats | None:
         scene: what is drawn.
     """
     case, fields = scene.case, scene.fields
-    if case is None or any(stage.temperature for stage in case.stages):
+    if case is None or not _has_strain(scene):
         return None
     kinematics = kinematics_of(case.analysis)
     geometries = tuple(
@@ -185,15 +190,14 @@ def plastic_strain(scene: Scene) -> Floats | None:
     return found
 
 
-def yielded_figure(scene: Scene, sheet: Sheet, strains: Floats | None) -> Figure:
+def yielded_figure(scene: Scene, sheet: Sheet) -> Figure:
     """Plastic strain in colours and the outline of what has yielded, stage by stage.
 
     Args:
         scene: what is drawn.
         sheet: a section or an outside of it.
-        strains: (n_states, n_elements) equivalent plastic strain; None where it is not known.
     """
-    window = scene.window(sheet)
+    window, strains = scene.window(sheet), plastic_strain(scene)
     states = [s for s in scene.states if scene.fields.yielded[s].any()] or list(scene.states[-1:])
     figure, panels = panel_figure(scene, window, len(states), extra=1.0)
     shown = {state: _strain_at(sheet, scene, strains, state) for state in states}
@@ -224,9 +228,4 @@ def _draw_zone(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
     share = sheet.corners.average(scene.fields.yielded[state].astype(float), present)
     raster = scene.raster(sheet)
     image = raster.linear(sheet.of_corners(share), present[sheet.element])
-    if np.nanmax(image, initial=0.0) < 0.5:
-        return
-    rows, columns = raster.shape
-    cell = (raster.high - raster.low) / np.array([columns, rows])
-    x, y = (raster.low[k] + cell[k] * (np.arange((columns, rows)[k]) + 0.5) for k in (0, 1))
-    axes.contour(x, y, np.nan_to_num(image), levels=[0.5], colors=[_ZONE], linewidths=1.1)
+    draw_level(axes, raster, np.nan_to_num(image), 0.5, colors=[_ZONE], linewidths=1.1)

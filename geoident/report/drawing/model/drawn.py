@@ -31,7 +31,7 @@ _PALE = 0.62  # how far the colour of what is excavated goes towards white
 _EDGE = (0.25, 0.25, 0.25)
 _MOST_STAGES = 16
 _WIDEST = 32  # of a label in a legend, letters
-_SLIMMEST = 0.6  # of a window, width by height
+_SLIMMEST = np.array([0.6, 0.3, 0.0])  # least sides of a window, of the largest one
 
 Box = tuple[Floats, Floats]
 
@@ -104,12 +104,11 @@ class DrawnModel:
         margin = 0.15 * float(np.ptp(inner, axis=0).max()) + 1e-9
         margin = max(margin, 0.02 * float((high - low).max()))
         first, last = inner.min(axis=0) - margin, inner.max(axis=0) + margin
-        lack = np.maximum(_SLIMMEST * float((last - first).max()) - (last - first), 0.0) / 2
-        lack[2:] = 0.0
-        first, last = np.maximum(low, first - lack), np.minimum(high, last + lack)
-        lack = np.maximum(_SLIMMEST * float((last - first).max()) - (last - first), 0.0)
-        lack[2:] = 0.0
-        return np.maximum(low, first - lack), np.minimum(high, last + lack)
+        for part in (0.5, 1.0):  # at first on both sides, then where there is room
+            least = _SLIMMEST[: len(low)] * float((last - first).max())
+            lack = part * np.maximum(least - (last - first), 0.0)
+            first, last = np.maximum(low, first - lack), np.minimum(high, last + lack)
+        return first, last
 
     @cached_property
     def has_closer(self) -> bool:

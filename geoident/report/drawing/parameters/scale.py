@@ -97,6 +97,12 @@ def set_scale(axis: Any, *, low: float, high: float, log: bool, most: int = 6) -
 
 
 def with_unit(name: str, unit: Unit, most: int = 16) -> str:
-    """A parameter and its unit, for an axis."""
+    """A parameter and its unit, for an axis.
+
+    Args:
+        name: of the parameter.
+        unit: in which it is shown.
+        most: letters of the name at most.
+    """
     shown = shown_unit(*unit)
     return f"{short(name, most)} ({shown})" if shown else short(name, most)

@@ -1,0 +1,142 @@
+"""What figures of fields say, against states that are known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.quiver import Quiver
+
+from geoident.model.case import Material, Stage
+from geoident.model.ground import Isotropic
+from geoident.model.parameter import Scalar
+from geoident.model.results.result import FieldSeries
+from geoident.model.yielding import MohrCoulomb
+from geoident.report.drawing.fields.motion import vector_figure
+from geoident.report.drawing.fields.strength import plastic_strain, utilisation
+from geoident.report.drawing.fields.stress import cross_figure, stress_unit
+from geoident.report.drawing.raster import raster_of
+from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.style import drawing_style
+from tests.support.cases import displacement, make_case
+from tests.support.meshes import box
+from tests.support.results import example_result
+
+E, NU, C, PHI = 1e9, 0.25, 1e6, np.radians(30.0)
+SOIL = Material(
+    "soil",
+    Isotropic(E=Scalar(E), nu=Scalar(NU)),
+    yields=(MohrCoulomb(Scalar(C), Scalar(PHI)),),
+)
+
+
+def scene_with(stress, strain, **case):
+    """A square under one stress (xx, yy, zz, xy) and strain (xx, yy, xy) from state 1 on."""
+    mesh = box("tri6", (3, 3), size=(20.0, 20.0))
+    sigma = np.zeros((4, mesh.n_elements, 6))
+    sigma[1:, :, :4] = stress
+    gradient = np.array([[strain[0], strain[2]], [0.0, strain[1]]])
+    motion = np.array([0.0, 1.0, 1.0, 3.0])[:, None, None] * (mesh.points @ gradient.T)
+    present = np.ones((4, mesh.n_elements), dtype=bool)
+    fields = FieldSeries(mesh, motion, sigma, present, np.zeros_like(present))
+    scene = Scene(replace(example_result(2), fields=fields), fields)
+    stages = (Stage("drift"), Stage("bench 1"), Stage("bench 2", independent=True))
+    settings = {"materials": {"soil": SOIL}, "groups": {"all": "soil"}, "stages": stages, **case}
+    scene.__dict__["case"] = make_case(replace(mesh, groups={"all": np.arange(mesh.n_elements)}),
+                                       **settings)  # fmt: skip
+    scene.fields.mesh.groups["all"] = np.arange(mesh.n_elements)
+    return scene
+
+
+def test_utilisation_is_one_on_the_surface_and_follows_the_deviator():
+    """Uniaxial compression 2 c cos(phi) / (1 - sin(phi)) yields; at no stress nothing is used."""
+    strength = 2 * C * np.cos(PHI) / (1 - np.sin(PHI))
+    for part, expected in ((1.0, 1.0), (0.0, 0.0)):
+        scene = scene_with([0.0, -part * strength, 0.0, 0.0], [0, 0, 0])
+        np.testing.assert_allclose(utilisation(scene, 1), expected, atol=1e-12)
+    half = utilisation(scene_with([0.0, -0.5 * strength, 0.0, 0.0], [0, 0, 0]), 1)
+    # yields at the same mean stress p with s1 = t - p, s3 = -2 t - p
+    p = 0.5 * strength / 3
+    t = (C * np.cos(PHI) + p * np.sin(PHI)) * 2 / (3 - np.sin(PHI))
+    np.testing.assert_allclose(half, 0.5 * strength / 3 / t)
+
+
+def test_plastic_strain_is_what_the_stress_does_not_explain():
+    sigma = np.array([-1e6, -2e6, -0.5e6, 0.3e6])
+    elastic = np.append((sigma[:3] * (1 + NU) - NU * sigma[:3].sum()) / E, 2 * (1 + NU) / E * 3e5)
+    plastic = np.array([2e-3, -1e-3, -elastic[2], 4e-3])  # xx, yy, gamma xy; none out of plane
+    total = elastic + plastic
+    found = plastic_strain(scene_with(sigma, [total[0], total[1], total[3]]))
+    squares = (plastic[:3] ** 2).sum() + 0.5 * plastic[3] ** 2
+    np.testing.assert_allclose(found[1], np.sqrt(2 / 3 * squares), rtol=1e-9)
+    np.testing.assert_allclose(found[0], 0.0)
+
+
+def test_a_stage_builds_on_its_base_and_displacements_count_since_the_zero():
+    channels = tuple(displacement(f"g{k}", (1.0, 1.0), (1.0, 0.0), zero="drift") for k in range(3))
+    scene = scene_with([0] * 4, [1e-3, 0, 0], channels=channels)
+    assert [scene.base(state) for state in (1, 2, 3)] == [0, 1, 2]
+    assert scene.history(3) == (1, 2, 3)
+    assert scene.zero_state == 1
+    x = scene.fields.mesh.points[:, 0]
+    np.testing.assert_allclose(scene.displacement(3, since=2)[:, 0], 2e-3 * x, atol=1e-15)
+
+
+def test_vectors_end_inside_their_panels(plane):
+    scene = Scene(plane, plane.fields)
+    with drawing_style():
+        figure = vector_figure(scene, scene.sheets[0])
+        figure.draw_without_rendering()
+    for axes in figure.axes:
+        (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
+        tips = np.stack([arrows.X + arrows.U, arrows.Y + arrows.V], axis=1)
+        low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+        assert len(tips)
+        assert (tips >= low).all()
+        assert (tips <= high).all()
+
+
+def test_crosses_lie_along_the_principal_stresses():
+    angle = np.radians(20.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    tensor = turn @ np.diag([-4e6, -1e6]) @ turn.T
+    scene = scene_with([tensor[0, 0], tensor[1, 1], -2e6, tensor[0, 1]], [0, 0, 0])
+    with drawing_style():
+        axes = cross_figure(scene, scene.sheets[0]).axes[0]
+    lines = [c for c in axes.collections if isinstance(c, LineCollection)]
+    arms = np.diff(np.array(lines[-2].get_segments()), axis=1)[:, 0].reshape(-1, 2, 2)
+    assert len(arms) > 100
+    long, short = arms[:, 0], arms[:, 1]
+    ratio = np.linalg.norm(long, axis=1) / np.linalg.norm(short, axis=1)
+    np.testing.assert_allclose(ratio, 4.0)
+    np.testing.assert_allclose(np.arctan(long[:, 1] / long[:, 0]), angle)
+    assert len(lines[-1].get_segments()) == 0  # no tension
+
+
+def test_stresses_of_soils_are_shown_in_kilopascal():
+    soft = scene_with([-2e5, -2e5, -2e5, 0], [0, 0, 0])
+    hard = scene_with([-2e6, -2e6, -2e6, 0], [0, 0, 0])
+    assert stress_unit(soft, soft.sheets[0]) == (1e3, "kPa")
+    assert stress_unit(hard, hard.sheets[0]) == (1e6, "MPa")
+
+
+def test_an_image_holds_linear_fields_and_nothing_outside():
+    mesh = box("tri3", (4, 3), size=(2.0, 1.0), distortion=0.2)
+    triangles = mesh.blocks[0].nodes
+    raster = raster_of(mesh.points, triangles, np.array([-1.0, 0.0]), np.array([2.0, 1.0]), width=1)
+    image = raster.linear(mesh.points @ [3.0, 5.0], np.ones(len(triangles), dtype=bool))
+    rows, columns = raster.shape
+    x = -1.0 + 3.0 * (np.arange(columns) + 0.5) / columns
+    y = (np.arange(rows) + 0.5) / rows
+    exact = np.where(x[None] > 0, 3.0 * x[None] + 5.0 * y[:, None], np.nan)
+    np.testing.assert_allclose(image, exact)
+    half = raster.flat(np.arange(len(triangles)), np.arange(len(triangles)) < 5)
+    assert set(np.unique(half[np.isfinite(half)])) == set(range(5))
+
+
+@pytest.mark.parametrize("state", [1, 3])
+def test_of_one_stage_only_its_state_is_drawn(plane, state):
+    scene = Scene(plane, plane.fields, only=state)
+    with drawing_style():
+        figure = vector_figure(scene, scene.sheets[0])
+    assert len(figure.axes) == 1
