@@ -31,7 +31,7 @@ AVOIDED = (
     "seamless",
 )
 # names, abbreviations and words of titles in other languages
-NOT_WRONG = "ags,ges,methode,numer,ponts"
+NOT_WRONG = "ags,ges,methode,numer,ponts,trough,troughs"
 
 
 def names(path):
