@@ -18,13 +18,14 @@ from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     gross_findings,
     gross_readings,
+    linearity_findings,
     opened,
     over_all_stages,
     parameter_table,
     remarks,
     why_poor,
 )
-from geoident.workflow.estimating.estimate import Estimate, look, predicted, searched
+from geoident.workflow.estimating.estimate import Estimate, further, look, predicted, searched
 from geoident.workflow.estimating.fields import field_estimates
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
@@ -60,10 +61,27 @@ def _fit(job: Job, control: Control) -> Finished:
     """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
-        found = look(setup, problem, outcome, fields=True)
+        found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
         return _result(job, setup, found, _last_stage(setup, outcome, log, control))
 
     return searched(job, control, result)
+
+
+def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
+    """An estimate with the finding that the model is not linear over an interval, where it is so.
+
+    Args:
+        setup: model and readings.
+        problem: of the search.
+        found: the estimate.
+    """
+    if found.outcome.status != "converged":
+        return found
+    before = setup.model.counts
+    said = linearity_findings(problem, found.assessment, found.outcome.values)
+    assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
+    counts = further(found.counts, before, setup.model.counts)
+    return replace(found, assessment=assessment, counts=counts)
 
 
 def _last_stage(setup: Setup, outcome: Outcome, log: Log, control: Control) -> LastStage:

@@ -59,7 +59,8 @@ def made_by(name: str, given: argparse.Namespace) -> str:
         name: of the table.
         given: its options.
     """
-    said = " ".join(f"{key}={value}" for key, value in sorted(vars(given).items()))
+    options = {key: value for key, value in vars(given).items() if key != "kept"}
+    said = " ".join(f"{key}={value}" for key, value in sorted(options.items()))
     found = [f"geoident {geoident.__version__}{_commit()}", f"Python {platform.python_version()}"]
     found += [f"{library} {version(library)}" for library in ("numpy", "scipy", "gmsh")]
     return f"`manual_tables.py {name}` with {said}; {', '.join(found)}"

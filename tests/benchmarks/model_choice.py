@@ -32,7 +32,7 @@ def chosen(rung: str, accuracy: str, seed: int, fit: str) -> tuple[str, bool]:
         write_readings(truth, TRUTHS[rung], seed)
         extra = f", {fit}" if fit else ""
         case = write_case(folder, accuracy=accuracy, fit=f"{{ladder: {LADDER}{extra}}}")
-        found = api.fit(str(case)).result.comparison
+        found = api.fit(str(case)).data.comparison
         assert found is not None
         return found.models[found.chosen].name, found.decided
 

@@ -11,6 +11,10 @@ finer mesh that differs from the model as its name says, with noise of the size 
 Each run has its own noise and, where the truth is drawn, its own truth. ``--cavern`` does the same
 with cases/cavern, read up to bench 2, and its three later benches.
 
+What came of each run is kept with ``--kept FILE``: the same command goes on from there, as long as
+the program is the same, so that a table can be made in pieces, or by several processes with
+different truths (each with a file of its own; ``--kept`` takes several, and writes to the first).
+
 The columns of the table, for every truth and every setting of ``fit.model_error``:
 
     inside             later readings in their 95 % band
@@ -41,13 +45,15 @@ The truths:
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -58,6 +64,7 @@ import gmsh  # noqa: E402
 import numpy as np  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
+import geoident  # noqa: E402
 from geoident.api import fit, load_case  # noqa: E402
 from geoident.fem.solvers import pick_solver  # noqa: E402
 from geoident.forward.model import StagedModel, staged_model  # noqa: E402
@@ -554,6 +561,14 @@ def read_places(site: Site, stages: Sequence[str]) -> tuple[np.ndarray, np.ndarr
 # Runs --------------------------------------------------------------------------------------------
 
 
+def source_digest() -> str:
+    """Of the program and of this suite: runs of another one are not kept."""
+    found = hashlib.sha256(Path(__file__).read_bytes())
+    for path in sorted(Path(geoident.__file__).parent.rglob("*.py")):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
 @dataclass(frozen=True)
 class Run:
     """What came of one run.
@@ -578,10 +593,58 @@ class Run:
     said: frozenset[str]
     size: float
 
+    @classmethod
+    def from_text(cls, text: str) -> Run:
+        """What `as_text` wrote."""
+        raw = json.loads(text)
+        arrays = {k: np.array(v) for k, v in raw.items() if isinstance(v, list) and k != "said"}
+        return cls(**{**raw, **arrays, "said": frozenset(raw["said"])})
+
+    def as_text(self) -> str:
+        """One line of JSON."""
+        raw = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
+        return json.dumps(raw | {"said": sorted(self.said), "exit_code": int(self.exit_code)})
+
     @property
     def silent(self) -> bool:
         """Whether it ended with exit 0 and without any of the words."""
         return self.exit_code == 0 and not self.said
+
+
+@dataclass
+class Kept:
+    """Runs of the same program that were made before.
+
+    Args:
+        paths: of files with a key and a run in each line; new ones go to the first.
+        digest: of the program.
+        runs: key to what came of it.
+    """
+
+    paths: Sequence[Path]
+    digest: str = field(default_factory=source_digest)
+    runs: dict[str, Run] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for path in self.paths:
+            for line in path.read_text().splitlines() if path.exists() else ():
+                key, _, text = line.partition("\t")
+                self.runs[key] = Run.from_text(text)
+
+    def run(self, key: str, make: Callable[[], Run]) -> Run:
+        """A run, made if it was not made before.
+
+        Args:
+            key: of site, truth, setting and number.
+            make: makes it.
+        """
+        key = f"{self.digest} {key}"
+        if key not in self.runs:
+            self.runs[key] = make()
+            if self.paths:
+                with self.paths[0].open("a") as file:
+                    file.write(f"{key}\t{self.runs[key].as_text()}\n")
+        return self.runs[key]
 
 
 def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
@@ -613,7 +676,7 @@ def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
     path = site.write(folder, mesh, file, truth.fixed_k0)
     overrides: dict[str, object] = {"fit.model_error": setting} if setting else {}
     found = fit(load_case(path, overrides), output=folder / "found.h5", force=True, fresh=True)
-    return _judged(site, found.result, exact, noisy + offset[:, None])
+    return _judged(site, found.data, exact, noisy + offset[:, None])
 
 
 def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
@@ -671,7 +734,7 @@ def cells(name: str, setting: str, runs: Sequence[Run], known: np.ndarray | None
         setting or "default",
         str(len(runs)),
         _percent([run.inside for run in runs]),
-        f"{np.median([np.median(run.width / run.accuracy) for run in runs]):.1f}",
+        f"{np.median([np.median(run.width / run.accuracy) for run in runs]):.2f}",
         against,
         f"{1e3 * error:.2f}",
         _percent([run.covered for run in runs]),
@@ -688,7 +751,14 @@ def _percent(flags: Sequence[np.ndarray]) -> str:
 
 
 def all_rows(
-    site: Site, names: Sequence[str], settings: Sequence[str], count: int, *, seed: int, truths: int
+    site: Site,
+    names: Sequence[str],
+    settings: Sequence[str],
+    count: int,
+    *,
+    seed: int,
+    truths: int,
+    kept: Kept,
 ) -> Iterator[list[str]]:
     """Rows of the table.
 
@@ -699,7 +769,9 @@ def all_rows(
         count: runs of each.
         seed: number of the first run.
         truths: drawn for the covariance of the oracle; 0 for no oracle.
+        kept: runs that were made before.
     """
+    where = f"{type(site).__name__} {'many' if site.many else 'few'}"
     for name in names:
         known = None
         if truths:
@@ -707,7 +779,13 @@ def all_rows(
             known = oracle(site, name, range(seed, seed + drawn))
         for setting in settings:
             numbers = range(seed, seed + count)
-            runs = [one_run(site, name, run, setting, site.folder) for run in numbers]
+            runs = [
+                kept.run(
+                    f"{where} {name} {setting} {run}",
+                    partial(one_run, site, name, run, setting, site.folder),
+                )
+                for run in numbers
+            ]
             yield cells(name, setting, runs, known)
 
 
@@ -726,7 +804,10 @@ def tables(given: argparse.Namespace, *, cavern: bool) -> Iterator[str]:
         names = [name for name in given.truths if not cavern or name in OF_CAVERN]
         truths = 0 if cavern or many else given.oracle
         count = given.cavern_runs if cavern else given.runs
-        rows = all_rows(site, names, given.settings, count, seed=given.seed, truths=truths)
+        kept = Kept([Path(path) for path in given.kept])
+        rows = all_rows(
+            site, names, given.settings, count, seed=given.seed, truths=truths, kept=kept
+        )
         for row in rows:
             yield f"| {' | '.join(row)} |"
 
@@ -739,6 +820,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", nargs="+", default=["estimate", "none"], dest="settings")
     parser.add_argument("--gauges", choices=("few", "many"), default="few")
     parser.add_argument("--oracle", type=int, default=100, help="truths drawn for it; 0: without")
+    parser.add_argument("--kept", nargs="+", default=[], help="files of runs, to go on from")
     parser.add_argument("--seed", type=int, default=0, help="number of the first run")
 
 

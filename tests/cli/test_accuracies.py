@@ -67,14 +67,15 @@ def test_a_fit_knows_what_is_shared_and_a_prediction_from_it_knows_the_same(site
         one, other = ([p[name] for p in each["predictions"]] for each in (found, again))
         np.testing.assert_allclose(one, other, rtol=1e-12)
     with h5py.File("case.fit.h5") as file:
-        stated = file["gauges/error_sd"][0] / found["model_error"]["scatter"]
-        np.testing.assert_allclose(stated, [6e-6, 12e-6, 9e-6, 12e-6, 0.0])
+        more = found["model_error"]["scatter"]
+        sizes = np.array([6e-6, 12e-6, 9e-6, 12e-6, 0.0])
+        np.testing.assert_allclose(file["gauges/error_sd"][0], more * sizes)
         assert [t.decode() for t in file["gauges/error_part"]] == [
             "reading", "zero", "head", "epoch", "along",
         ]  # fmt: skip
         assert file["gauges/survey"].asstr()[0] == "tape"
-        np.testing.assert_allclose(file["readings/own_sd"][()], 6e-6)
-        np.testing.assert_allclose(file["readings/sd"][()], 1e-6 * ROOMY_TOTAL)
+        np.testing.assert_allclose(file["readings/own_sd"][()], more * 6e-6)
+        np.testing.assert_allclose(file["readings/sd"][()], more * 1e-6 * ROOMY_TOTAL)
     assert "accuracies" not in found
     # the error of a zero is known in part: a band is narrower than the accuracy of the gauge
     (found,) = run_json("fit", "case.yaml", "--force", "--set", "fit.model_error=none")

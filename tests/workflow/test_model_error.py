@@ -156,7 +156,7 @@ def load_case_of(found):
 
 
 def test_a_given_size_conditions_as_the_formulas_of_dense_matrices(site):
-    found = site({"fit.model_error": "15 %"}).result
+    found = site({"fit.model_error": "15 %"}).data
     assert found.model_error.kind == "given"
     gap, J, sd, C, g, J_later, wide = dense(found)
     eta = found.model_error.size
@@ -176,8 +176,8 @@ def test_a_given_size_conditions_as_the_formulas_of_dense_matrices(site):
 
 
 def test_the_size_is_estimated_and_bands_grow_with_it(site):
-    right = site({"fit.model_error": "none"}).result
-    found = site().result
+    right = site({"fit.model_error": "none"}).data
+    found = site().data
     error = found.model_error
     assert 0.08 < error.lower95 < error.size < error.upper95 < 0.6
     used = 5e-3 * error.factor
@@ -197,7 +197,7 @@ def inside_later(found):
 
 def test_sizes_are_weighed_by_the_restricted_likelihood(site):
     """-2 l by dense matrices; a loss that disregards nothing keeps the accuracies as stated."""
-    found = site({"fit.loss": "huber", "fit.huber.delta": "1000"}).result
+    found = site({"fit.loss": "huber", "fit.huber.delta": "1000"}).data
     assert found.model_error.factor == 1.0
     gap, J, sd, C, g, _, _ = dense(found)
     J = J * np.where(np.array(found.parameters.names) == "E", found.parameters.values, 1.0)
@@ -226,13 +226,15 @@ def scattered(by, *, each=1):
             value = reading.value + offset[reading.channel] + 5e-6 * by[0] * generator.normal()
             rows.append(f"{reading.channel},{reading.stage},{float(value)!r},m")
     Path("readings.csv").write_text("\n".join(rows) + "\n")
+    text, every = Path("case.yaml").read_text(), "readings: {file: readings.csv, several: all}"
+    Path("case.yaml").write_text(text.replace("readings: readings.csv", every))
 
 
 def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
     """The bands are those of the scatter, and a prediction from the result knows it."""
     scattered((3.0, 0.0), each=6)
-    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
-    found, error = fitted.result, fitted.result.model_error
+    fitted = site({"fit.backtest": "false"})
+    found, error = fitted.data, fitted.data.model_error
     assert 2.0 < error.factor < 4.0
     assert error.factor_lower95 < error.factor < error.factor_upper95
     (said,) = [text for text in found.findings if "times as much as their stated" in text]
@@ -240,7 +242,7 @@ def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
     with_zero = np.hypot(1.0, error.zero)
     np.testing.assert_allclose(found.gauges.accuracy, 5e-6 * error.factor * with_zero)
     np.testing.assert_allclose(found.gauges.readings.own_sd, 5e-6 * error.factor)
-    again = predict(fitted, stages=("second",)).result
+    again = predict(fitted, stages=("second",)).data
     np.testing.assert_allclose(again.prediction.sd, found.prediction.sd, rtol=1e-9)
     objective = problem_at_the_end(found)
     assert objective == pytest.approx(found.objective, rel=1e-9)
@@ -248,12 +250,12 @@ def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
 
 def test_errors_of_zeros_that_nobody_declared_are_found(site):
     scattered((1.0, 4.0), each=12)
-    fitted = site({"fit.backtest": "false", "readings": "{file: readings.csv, several: all}"})
-    found, error = fitted.result, fitted.result.model_error
+    fitted = site({"fit.backtest": "false"})
+    found, error = fitted.data, fitted.data.model_error
     assert 0.5 < error.zero < error.zero_upper95
     errors = found.gauges.errors[0]
     assert errors.zero == pytest.approx(error.zero * errors.reading)
-    again = predict(fitted, stages=("second",)).result
+    again = predict(fitted, stages=("second",)).data
     np.testing.assert_allclose(again.prediction.sd, found.prediction.sd, rtol=1e-9)
     assert problem_at_the_end(found) == pytest.approx(found.objective, rel=1e-9)
 
@@ -285,8 +287,8 @@ def problem_at_the_end(result):
      {"fit.loss": "student-t"}],
 )  # fmt: skip
 def test_every_method_and_loss_takes_it_along(site, changes):
-    plain = site().result
-    found = site(changes).result
+    plain = site().data
+    found = site(changes).data
     assert found.status == "converged"
     assert found.model_error.size == pytest.approx(plain.model_error.size, rel=0.5)
     np.testing.assert_allclose(found.parameters.values, plain.parameters.values, rtol=0.15)
@@ -295,9 +297,9 @@ def test_every_method_and_loss_takes_it_along(site, changes):
 
 def test_a_prediction_from_the_result_has_the_same_bands(site):
     found = site()
-    again = predict(found, stages=("second",)).result
+    again = predict(found, stages=("second",)).data
     for name in ("mean", "sd", "lower95", "upper95"):
-        one, other = (getattr(r.prediction, name)[:, 1] for r in (found.result, again))
+        one, other = (getattr(r.prediction, name)[:, 1] for r in (found.data, again))
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
@@ -307,20 +309,20 @@ def test_accuracies_estimated_along_are_those_of_the_posterior(site, part):
     text = Path("case.yaml").read_text()
     Path("case.yaml").write_text(text.replace("accuracy: 5 um", f"accuracy: {{{part}}}"))
     found = site()
-    result = found.result
+    result = found.data
     assert result.model_error.factor == 1.0  # the others are known
     assert problem_at_the_end(result) == pytest.approx(result.objective, rel=1e-9)
-    again = predict(found, stages=("second",)).result
+    again = predict(found, stages=("second",)).data
     np.testing.assert_allclose(again.prediction.sd, result.prediction.sd, rtol=1e-9)
 
 
 def test_too_few_readings_say_so(tmp_path):
-    found = fit(write_case(tmp_path)).result
+    found = fit(write_case(tmp_path)).data
     assert found.model_error is None
     assert [n for n in found.notes if "readings are too few beside 2 parameters" in n]
 
 
 def test_a_model_error_of_some_readings_costs_a_descent_or_two(site):
-    plain = site({"fit.model_error": "none", "fit.backtest": "false"}).result
-    found = site({"fit.backtest": "false"}).result
+    plain = site({"fit.model_error": "none", "fit.backtest": "false"}).data
+    found = site({"fit.backtest": "false"}).data
     assert found.counts.factorizations <= 4 * plain.counts.factorizations

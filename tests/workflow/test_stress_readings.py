@@ -113,10 +113,10 @@ def test_a_few_stresses_beside_them_determine_all_to_ten_percent(tmp_path, more,
 def test_later_stages_are_predicted_as_values_with_bands(tmp_path):
     """What a result is read again from keeps that cells have no zero."""
     found = _identified(tmp_path, CELLS, 3)
-    later = predict(found, stages=("s4", "s5")).result
+    later = predict(found, stages=("s4", "s5")).data
     gauges, row = later.gauges, later.gauges.channels.index("P1")
     columns = [gauges.stages.index(stage) for stage in ("s4", "s5")]
-    fitted = found.result.gauges
+    fitted = found.data.gauges
     own = fitted.computed[fitted.channels.index("P1")]
     computed = own[[fitted.stages.index(stage) for stage in ("s4", "s5")]]
     np.testing.assert_allclose(gauges.computed[row, columns], computed, rtol=1e-9)

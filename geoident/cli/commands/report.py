@@ -18,7 +18,7 @@ Examples:
   geoident report case.fit.h5 -o report.html --figures figures --format pdf
   geoident report case.fit.h5 --no-page --figures . --format png --force
   geoident report start-a.h5 start-b.h5 -o comparison.html
-  geoident report case.fit.h5 --client "Ground AG" --revision B --logo logo.svg --force
+  geoident report case.fit.h5 --client "Ground AG" --logo logo.svg --force
 """
 
 

@@ -48,7 +48,7 @@ PRIOR_SD = 0.3
 ACCURACY_SPREAD = np.log(3.0)
 """Of the logarithm of an accuracy that is estimated, or stated wrongly: a factor of three."""
 
-AS_STATED = 0.1
+AS_STATED = 0.5
 """Probability that accuracies are as stated, before any residual."""
 
 ZERO_SD = 1.0

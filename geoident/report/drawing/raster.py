@@ -114,7 +114,7 @@ def show(axes: Any, raster: Raster, colours: Floats, **style: Any) -> None:
     Args:
         axes: where to draw.
         raster: of what.
-        colours: red, green, blue and opacity, 0 to 1.
+        colours: (rows, columns, 4) red, green, blue and opacity, 0 to 1.
         style: of the image.
     """
     rgba = np.round(255 * np.nan_to_num(colours)).astype(np.uint8)

@@ -405,3 +405,22 @@ def test_many_readings_of_one_channel_count_as_their_mean(make_problem, loss):
         np.testing.assert_allclose(found.influence[[0, -2, -1]], other.influence, rtol=1e-5)
         np.testing.assert_allclose(found.distance[[0, -2, -1]], other.distance, rtol=1e-5)
     assert np.all(np.isfinite(found.standardized))
+
+
+def test_later_readings_share_errors_among_themselves_where_used_ones_share_none(make_problem):
+    """Nothing is known of these errors: all of them is left."""
+    problem = make_problem(line, parameters(), np.ones(len(SD)), SD)
+    assert problem.covariance is None
+    sd, J = np.array([0.2, 0.1]), np.ones((2, 2))
+    shares = sp.csr_array(np.array([[0.1, -0.4], [0.3, 0.0]]))
+    v, used = line(np.ones(2)), np.ones((len(SD), 2))
+    structure = ErrorStructure(sd, np.array([-1, -1]), shares, np.full(2, -1), ())
+    found = given_used(problem, v, used, later=structure, later_jacobian=J)
+    np.testing.assert_allclose(found.sd, [np.sqrt(0.04 + 0.17), np.sqrt(0.01 + 0.09)])
+    np.testing.assert_allclose(found.shift, 0.0)
+    alone = ErrorStructure(sd, np.array([-1, -1]), shares[:, :0], np.zeros(0, dtype=int), ())
+    both = replace(problem, shared=SHARED)
+    for each in (problem, both):
+        found = given_used(each, v, used, later=alone, later_jacobian=J)
+        np.testing.assert_allclose(found.sd, sd)
+        np.testing.assert_allclose(found.jacobian, J)

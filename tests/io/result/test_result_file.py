@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import signal
 import subprocess
 import sys
@@ -141,7 +142,13 @@ def test_identity_of_existing_results(tmp_path: Path, result_maker: Make) -> Non
     path = tmp_path / "a.h5"
     assert read_identity(path) is None
     write_result(result_maker(), path, overwrite=False)
-    assert read_identity(path) == ResultIdentity("d" * 64, "fit", "converged", 0)
+    expected = ResultIdentity("d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf)
+    assert read_identity(path) == expected
+    took = result_maker()
+    provenance = dataclasses.replace(took.provenance, seconds=4000.0)
+    took = dataclasses.replace(took, provenance=provenance)
+    write_result(took, path, overwrite=True)
+    assert read_identity(path) == dataclasses.replace(expected, seconds=4000.0)
     path.write_bytes(path.read_bytes()[:-1])
     assert read_identity(path) is None
     path.write_text("text")

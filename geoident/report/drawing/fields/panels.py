@@ -271,7 +271,7 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
     Args:
         axes: where to draw.
         raster: with the place of the image.
-        image: values.
+        image: values (rows, columns).
         scale: of `bands`.
     """
     shading = ScalarMappable(scale["norm"], scale["cmap"])
@@ -375,7 +375,7 @@ def on_sheet(scene: Scene, sheet: Sheet, points: Floats) -> Bools:
     Args:
         scene: what is drawn.
         sheet: a section or an outside of it.
-        points: m.
+        points: (k, dim) m.
     """
     if sheet.plane is None:
         return np.ones(len(points), dtype=bool)

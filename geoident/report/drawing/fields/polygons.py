@@ -46,7 +46,7 @@ class Polygons:
         return np.asarray(np.arange(self.points.shape[1])[None] < self.count[:, None])
 
     def some(self, chosen: Bools | Ints) -> Polygons:
-        """Some of them."""
+        """Some of them, by number or by (n,) whether."""
         return Polygons(self.points[chosen], self.count[chosen])
 
     def extent(self, column: int) -> tuple[Floats, Floats]:
@@ -98,7 +98,7 @@ class Polygons:
         return cls(np.concatenate(wide), np.concatenate([part.count for part in parts]))
 
     def in_bands(self, column: int, levels: Floats) -> Iterator[tuple[int, Polygons]]:
-        """The parts between levels of a column: -1 for those below the first one, and so on."""
+        """The parts between levels (n,) of a column: -1 for those below the first, and so on."""
         low, high = self.extent(column)
         for k in range(-1, len(levels)):
             first = -np.inf if k < 0 else levels[k]

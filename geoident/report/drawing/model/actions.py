@@ -250,7 +250,13 @@ def _normals(corners: Floats) -> Floats:
 
 
 def water_levels(case: Case, mesh: Mesh, values: Values) -> dict[str, Floats]:
-    """Label to line (k, dim), m, of the water in the pores."""
+    """Label to line (k, dim), m, of the water in the pores.
+
+    Args:
+        case: with water before the first stage or from a stage on.
+        mesh: with the nodes of a water table that is a group.
+        values: of the parameters, which a level may be.
+    """
     found: dict[str, Floats] = {}
     states: list[tuple[int, Water]] = [(0, case.water)] if case.water is not None else []
     states += [(n, s.water) for n, s in enumerate(case.stages, start=1) if s.water is not None]

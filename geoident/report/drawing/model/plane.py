@@ -192,7 +192,7 @@ def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names
     Args:
         axes: where to draw.
         case: the case.
-        gauges: lines and points of each, in the coordinates of the axes.
+        gauges: lines and points (k, dim) of each, in the coordinates of the axes.
         names: whether names are written.
     """
     kinds = {channel.gauge: channel.kind for channel in case.channels}
@@ -264,7 +264,14 @@ def _draw_water(axes: Axes, model: DrawnModel, *, names: bool) -> list[Any]:
 def draw_legend(
     axes: Axes, model: DrawnModel, meanings: dict[str, Any], *, columns: int = 1
 ) -> None:
-    """Materials and marks on the left, stages on the right, in axes of their own."""
+    """Materials and marks on the left, stages on the right, in axes of their own.
+
+    Args:
+        axes: of nothing else.
+        model: whose materials and stages are named.
+        meanings: marks as the legend shows them, by what they mean.
+        columns: in which materials and marks stand.
+    """
     axes.set_axis_off()
     style: dict[str, Any] = {"fontsize": LETTERS - 0.5, "frameon": False, "borderaxespad": 0.0,
                              "handlelength": 1.5, "labelspacing": 0.35}  # fmt: skip

@@ -177,7 +177,15 @@ def _most_inside(middles: Floats) -> Floats:
 
 
 def outer_faces(model: DrawnModel, chosen: Bools) -> tuple[list[Ints], Ints]:
-    """Corners of the outer faces of some elements, kind by kind, and the elements behind them."""
+    """Corners (n, 3 or 4) of the outer faces of some elements, kind by kind; the elements behind.
+
+    Args:
+        model: with the mesh.
+        chosen: the elements (n_elements,) that are there.
+
+    Returns:
+        The corners of each kind of face, and the elements (sum of n,) in the order of the faces.
+    """
     mesh, table = model.mesh, model.maker.faces
     found = patches(mesh, table, table.free(chosen))
     corners = [patch.nodes[:, : CELLS[patch.kind].n_corners] for patch in found]

@@ -103,8 +103,9 @@ class FineGrid:
 
     @property
     def rise(self) -> Floats:
-        """(k, k) the misfit less its least value."""
-        return np.asarray(self.objective - np.nanmin(self.objective))
+        """(k, k) the misfit less its least value; NaN everywhere if there is none."""
+        known = self.objective[np.isfinite(self.objective)]
+        return np.asarray(self.objective - known.min(initial=np.inf))
 
     def profile(self, k: int) -> tuple[Floats, Floats]:
         """Least rise over the other parameter: values (m,) of the k-th parameter, and it."""
@@ -210,6 +211,8 @@ def region(grid: Grid, logs: Set[str]) -> FineGrid:
         logs: names of the parameters that are identified on the logarithm.
     """
     surface = _away_from_holes(grid, _surface(grid, logs))
+    if not surface.cells.any():
+        return refined(grid, logs)  # between the places that have a solution there is nothing
     low, high = surface.box
     size, origin, axes = high - low, np.zeros(2), np.eye(2)
     ends = np.array([[0.0, 1.0], [0.0, 1.0]])
@@ -375,7 +378,8 @@ def _plane_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Fig
     shown = near.at[:, np.nan_to_num(near.rise, nan=np.inf) <= _PROFILE_TOP]
     for k, (name, unit) in enumerate(zip(grid.names, units, strict=True)):
         log, name_axis = name in logs, "xy"[k]
-        ends = (grid.axes[k].min(), grid.axes[k].max()), (shown[k].min(), shown[k].max())
+        whole_axis = (grid.axes[k].min(), grid.axes[k].max())
+        ends = whole_axis, (shown[k].min(), shown[k].max()) if shown.size else whole_axis
         for each, (low, high) in zip((axes, around), ends, strict=True):
             axis = getattr(each, f"{name_axis}axis")
             set_scale(axis, low=size[k] * low, high=size[k] * high, log=log, most=5)
@@ -386,7 +390,9 @@ def _plane_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Fig
 
 
 def _draw_regions(axes: Axes, near: FineGrid, size: Floats) -> None:
-    """Borders of the regions of two parameters."""
+    """Borders of the regions of two parameters, where there is a misfit between the places."""
+    if not np.isfinite(near.objective).any():
+        return
     at = size[:, None, None] * near.at
     axes.contour(*at, np.ma.masked_invalid(near.rise), levels=list(region_levels(2)),
                  colors="black", linewidths=1.0, linestyles=list(_REGION_STYLES))  # fmt: skip

@@ -1,0 +1,77 @@
+"""Whether the model is linear enough for the intervals that are said (theory 6.7).
+
+The ends of a 95 % interval are where phi is 3.84 above its minimum if the model is linear. Where
+the least known parameter is known so badly that it need not be, the model is asked at both ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Floats
+from geoident.model.methods import SquaredOptions
+from geoident.model.results.result import NORMAL_95
+
+UNCERTAIN = 0.15
+"""Standard deviation, relative to the value, up to which any smooth model is linear enough.
+
+A reading that is inversely proportional to a parameter deviates by 15 % of its change there."""
+
+OFF = 1.2
+"""Factor between the end of an interval and where it should be from which on it is said."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What the model says of the ends of an interval.
+
+    Args:
+        parameter: its number.
+        below: by how much phi is larger at the lower end than at the estimate.
+        above: at the upper end.
+    """
+
+    parameter: int
+    below: float
+    above: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether an end is farther in or out than it should be, by more than a fifth."""
+        low, high = (NORMAL_95**2 * OFF**sign for sign in (-2, 2))
+        return not all(low <= rise <= high for rise in (self.below, self.above))
+
+
+def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> Ends | None:
+    """Phi at the ends of the interval of the least known parameter; the others follow it.
+
+    None where that is known well enough, where a bound is near (`open_path` asks there), and with
+    robust losses, which are not quadratic anyway.
+
+    Args:
+        problem: of the fit.
+        assessment: of the model linearised at the estimate.
+        values: (n,) the estimate, SI.
+    """
+    if not isinstance(problem.loss, SquaredOptions) or assessment.at_bound.any():
+        return None
+    asked = assessment.determined & ~assessment.beyond_bounds & (values != 0.0)
+    asked &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    relative = np.where(asked, assessment.sd, 0.0) / np.where(values != 0.0, np.abs(values), 1.0)
+    if not len(values) or not relative.max() > UNCERTAIN:
+        return None
+    i = int(np.argmax(relative))
+    F = assessment.uncut_factor
+    step = NORMAL_95 * (F @ F[i]) / np.linalg.norm(F[i])
+    discrepancy = Discrepancy(problem)
+    here = discrepancy.objective(values)
+    below, above = (
+        discrepancy.objective(discrepancy.scaling.away(values, sign * step)) - here
+        for sign in (-1.0, 1.0)
+    )
+    return Ends(i, below, above)
