@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from manual.pages import cut, difference
 
 from geoident.cli.app import geoident
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 from geoident.units import read_quantity
-from manual.pages import cut, difference
 
 CASES = Path(__file__).parents[2] / "cases"
 QUICK = (

@@ -9,14 +9,14 @@ from functools import cache
 import click
 import pytest
 from codespell_lib import main as codespell
-from sphinx.application import Sphinx
-
-from geoident.cli.app import COMMANDS, geoident
 from manual.commands import EXIT_CODES, command_page
 from manual.conf import contents
 from manual.drawings import DRAWINGS, svg
 from manual.gallery import file_name, shown
 from manual.pages import DOCS
+from sphinx.application import Sphinx
+
+from geoident.cli.app import COMMANDS, geoident
 
 ROOT = DOCS.parents[1]
 PAGES = [*sorted(DOCS.rglob("*.md")), DOCS.parent / "ARCHITECTURE.md", ROOT / "README.md"]
@@ -102,7 +102,7 @@ def test_commands_and_their_flags_exist(path):
 
 
 def test_the_page_of_commands_is_up_to_date():
-    remedy = "run: python -m manual commands"
+    remedy = "run: sh tests/manual/renew commands"
     assert (DOCS / "commands.md").read_text(encoding="utf-8") == command_page(), remedy
     assert set(EXIT_CODES) == set(type(next(iter(EXIT_CODES))))
 
@@ -119,7 +119,7 @@ def test_drawings_are_up_to_date(name):
 @pytest.mark.filterwarnings("ignore:.*Check CHANGES for Sphinx API")
 def test_the_site_is_made_without_a_warning_and_needs_no_network(tmp_path):
     app = Sphinx(
-        ROOT / "geoident", ROOT / "manual", tmp_path / "site", tmp_path / "trees", "html",
+        ROOT / "geoident", ROOT / "tests" / "manual", tmp_path / "site", tmp_path / "trees", "html",
         status=None, warningiserror=True, exception_on_warning=True,
     )  # fmt: skip
     app.build()
@@ -137,7 +137,7 @@ def test_the_site_is_made_without_a_warning_and_needs_no_network(tmp_path):
 def test_the_gallery_shows_every_case():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     for one in shown():
-        assert f"\n## {one.title}\n" in text, "run: python -m manual gallery"
+        assert f"\n## {one.title}\n" in text, "run: sh tests/manual/renew gallery"
         for command in one.commands:
             assert command in text
         assert f"](gallery/{file_name(one, 'overview')})" in text

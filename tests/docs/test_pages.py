@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import pytest
-
 from manual.pages import Page, cut, difference, page_name, pages_that_are_run, read_page
 from manual.transcript import faults, given_files, run_command, run_page
 
@@ -20,7 +19,7 @@ def test_a_page_does_what_it_says(tmp_path, path):
     assert page.commands
     shells = [c.line for c in page.commands if re.search(r'"[^"]*[$`!][^"]*"', c.line)]
     assert shells == [], "a shell would replace what stands in double quotes"
-    remedy = f"run: python -m manual {page_name(path)}"
+    remedy = f"run: sh tests/manual/renew {page_name(path)}"
     assert faults(page, run_page(page, tmp_path)) == [], remedy
 
 

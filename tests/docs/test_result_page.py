@@ -7,10 +7,10 @@ from pathlib import Path
 
 import h5py
 import pytest
+from manual.pages import DOCS
 
 import geoident
 from geoident.io.result.file import write_result
-from manual.pages import DOCS
 from tests.support.commands import run_command
 from tests.support.results import example_result
 from tests.support.trench import write_case

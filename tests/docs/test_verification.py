@@ -6,13 +6,12 @@ import re
 
 import numpy as np
 import pytest
-
 from manual import records as kept
 from manual.entries import ENTRIES
 from manual.records import Recorder, records
 from manual.verification import FOLDER, figures, fingerprint, pages, percent, recording_tests
 
-REMEDY = "run: python -m manual verification/pages"
+REMEDY = "run: sh tests/manual/renew verification/pages"
 
 
 def test_every_entry_has_numbers_and_every_number_an_entry():
@@ -73,7 +72,7 @@ class TestRecorder:
         "other", [{"found": (1.0, 2.0, 4.11)}, {"variant": "b"}, {"test": "test.py::test_other"}]
     )
     def test_others_are_refused(self, other):
-        with pytest.raises(AssertionError, match="python -m manual verification"):
+        with pytest.raises(AssertionError, match="sh tests/manual/renew verification"):
             self.check(**other)
 
     def test_places_are_sorted_and_thinned(self, monkeypatch):

@@ -2,9 +2,9 @@
 
 A test that holds the program against a closed form or another program is given the fixture
 ``verification`` and calls it with what is exact and what was found. Each run of the test compares
-these numbers with those that are kept in ``manual/records``, from which the pages are made; so
-the manual cannot drift from the program. ``python -m manual verification`` runs the tests, keeps
-their numbers and makes the pages.
+these numbers with those that are kept in ``tests/manual/records``, from which the pages are made;
+so the manual cannot drift from the program. ``sh tests/manual/renew verification`` runs the tests,
+keeps their numbers and makes the pages.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 FOLDER = Path(__file__).parent / "records"
 RENEW = "GEOIDENT_RENEW_VERIFICATION"
-REMEDY = "the manual has other numbers; run: python -m manual verification"
+REMEDY = "the manual has other numbers; run: sh tests/manual/renew verification"
 MOST = 9  # points of a table
 SAME = 1e-4  # of the largest number
 

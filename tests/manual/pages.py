@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-DOCS = Path(__file__).resolve().parents[1] / "geoident" / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "geoident" / "docs"
 GAP = "..."
 
 _BLOCK = re.compile(

@@ -35,7 +35,7 @@ every such comparison that gives numbers: what is computed, what is exact and by
 table, the deviation, and the test that makes it. The numbers are those of the tests: each run of a
 test compares its numbers with these pages and fails if they differ.
 
-    .venv/bin/python -m manual verification
+    sh tests/manual/renew verification
 
 runs these tests, slow ones included, and makes the pages again.
 

@@ -1,7 +1,7 @@
 """Makes the workbook of the tutorial of the tunnel: the truth on a finer mesh, plus noise.
 
 The clay of the truth is stronger at depth, which the model of the tutorial does not know. Run:
-python -m manual.tunnel_readings, then python -m manual tutorials/tunnel
+sh tests/manual/renew tutorials/tunnel/readings tutorials/tunnel
 """
 
 from __future__ import annotations
@@ -97,7 +97,3 @@ def _table(sheet, title, header, rows) -> None:
     sheet.column_dimensions["A"].width = 12
     for cells in sheet.iter_rows(min_row=4, max_col=1):
         cells[0].number_format = "DD/MM/YYYY"
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,8 @@
-"""Renew what is made in the manual: ``python -m manual [PART...]``, all parts if none is named."""
+"""Renew what is made in the manual: ``sh tests/manual/renew [PART...]``.
+
+All parts are made if none is named, but for the readings of the tutorial of the tunnel, which
+are given: ``sh tests/manual/renew tutorials/tunnel/readings``.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from geoident.io.docs.case_schema import key_page_text
-from manual import gallery, verification
+from manual import gallery, tunnel_readings, verification
 from manual.commands import command_page
 from manual.drawings import DRAWINGS, svg
 from manual.pages import DOCS, page_name, pages_that_are_run, read_page
@@ -52,6 +56,9 @@ PARTS: dict[str, Callable[[], None]] = {
     **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
 }
 
+GIVEN: dict[str, Callable[[], None]] = {"tutorials/tunnel/readings": tunnel_readings.main}
+"""What is made only when it is named."""
+
 
 def main(words: list[str]) -> None:
     """Renew the parts that are named, or all.
@@ -59,11 +66,12 @@ def main(words: list[str]) -> None:
     Raises:
         SystemExit: there is no such part.
     """
-    if unknown := [word for word in words if word not in PARTS]:
-        raise SystemExit(f"no part {unknown[0]}; there are {', '.join(PARTS)}")
+    parts = PARTS | GIVEN
+    if unknown := [word for word in words if word not in parts]:
+        raise SystemExit(f"no part {unknown[0]}; there are {', '.join(parts)}")
     for name in words or PARTS:
         print(name, flush=True)
-        PARTS[name]()
+        parts[name]()
 
 
 if __name__ == "__main__":
