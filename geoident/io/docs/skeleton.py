@@ -45,8 +45,7 @@ def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
 
 
 _PARAMETERS = """\
-# What is to be identified; $E_rock refers to it. Without parameters nothing can be fitted: write
-# yours below, and delete the {}.
+# What is to be identified; $E_rock refers to it. To fit, write yours below, and delete the {}.
 parameters: {}
   # E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}
   # K0:     {start: 1.0, bounds: [0.3, 3.0]}
