@@ -171,7 +171,7 @@ def test_forces_of_a_lining_stand_on_it_and_are_those_of_the_table():
         reach.append(3.0 * np.cos(np.pi / 24) - np.linalg.norm(outline, axis=1).min())
     assert reach[1] == pytest.approx(2.0 * reach[0], rel=1e-6)
     assert reach[0] > 0.0  # anticlockwise the left, where compression is drawn, is inside
-    # moments are drawn at the middles of the pieces, where there are no teeth
+    # moments are drawn at the middles of the pieces
     moments = {
         float(text.get_text()) for text in by_title["M (kNm/m), lined"].texts if text.get_text()
     }

@@ -5,7 +5,8 @@ arc with the inside of the beam to the right,
 
     N                       axial force, from the piece that holds the place (of a shell along
                             its meridian)
-    M = M_mid + Q (s - L/2) bending moment, positive with tension on the inside
+    M                       bending moment, linear between the ends of the piece (see
+                            `forward.structures.end_moments`), positive with tension on the inside
     Q = dM/ds               shear force
 
 and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI
@@ -227,7 +228,7 @@ def _of_beam(
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    found = section_forces(part.members, members[part.rows])
+    found = part.section_forces(members)
     if channel.kind == "load-cell" and channel.quantity != "M":
         forces = found.axial if channel.quantity == "N" else found.shear
         return np.asarray(forces[place.pieces].mean(axis=0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.structures import section_forces
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.forward.structures.members import StructureMembers, Structures, bar_share
 from geoident.model.arrays import Floats
@@ -40,7 +39,7 @@ class MemberRecorder:
         state = self._sequence.states[number]
         parts, given = [], []
         for part in self._structures.parts:
-            found = self._at_ends(part, members[part.rows, 0])
+            found = self._at_ends(part, members[:, 0])
             parts.append(found if part.name in state.structures else np.full_like(found, np.nan))
             given.append(self._given(part, state))
         table = np.concatenate(parts, axis=1)
@@ -75,8 +74,8 @@ class MemberRecorder:
         missing = np.full(len(part.members), np.nan)
         if isinstance(part.structure, Bars):
             share = bar_share(part.structure, ParameterPoint(self._values, ())).value
-            return np.stack([forces * share, missing, missing, missing, missing])
-        found = section_forces(part.members, forces)
+            return np.stack([forces[part.rows] * share, missing, missing, missing, missing])
+        found = part.section_forces(forces)
         hoop = missing if part.members.nu is None else found.hoop
         return np.stack([found.axial, found.first, found.second, found.shear, hoop])
 

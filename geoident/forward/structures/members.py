@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -36,16 +36,19 @@ import scipy.sparse as sp
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
+    SectionForces,
     area_shares,
     bars,
     beams,
     grouted_parts,
     member_blocks,
+    section_forces,
     shells,
     stiffness_map,
 )
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
+from geoident.forward.structures.end_moments import EndMoments, end_moments
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
@@ -69,12 +72,36 @@ class StructureMembers:
         structure: what the case says of it.
         members: its members; those of bars are the bars in the order of the case.
         rows: where its rows lie among those of all structures.
+        end_moments: of a beam, how moments at the ends of its pieces are found.
     """
 
     name: str
     structure: Structure
     members: Members
     rows: slice
+    end_moments: EndMoments | None = None
+
+    def section_forces(self, forces: Floats) -> SectionForces:
+        """Forces in the sections of a beam without the teeth of its elements (see `end_moments`).
+
+        Args:
+            forces: q (n_rows, ...) of all structures.
+        """
+        found = section_forces(self.members, forces[self.rows])
+        if self.end_moments is None:
+            return found
+        first, second = self.end_moments.apply(found.first, found.second)
+        bent_first, bent_second = self.end_moments.apply(found.bent_first, found.bent_second)
+        length = self.members.length.reshape(-1, *(1,) * (forces.ndim - 1))
+        rise = (second - first) - (found.second - found.first)
+        return replace(
+            found,
+            first=first,
+            second=second,
+            shear=found.shear + rise / length,
+            bent_first=bent_first,
+            bent_second=bent_second,
+        )
 
 
 class Structures:
@@ -90,7 +117,7 @@ class Structures:
         self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
         self._dim = on_mesh.mesh.dim
         self._gravity = on_mesh.case.gravity or (0.0,) * self._dim
-        self.parts = tuple(_parts(on_mesh))
+        self.parts = _with_end_moments(on_mesh, tuple(_parts(on_mesh)))
         members = [part.members for part in self.parts]
         operators = [m.operator for m in members] or [sp.csr_array((0, on_mesh.mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
@@ -326,18 +353,79 @@ def _parts(on_mesh: CaseOnMesh) -> Iterator[StructureMembers]:
         yield StructureMembers(name, structure, members, rows)
 
 
-def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
-    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
+def _with_end_moments(
+    on_mesh: CaseOnMesh, parts: tuple[StructureMembers, ...]
+) -> tuple[StructureMembers, ...]:
+    """The structures, of beams with how moments at the ends of their pieces are found."""
     mesh = on_mesh.mesh
-    clamped = clamped_nodes(mesh, beam)
+    borne = [_bears_on(mesh, part.members) for part in parts]
+    return tuple(
+        replace(part, end_moments=_end_moments(on_mesh, part, [*borne[:n], *borne[n + 1 :]]))
+        for n, part in enumerate(parts)
+    )
+
+
+def _end_moments(
+    on_mesh: CaseOnMesh, part: StructureMembers, others: list[Bools]
+) -> EndMoments | None:
+    """Of a beam, where others bear on nodes (n_nodes,) each."""
+    mesh, beam, nodes = on_mesh.mesh, part.structure, part.members.nodes
+    if not isinstance(beam, Beam) or nodes is None:
+        return None
+    hinged, held = _hinged_and_held(on_mesh, beam)
+    kinked = np.logical_or.reduce([np.zeros(mesh.n_nodes, dtype=bool), *others])
+    toothed = _toothed(mesh, beam, nodes)
+    return end_moments(nodes, part.members.ends, toothed, kinked, held, hinged)
+
+
+def _toothed(mesh: Mesh, beam: Beam, nodes: Ints) -> Bools:
+    """(n,) pieces of a beam that lie on lines of three nodes."""
+    middles = [
+        block.nodes[rows][:, 2]
+        for block, rows in rows_in(mesh.facets, mesh.facet_groups[beam.group])
+        if block.kind == "line3"
+    ]
+    of_three = np.concatenate([np.empty(0, dtype=np.int64), *middles])
+    return np.asarray(np.isin(nodes, of_three).any(axis=1))
+
+
+_BEARS = 0.3
+"""Part of the largest weight of a bar on nodes from which on it bears on a node."""
+
+
+def _bears_on(mesh: Mesh, members: Members) -> Bools:
+    """(n_nodes,) nodes on which a structure bears: of bars those next to their ends."""
+    borne = np.zeros(mesh.n_nodes, dtype=bool)
+    if members.nodes is not None:
+        borne[members.nodes] = True
+        return borne
+    weights = abs(members.operator).tocoo()
+    largest = abs(members.operator).max(axis=1).toarray().ravel()
+    chosen = weights.data > _BEARS * largest[weights.row]
+    borne[weights.col[chosen] // mesh.dim] = True
+    return borne
+
+
+def _hinged_and_held(on_mesh: CaseOnMesh, beam: Beam) -> tuple[Bools, Bools]:
+    """(n_nodes,) at which a beam has a hinge, and at which it does not turn."""
+    mesh = on_mesh.mesh
     hinged = np.zeros(mesh.n_nodes, dtype=bool)
     for hinge in beam.hinges:
         hinged[hinge_nodes(mesh, beam, hinge)] = True
+    held = clamped_nodes(mesh, beam)
     if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
-        return beams(mesh, edges, clamped, hinged)
+        return hinged, held
     on_axis = on_mesh.kinematics.on_axis(mesh.points)
-    nu = 0.0 if beam.nu is None else beam.nu.factor
-    return shells(mesh, edges, clamped | on_axis, hinged & ~on_axis, nu)
+    return hinged & ~on_axis, held | on_axis
+
+
+def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
+    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
+    mesh = on_mesh.mesh
+    hinged, held = _hinged_and_held(on_mesh, beam)
+    if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
+        return beams(mesh, edges, held, hinged)
+    return shells(mesh, edges, held, hinged, 0.0 if beam.nu is None else beam.nu.factor)
 
 
 def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:

@@ -147,23 +147,14 @@ class _Line:
         """The line ends where it begins."""
         return bool(np.allclose(self.ends[0, 0], self.ends[-1, 1], atol=1e-6))
 
-    def at_middles(self, forces: Floats, stage: int, *, toothed: bool) -> Floats:
+    def at_middles(self, forces: Floats, stage: int) -> Floats:
         """(n,) forces at the middles of the pieces at a stage, in the order.
-
-        Ground bears on the nodes of an edge with weights of 1 : 4 : 1 and leaves teeth at the ends
-        of its straight pieces. At their middles moments are free of them; shear forces, constant
-        in a piece, are where those of the next ones count half.
 
         Args:
             forces: (n_members, n_stages), constant in a piece, or (n_members, 2, n_stages).
             stage: its number.
-            toothed: shear forces.
         """
-        here: Floats = self.at_ends(forces, stage).mean(axis=1)
-        if not toothed or len(here) < 3:
-            return here
-        around = np.r_[here[-1], here, here[0]] if self.closed else np.pad(here, 1, mode="edge")
-        return np.asarray(0.25 * around[:-2] + 0.5 * around[1:-1] + 0.25 * around[2:])
+        return np.asarray(self.at_ends(forces, stage).mean(axis=1))
 
 
 def _line(found: MemberForces, name: str) -> _Line:
@@ -243,8 +234,7 @@ def _along_figure(found: MemberForces, line: _Line) -> Figure:
     grid: Any = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     grid = grid if rows == len(panels) else grid.T
     for (title, forces), row in zip(panels, grid, strict=True):
-        toothed = forces is found.shear
-        drawn = [line.at_middles(forces, int(s), toothed=toothed) / _KILO for s in stages]
+        drawn = [line.at_middles(forces, int(s)) / _KILO for s in stages]
         largest = max(float(np.nanmax(np.abs(each))) for each in drawn) or 1.0
         for axes, stage, values in zip(row, stages, drawn, strict=True):
             _draw_on_line(axes, line, values, reach / largest)

@@ -15,6 +15,7 @@ from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts
 from tests.support.cases import displacement, material, model, rollers
+from tests.support.force_gauges import gauge
 from tests.support.meshes import box, regroup
 from tests.support.tunnels import ringed, walled, with_lines
 
@@ -120,6 +121,62 @@ def test_lining_under_unequal_stress(EA, EI, verification):
     # Ground is on the left, so the pieces run from the crown to the spring line.
     ends = found.moment[order, :, 0]
     np.testing.assert_allclose(ends[1:, 1], ends[:-1, 0], atol=1e-9 * abs(moment))
+
+
+@pytest.mark.parametrize(("EA", "EI"), [(6e9, 4.5e7), (2e9, 1.67e6)])
+def test_moments_and_shears_at_all_ends_converge_to_those_of_the_thin_ring(EA, EI):
+    """M = -m cos 2a, Q = dM/ds = -2 m / R sin 2a; linings of 0.3 and 0.1 m of concrete.
+
+    The nodes of the elements' edges bear 1 : 4 : 1. Without care that leaves teeth of p h^2 / 12 in
+    M, of 0.4 to 3 times m on 16 pieces, and up to 30 times the largest Q.
+    """
+    lining = Beam("wall", EA=Scalar(EA), EI=Scalar(EI), clamped_on=("x0", "y0"))
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    m = abs(_ring_in_ground(0.5, EA, EI)[2])
+    errors = []
+    for n in (4, 8):
+        staged = _lined(_tunnel(n), stages, in_situ=_stress(P0, 0.5 * P0), lining=lining)
+        found = staged.survey(NOTHING, fields=False).members
+        angle = np.arctan2(found.ends[..., 1], found.ends[..., 0])
+        moment = np.abs(found.moment[..., 0] + m * np.cos(2 * angle)).max() / m
+        slope = 2 * m / RADIUS
+        shear = np.abs(found.shear[:, 0] + slope * np.sin(2 * angle.mean(axis=1))).max() / slope
+        errors.append((moment, shear))
+    (coarse, coarse_shear), (fine, fine_shear) = errors
+    assert fine < 0.02
+    assert fine < 0.5 * coarse < 0.05
+    assert fine_shear < 0.12
+    assert fine_shear < 0.5 * coarse_shear
+
+
+def test_lining_under_even_stress_does_not_bend():
+    staged = _lined(_tunnel(5), (Stage("open", excavate=("core",), build=("lining",)),))
+    found = staged.survey(NOTHING, fields=False).members
+    assert np.abs(found.moment).max() < 1e-6 * P0
+    assert np.abs(found.shear).max() < 1e-6 * P0
+
+
+def test_gauges_read_the_moments_and_shears_of_the_table():
+    lining = Beam("wall", EA=Scalar(2e9), EI=Scalar(1.67e6), clamped_on=("x0", "y0"))
+    stages = (Stage("open", excavate=("core",), build=("lining",)),)
+    mesh, stress = _tunnel(4), _stress(P0, 0.5 * P0)
+    piece = 5
+    table = _lined(mesh, stages, in_situ=stress, lining=lining)
+    table = table.survey(NOTHING, fields=False).members
+    first, second = (tuple(map(float, end)) for end in table.ends[piece])
+    middle = tuple(map(float, table.ends[piece].mean(axis=0)))
+    cells = [
+        gauge("load-cell", name, place, name[0], structure="lining", dimension=dimension)
+        for name, place, dimension in (
+            ("M first", first, "moment per length"),
+            ("M second", second, "moment per length"),
+            ("Q", middle, "line load"),
+        )
+    ]
+    staged = _lined(mesh, stages, in_situ=stress, lining=lining, channels=cells)
+    read = staged.survey(NOTHING, fields=False).computed[:, 0]
+    expected = [*table.moment[piece, :, 0], table.shear[piece, 0]]
+    np.testing.assert_allclose(read, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("upwards", [True, False])
