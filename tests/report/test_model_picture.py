@@ -144,3 +144,18 @@ def test_the_first_figure_of_a_report_is_the_model_with_what_was_found(plane):
 
 def test_gauges_are_dark():
     assert max(to_rgb(GAUGE)) < 0.2
+
+
+@pytest.mark.parametrize("name", ["braced-pit", "cavern"])
+def test_no_mark_of_a_support_stands_outside_of_its_panel(name):
+    loaded = read_case(str(CASES / name / "case.yaml"))
+    mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=2)
+    marks = 0
+    for axes in drawn(loaded.case, mesh).axes:
+        low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+        for line in axes.lines:
+            if not line.get_clip_on() and len(line.get_xydata()):
+                points = line.get_xydata()
+                marks += len(points)
+                assert ((points >= low - 1e-9) & (points <= high + 1e-9)).all()
+    assert marks

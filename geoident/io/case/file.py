@@ -50,7 +50,7 @@ _HINTS = {
     "groups": "The name of a material, or absent.",
     "supports": "Groups and the directions in which they are fixed, such as {bottom: [x, y]}.",
     "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
-    "gauges": "What is measured; the comment there has an example of each kind.",
+    "gauges": "What is measured; the comment there has examples, `geoident schema` all kinds.",
 }
 
 

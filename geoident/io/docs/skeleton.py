@@ -45,7 +45,7 @@ def skeleton(mesh: MeshSummary, *, mesh_file: str, title: str) -> str:
 
 
 _PARAMETERS = """\
-# What is to be identified; $E_rock refers to it. Without parameters nothing can be fitted.
+# What is to be identified; $E_rock refers to it. To fit, write yours below, and delete the {}.
 parameters: {}
   # E_rock: {start: 15 GPa, bounds: [2 GPa, 80 GPa], scale: log}
   # K0:     {start: 1.0, bounds: [0.3, 3.0]}
@@ -110,7 +110,9 @@ def _content(part: PartSummary, dim: int) -> str:
 
 def _supports(mesh: MeshSummary) -> str:
     lines = ["# Groups and the directions in which they are fixed. The comments are what the mesh"]
-    lines += ["# suggests: write what is right in place of the word below, without its #."]
+    lines += [
+        "# suggests: delete the word after 'supports:', and the # of the lines that are right."
+    ]
     lines += [f"supports: {BLANK}"]
     lines += [f"  # {_suggestion(part, mesh)}" for part in mesh.facet_groups]
     lines += [f"  # {name_text(p.name)}: x   # {p.count} nodes" for p in mesh.node_groups]
@@ -141,6 +143,20 @@ def _stages(mesh: MeshSummary) -> str:
         f"stages: {BLANK}\n"
         f"  # - {{name: heading, excavate: [{dug}]}}\n"
         f"  # - {{name: lining, install: {{{dug}: MATERIAL}}}}\n"
+    ) + _walls(mesh)
+
+
+def _walls(mesh: MeshSummary) -> str:
+    """How a wall or lining is written, where a plane mesh has edges inside that could carry it."""
+    inner = [p for p in mesh.facet_groups if _suggestion(p, mesh).endswith("inside the model")]
+    if mesh.dim != 2 or not inner:
+        return ""
+    return (
+        "\n# Walls and linings are beams on edges; a stage builds them: build: [wall].\n"
+        "# Struts, anchors and bolts: `geoident schema --markdown`.\n"
+        "# structures:\n"
+        f"#   wall: {{kind: beam, on: {name_text(inner[0].name)}, E: 30 GPa, nu: 0.2,"
+        " thickness: 0.3 m}\n"
     )
 
 

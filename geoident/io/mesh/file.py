@@ -99,7 +99,7 @@ def _read(path: Path, dim: int | None) -> RawMesh:
 def _check_file(path: Path, dim: int | None) -> None:
     """Refuse what cannot be a mesh before it is opened."""
     if not path.exists():
-        hint = "`mesh: {file: ...}` counts from the folder of the case"
+        hint = "check the name; that of `mesh: {file: ...}` counts from the folder of the case"
         raise Refused("mesh-missing", "the mesh file does not exist", hint)
     if not path.is_file():
         what = "a folder" if path.is_dir() else "not an ordinary file"

@@ -135,7 +135,7 @@ def _refuse_unwritable(path: str | Path, final: Path, *, overwrite: bool) -> Non
 def _exists(path: str | Path) -> OutputError:
     return OutputError(
         f"{path}: exists already and is not overwritten\n"
-        f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"
+        f"    {Term.FORCE} replaces it; or give another name"
     )
 
 

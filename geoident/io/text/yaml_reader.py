@@ -8,6 +8,7 @@ duplicate keys, aliases and tags.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -27,6 +28,8 @@ _MAX_NODES = 200_000
 _MOST_FAULTS = 100
 _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_KEY_AND_VALUE = re.compile(r"([ ]*)([^\s#:]+): +(\{\}|\[\]|\w+)(?:\s*|\s+#.*)")
 
 _HINTS = {
     "cannot start any token": "Indent with spaces, not tabs; quote texts that begin with @ or %.",
@@ -70,7 +73,7 @@ def parse_yaml(text: str, file: str) -> Document:
         hint = f"Begin with 'format: geoident-case/1'; {Term.KEYS} lists what may follow."
         raise InputError([Fault("empty", "the file is empty", hint, Location(file))]) from error
     except yaml.MarkedYAMLError as error:
-        raise InputError([*builder.faults, _syntax_fault(error, file)]) from error
+        raise InputError([*builder.faults, _syntax_fault(error, file, text)]) from error
     except yaml.YAMLError as error:
         fault = Fault("yaml-syntax", shorten(error, width=200), location=Location(file))
         raise InputError([*builder.faults, fault]) from error
@@ -92,12 +95,33 @@ def _events(text: str, builder: _Builder) -> Iterator[yaml.Event]:
             yield event
 
 
-def _syntax_fault(error: yaml.MarkedYAMLError, file: str) -> Fault:
+def _syntax_fault(error: yaml.MarkedYAMLError, file: str, text: str) -> Fault:
     problem = " ".join(filter(None, (error.context, error.problem)))
     mark = error.problem_mark or error.context_mark
     location = Location(file, mark.line + 1, mark.column + 1) if mark else Location(file)
     hint = next((hint for part, hint in _HINTS.items() if part in problem), "")
+    key = _filled_twice(text, mark.line) if mark else None
+    if key:
+        name, value = key
+        hint = f"Delete '{value}' after '{name}:': what belongs to it stands in the lines below."
     return Fault("yaml-syntax", f"this is not YAML: {problem}", hint, location)
+
+
+def _filled_twice(text: str, at: int) -> tuple[str, str] | None:
+    """The key above a line, and its value, where both the value and lines below fill it.
+
+    Args:
+        text: of the document.
+        at: the line at which the parser stopped, from 0.
+    """
+    lines = [x for x in text.splitlines()[: at + 1] if x.strip() and x.lstrip()[0] != "#"]
+    if len(lines) < 2:
+        return None
+    above, here = lines[-2:]
+    found = _KEY_AND_VALUE.fullmatch(above)
+    if not found or len(here) - len(here.lstrip()) <= len(found[1]):
+        return None
+    return found[2], found[3]
 
 
 @dataclass

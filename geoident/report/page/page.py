@@ -200,7 +200,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             Figures(tuple(sorted(fit, key=lambda p: p.name not in _SMALL))),
         ),
         section(yielding.TITLE, *_yield_planes(result)),
-        section(structures.TITLE, Figures(pictures.structures)),
+        section(structures.NAME, Figures(pictures.structures)),
         section(
             backtest.TITLE,
             *(tested if backtested else tested[:1]),
@@ -215,7 +215,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section("Predictions tested", *(() if backtested else tested), closed=True),
         section("Course of the search", Figures(search), closed=True),
         section(
-            f"All {structures.TITLE.lower()}",
+            f"All {structures.NAME.lower()}",
             TitledTable(structures.TITLE, structures.force_table(result.members)),
             closed=True,
         ),

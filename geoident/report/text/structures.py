@@ -11,7 +11,8 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.results.result import MemberForces
 from geoident.report.text.layout import TextTable, number
 
-TITLE = "Structures (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
+NAME = "Structures"
+TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
 _KILO = 1e3
 
 

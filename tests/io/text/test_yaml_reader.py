@@ -78,6 +78,21 @@ def test_a_tab_is_named():
     assert "not tabs" in refused("a:\n\t- b\n")[0].hint
 
 
+@pytest.mark.parametrize(
+    ("above", "below"),
+    [
+        ("parameters: {}", "E: 1"),
+        ("supports: FILL_IN", "left: x"),
+        ("supports: FILL_IN # a word", "# a remark\n  left: x"),
+        ("stages: FILL_IN", "- {name: a}"),
+    ],
+)
+def test_a_value_that_was_left_above_the_lines_that_replace_it_is_named(above, below):
+    hint = refused(f"a: 1\n{above}\n  {below}\n")[0].hint
+    name, value = above.split()[:2]
+    assert hint.startswith(f"Delete '{value}' after '{name}'")
+
+
 def test_alias_bombs_are_refused_at_once():
     lines = ["a0: &a0 [x, x]"] + [f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]" for n in range(1, 60)]
     begin = time.perf_counter()

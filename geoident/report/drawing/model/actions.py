@@ -37,7 +37,7 @@ _MOST_MARKS = 11
 _MOST_ARROWS = 9
 
 
-def draw_supports(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
+def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats]) -> list[Any]:
     """Triangles along what is held, outside of the model; what they mean.
 
     One that points at the model holds it along its own direction, a black one in all directions.
@@ -46,6 +46,7 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
         axes: of the plane.
         case: the case.
         mesh: its mesh.
+        box: its low and high corner, each of shape (2,), m: marks beyond it are left out.
     """
     meanings: dict[str, Any] = {}
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -63,6 +64,9 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh) -> list[Any]:
             marker = _POINTING[axis, side]
             away[axis] = -side * _OFF / 72
         moved = axes.transData + ScaledTranslation(away[0], away[1], axes.figure.dpi_scale_trans)
+        points = points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
+        if not len(points):
+            continue
         axes.plot(*points.T, zorder=5, clip_on=False, transform=moved, marker=marker, **style)
         held = " and ".join("xyz"[c] for c in support.components)
         label = "held in all directions" if fixed else f"held along {held}"

@@ -109,7 +109,7 @@ def _draw_panel(
     draw_materials(axes, model, sheet, box, width=width)
     size = float((box[1] - box[0]).max())
     meanings: dict[str, Any] = {}
-    keys = draw_supports(axes, model.case, model.mesh) if box[0][0] < model.box[0][0] else []
+    keys = draw_supports(axes, model.case, model.mesh, box)
     draw_gauges(axes, model.case, model.gauges, names=names)
     keys += draw_structures(axes, model.case, model.mesh, names=names)
     keys += _draw_loads(axes, model, size, box, names=names)
