@@ -29,7 +29,7 @@ from geoident.units import in_unit, shown_unit, si_unit
 if TYPE_CHECKING:
     import pandas as pd
 
-_Item = TypeVar("_Item")
+_Named = TypeVar("_Named")
 _MOST_ROWS = 30
 """Rows of a table that are shown; a data frame has them all."""
 

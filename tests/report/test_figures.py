@@ -212,7 +212,9 @@ def test_pictures_are_not_blank(plane):
 
 def test_files_are_named_by_figure_and_result(monkeypatch):
     scan = small_result()
-    monkeypatch.setattr(album_module, "image", lambda picture, suffix: b"\x89PNG")
+    monkeypatch.setattr(
+        album_module, "images", lambda pictures, suffix: [b"\x89PNG" for _ in pictures]
+    )
     one = figure_files([("a", scan)], ["png"])
     assert "scan.png" in one
     assert all(content.startswith(b"\x89PNG") for content in one.values())

@@ -286,7 +286,7 @@ def _sparse(parts: list[_Entries], shape: tuple[int, int]) -> csr_array:
 
 
 @dataclass(frozen=True)
-class _Parts:
+class _SubElements:
     """How an element is taken apart.
 
     Args:
@@ -303,13 +303,13 @@ class _Parts:
 
 
 @lru_cache
-def _parts_of(kind: str) -> _Parts:
+def _parts_of(kind: str) -> _SubElements:
     """Elements of order 1 by their corners; of order 2 also by the middles of all edges."""
     cell = CELLS[kind]
     simplices = np.array(cell.shape.simplices)
     if cell.order == 1:
         none = np.empty((0, cell.n_nodes))
-        return _Parts(simplices, none, none, np.empty(0, np.int64))
+        return _SubElements(simplices, none, none, np.empty(0, np.int64))
     number: dict[tuple[int, int], int] = {}
 
     def between(a: int, b: int) -> int:
@@ -327,7 +327,7 @@ def _parts_of(kind: str) -> _Parts:
     edges = [tuple(sorted(edge)) for edge in cell.edges]
     node = [cell.n_corners + edges.index(pair) if pair in edges else -1 for pair in number]
     straight = reference_element(f"{cell.shape.name}{cell.n_corners}")
-    return _Parts(
+    return _SubElements(
         np.array(pieces), reference_element(kind).shapes(xi), straight.shapes(xi), np.array(node)
     )
 
@@ -347,7 +347,9 @@ _SMALLER = {
 """Corners to smaller triangles (tetrahedra); a pair is the middle between two of the corners."""
 
 
-def _inner_points(nodes: Ints, parts: _Parts, label: Ints, n_nodes: int) -> tuple[Ints, int, Ints]:
+def _inner_points(
+    nodes: Ints, parts: _SubElements, label: Ints, n_nodes: int
+) -> tuple[Ints, int, Ints]:
     """Numbers (m, k) of the inner points of elements; how many there are; where each is first.
 
     Neighbours of one label share those that are nodes.

@@ -31,7 +31,7 @@ _WIDTH = 7.4
 _MOST_NAMES = 30
 _SIDE = 0.1  # free on both sides of a view, of its width
 
-Box = tuple[Floats, Floats]
+_Box = tuple[Floats, Floats]
 
 
 def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
@@ -170,7 +170,7 @@ class _View:
         ]
 
 
-def _opened_box(scene: Scene, opened: Sheet) -> Box:
+def _opened_box(scene: Scene, opened: Sheet) -> _Box:
     """The box around the gauges behind a section."""
     low, high = box_around(scene.near, scene.box)
     plane = opened.plane
@@ -243,7 +243,7 @@ def _draw_lines(axes: Any, view: _View, state: int, factor: float) -> None:
                 axes.add_collection3d(Line3DCollection(list(ends), zorder=2, **style))
 
 
-def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: Box) -> Floats:
+def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: _Box) -> Floats:
     """Those lines (k, 2, 3) of a trace that lie in a box, moved."""
     ends = trace.at(scene.fields.mesh.points)
     room = 1e-6 * float((scene.box[1] - scene.box[0]).max())
