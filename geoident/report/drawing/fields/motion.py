@@ -15,6 +15,7 @@ from geoident.report.drawing.fields.panels import (
     bands,
     contours,
     draw_gauge_lines,
+    draw_lines,
     finish,
     on_sheet,
     panel_figure,
@@ -191,7 +192,7 @@ def vector_figure(scene: Scene, sheet: Sheet) -> Figure:
     window = _around(window, np.vstack([xy, *(xy + length * arrows[list(states)])]))
     figure, panels = panel_figure(scene, window, len(states), extra=0.5)
     for axes, state in zip(panels, states, strict=True):
-        draw_ground(axes, scene, sheet, state)
+        draw_lines(axes, scene, sheet, state, on_white=True)
         draw_gauge_lines(axes, scene, sheet)
         here = np.isfinite(arrows[state]).all(axis=1)
         tips = length * arrows[state, here]
@@ -201,22 +202,6 @@ def vector_figure(scene: Scene, sheet: Sheet) -> Figure:
         finish(axes, scene, sheet, window, state)
         _draw_key(axes, round_down(largest), length)
     return figure
-
-
-def draw_ground(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
-    """Outline of the ground, and faintly where groups meet, on white.
-
-    Args:
-        axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        state: number of the state.
-    """
-    points = scene.fields.mesh.points
-    borders = sheet.borders(scene.borders_label(state))
-    add_lines(axes, sheet, borders.at(points), color="#b5b5b5", lw=0.4)
-    add_lines(axes, sheet, sheet.outline(scene.fields.present[state]).at(points),
-              color="black", lw=0.7)  # fmt: skip
 
 
 def _name_gauges(axes: Axes, scene: Scene, sheet: Sheet, arrows: list[Floats]) -> None:

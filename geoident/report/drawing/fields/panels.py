@@ -37,6 +37,9 @@ _NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
 
+_FAINT_ON_WHITE: dict[str, Any] = {"color": "#b5b5b5", "lw": 0.4}
+_FAINT_ON_FIELD: dict[str, Any] = {"color": "white", "lw": 0.3, "alpha": 0.6}
+
 
 @dataclass(frozen=True)
 class ColouredField:
@@ -301,7 +304,9 @@ def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style:
     axes.contour(x, y, np.ma.masked_invalid(image), levels=[level], **style)
 
 
-def draw_lines(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
+def draw_lines(
+    axes: Axes, scene: Scene, sheet: Sheet, state: int, *, on_white: bool = False
+) -> None:
     """Where the ground ends, and faintly where groups meet.
 
     Args:
@@ -309,10 +314,11 @@ def draw_lines(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
         scene: what is drawn.
         sheet: a section or an outside of it.
         state: number of the state.
+        on_white: no field lies behind the lines.
     """
     points = scene.fields.mesh.points
-    borders = sheet.borders(scene.borders_label(state))
-    add_lines(axes, sheet, borders.at(points), color="white", lw=0.3, alpha=0.6)
+    faint = _FAINT_ON_WHITE if on_white else _FAINT_ON_FIELD
+    add_lines(axes, sheet, sheet.borders(scene.borders_label(state)).at(points), **faint)
     outline = sheet.outline(scene.fields.present[state])
     add_lines(axes, sheet, outline.at(points), color="black", lw=0.7)
 

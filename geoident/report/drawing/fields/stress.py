@@ -9,10 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from geoident.model.arrays import Floats
-from geoident.report.drawing.fields.motion import draw_ground
 from geoident.report.drawing.fields.panels import (
     ColouredField,
     contours,
+    draw_lines,
     finish,
     panel_figure,
     weighted,
@@ -97,7 +97,7 @@ def cross_figure(scene: Scene, sheet: Sheet) -> Figure:
     sizes = np.concatenate([np.abs(values).ravel() for _, values, _ in crosses])
     full = float(np.quantile(sizes, _FULL)) if sizes.size else 1.0
     for axes, state, (at, values, directions) in zip(panels, states, crosses, strict=True):
-        draw_ground(axes, scene, sheet, state)
+        draw_lines(axes, scene, sheet, state, on_white=True)
         half = 0.46 * step * np.minimum(np.abs(values) / (full or 1.0), 1.3)
         arms = half[..., None] * directions
         ends = np.stack([at[:, None] - arms, at[:, None] + arms], axis=2).reshape(-1, 2, 2)

@@ -131,7 +131,10 @@ def _all_loads(case: Case) -> Iterator[tuple[int, str, Load]]:
 
 
 def _place(load: Load) -> str:
-    return "" if isinstance(load, Seismic) else str(getattr(load, "group", None) or load.place)  # type: ignore[union-attr]
+    """The group or the point where a load acts; nothing for one that acts on all ground."""
+    if isinstance(load, Seismic):
+        return ""
+    return str(load.place) if isinstance(load, PointForce) else str(load.group)
 
 
 def _shown(
