@@ -21,7 +21,7 @@ from geoident.io.result.vtkhdf import (
 from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.model.results.result import FieldSeries, Result
-from geoident.workflow.running.jobs import files_of_result
+from geoident.workflow.running.result_files import files_of_result
 
 Writer = Callable[[str], None]
 

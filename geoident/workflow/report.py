@@ -9,13 +9,12 @@ from pathlib import Path
 from geoident.errors import Term, UsageError
 from geoident.io.case.file import read_report_head
 from geoident.io.result.file import read_result
-from geoident.io.text.atomic import make_folder, refuse_inputs
+from geoident.io.text.atomic import atomic_output, make_folder, refuse_inputs
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.results.head import ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.workflow.running.jobs import case_path, files_of_result
-from geoident.workflow.running.outputs import write_bytes
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
@@ -171,4 +170,5 @@ def _write(path: str, content: bytes, *, overwrite: bool, inputs: Sequence[str])
     place = Path(path)
     if not overwrite and place.is_file() and place.read_bytes() == content:
         return
-    write_bytes(content, path, force=overwrite, inputs=inputs)
+    with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
+        Path(temporary).write_bytes(content)

@@ -90,8 +90,8 @@ def command(
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.io.result.file import read_result
     from geoident.report.text.csv_tables import csv_tables, csv_text
-    from geoident.workflow.running.jobs import files_of_result
     from geoident.workflow.running.outputs import write_text
+    from geoident.workflow.running.result_files import files_of_result
 
     result = read_result(path)
     found = csv_tables(result)
