@@ -237,7 +237,7 @@ def _chunks(elements: Ints, geometry: BlockGeometry) -> Iterable[Ints]:
         return []
     _, _, n_a, n_entries = geometry.gradients.shape
     pairs = n_a * (n_a + 1) // 2 * n_entries**2
-    return np.array_split(elements, -(-len(elements) * pairs // _CHUNK))
+    return np.array_split(elements, min(-(-len(elements) * pairs // _CHUNK), len(elements)))
 
 
 def _keys(ranks: Ints) -> Ints:
