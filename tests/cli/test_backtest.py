@@ -210,7 +210,7 @@ def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(pit, run, run_json)
     result = read_result("case.backtest.h5")
     table = {tuple(row[:2]): row for row in reading_table(result).rows}
     for place, row in table.items():
-        assert row[-2] == (f"{z[place]:.1f}" if place in z else "-")
+        assert row[-2] == (f"{z[place]:z.1f}" if place in z else "-")
         assert row[-1] == ("predicted" if place in z else "used")
     said = run("show", "case.backtest.h5").stdout
     assert "Readings, each beside its prediction by the fit before (mm)" in said
