@@ -21,7 +21,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import Backtest, BacktestStep, Scores
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.result import NORMAL_95, Prediction
 
 DRAWS = 20000
 """Draws by which the chance of a coverage is found: 1 % is known within 0.15 %."""
@@ -118,6 +118,27 @@ def next_read(bands: Bands) -> Bools:
     if stages.size:
         first[:, stages[0]] = known[:, stages[0]]
     return first
+
+
+def told_before(found: Backtest) -> Prediction:
+    """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
+
+    ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
+    where no fit came before.
+    """
+    parts = {name: np.full(found.measured.shape, np.nan) for name in _COLUMNS}
+    for step in found.steps:
+        bands = bands_of(found, step)
+        at, (below, above) = next_read(bands), bands.sides
+        sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
+        for name, told in zip(
+            _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
+        ):
+            parts[name][at] = told[at]
+    return Prediction(**parts)
+
+
+_COLUMNS = ("mean", "sd", "lower95", "upper95")
 
 
 def scores(bands: Bands, accuracy: Floats, kinds: Sequence[str]) -> Scores:
