@@ -8,10 +8,13 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import Backtest, BacktestStep
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.result import NORMAL_95, Prediction
 
 _NARROW = 1e-9
 """Least standard deviation of a side, as a part of the other."""
+
+_COLUMNS = ("mean", "sd", "lower95", "upper95")
+"""Of a prediction."""
 
 
 @dataclass(frozen=True)
@@ -99,3 +102,21 @@ def next_read(bands: Bands) -> Bools:
     if stages.size:
         first[:, stages[0]] = known[:, stages[0]]
     return first
+
+
+def told_before(found: Backtest) -> Prediction:
+    """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
+
+    ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
+    where no fit came before.
+    """
+    parts = {name: np.full(found.measured.shape, np.nan) for name in _COLUMNS}
+    for step in found.steps:
+        bands = bands_of(found, step)
+        at, (below, above) = next_read(bands), bands.sides
+        sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
+        for name, told in zip(
+            _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
+        ):
+            parts[name][at] = told[at]
+    return Prediction(**parts)
