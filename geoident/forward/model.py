@@ -33,6 +33,9 @@ from geoident.forward.march.virgin import contradictions, overburden_notes, surf
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
+from geoident.forward.reduced.reduction import Reduction
+from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
@@ -41,7 +44,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.response import BilinearSystem, Condensed
+from geoident.model.response import BilinearSystem, CertifiedResponse, Condensed
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
@@ -417,6 +420,7 @@ class StagedResponse:
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
+        self._reduction: Reduction | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -446,6 +450,45 @@ class StagedResponse:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
+
+    def keep_marches(self) -> None:
+        """Keep what marches with derivatives find from now on, for a reduced model."""
+        model = self._model
+        if model.observation.not_linear(self._row) is None:
+            self._reduction = self._reduction or Reduction(model.march, self._last)
+
+    def march_again(self, visited: Sequence[Floats]) -> None:
+        """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
+
+        Those that were not made since they are kept are made now.
+        """
+        reduction = self._reduction
+        if reduction is None or reduction.obstacle is not None:
+            return
+        wanted = visited[-reduction.most :]
+        for p in wanted:
+            if not reduction.knows(p):
+                self.by_tangents(p)
+        reduction.order(wanted)
+
+    def leap(
+        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
+    ) -> Floats | None:
+        """What is found with the reduced model of the marches that were kept; None for none."""
+        found = self.reduced()
+        return None if found is None else find(found)
+
+    def reduced(self) -> ReducedResponse | None:
+        """The reduced model of the marches that were kept; None where there is none."""
+        model, reduction = self._model, self._reduction
+        made = None if reduction is None else reduction.model()
+        if made is None:
+            return None
+        values = model.values(made.reference)
+        added = model.instrument_errors.added(values, self.names, self._places)
+        return ReducedResponse(
+            made, model.observation, self._row, self._state, added, self.admissible
+        )
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what all channels see at p (n,).
@@ -572,8 +615,16 @@ class StagedResponse:
         run = model.at(
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
-        states = (MarchState(end, run.point, model.structures) for end in run.states())
-        observed = np.stack([model.observation.values(state) for state in states])
+        kept = self._reduction if derivatives and unit_forces is None else None
+        snapshot = None if kept is None or kept.obstacle else Snapshot(p.copy())
+        seen = []
+        for end in run.states():
+            seen.append(model.observation.values(MarchState(end, run.point, model.structures)))
+            if snapshot is not None:
+                snapshot.add(end, seen[-1])
+        if kept is not None and snapshot is not None:
+            kept.add(snapshot)
+        observed = np.stack(seen)
         self._activity = p.tobytes(), run.findings.activity
         change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
         self._increments = p.tobytes(), change

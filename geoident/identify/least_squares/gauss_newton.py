@@ -14,6 +14,7 @@ A descent is put together from its parts, so that the search for strengths can r
 
     evaluation   what is known of a point x, noted in the history             `Evaluator`
     proposal     the step from a point, no longer than the trust radius       `gauss_newton_step`
+    leap         where there is a reduced model, the step to its minimum      `Leap`
     acceptance   which trials are taken, and the next radius                  `Acceptance`
     stopping     when nothing is left to do                                   `Stopping`
 
@@ -46,6 +47,7 @@ from geoident.identify.least_squares.acceptance import (
     IterateT,
     Step,
 )
+from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -126,6 +128,7 @@ def gauss_newton_descent(
         lambda point, radius: gauss_newton_step(box, point, radius),
         Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options)),
         options.max_iterations,
+        Leap(discrepancy, box).propose,
     )
 
 
@@ -328,12 +331,14 @@ class Descent(Generic[IterateT]):
         propose: (point, radius) -> the best step no longer than the radius.
         stopping: when nothing is left to do.
         max_steps: at most.
+        leap: (point, radius) -> a step that is tried in place of the best one, or None for none.
     """
 
     evaluator: Evaluator[IterateT]
     propose: Callable[[IterateT, float], Step]
     stopping: Stopping
     max_steps: int
+    leap: Callable[[IterateT, float], Step | None] = lambda point, radius: None
 
     def run(
         self,
@@ -357,7 +362,8 @@ class Descent(Generic[IterateT]):
                 ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
             if ending is not None:
                 return ending
-            point, step = judge.point, self.propose(judge.point, judge.radius)
+            point = judge.point
+            step = self.leap(point, judge.radius) or self.propose(point, judge.radius)
             x = box.reach(point.x, step.d)
             trial = self.evaluator.try_point(x)
             note = judge.judge(step, trial)
