@@ -35,7 +35,6 @@ from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReducedResponse
-from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
@@ -455,7 +454,9 @@ class StagedResponse:
         """Keep what marches with derivatives find from now on, for a reduced model."""
         model = self._model
         if model.observation.not_linear(self._row) is None:
-            self._reduction = self._reduction or Reduction(model.march, self._last)
+            self._reduction = self._reduction or Reduction(
+                model.march, model.observation, self._last
+            )
 
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
@@ -616,14 +617,14 @@ class StagedResponse:
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
         kept = self._reduction if derivatives and unit_forces is None else None
-        snapshot = None if kept is None or kept.obstacle else Snapshot(p.copy())
+        recorder = None if kept is None else kept.recorder(p)
         seen = []
         for end in run.states():
             seen.append(model.observation.values(MarchState(end, run.point, model.structures)))
-            if snapshot is not None:
-                snapshot.add(end, seen[-1])
-        if kept is not None and snapshot is not None:
-            kept.add(snapshot)
+            if recorder is not None:
+                recorder.add(end, run)
+        if kept is not None and recorder is not None:
+            kept.add(recorder.snapshot)
         observed = np.stack(seen)
         self._activity = p.tobytes(), run.findings.activity
         change = model.observation.increments(observed[:, :, 0], model.sequence.bases)

@@ -8,6 +8,8 @@ motions.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from geoident.forward.march.march import March
 
 
@@ -16,19 +18,22 @@ def reduction_obstacle(march: March) -> str | None:
 
     Whether its loads have the form that is needed is found by trying, see `loads.load_form`.
     """
+    return next(_obstacles(march), None)
+
+
+def _obstacles(march: March) -> Iterator[str]:
     case = march.case
     if not case.parameters:
-        return "nothing is sought"
+        yield "nothing is sought"
     for name in march.sequence.materials:
         if case.materials[name].yields:
-            return f"{name} yields: its stresses are not linear in the displacements"
+            yield f"{name} yields: its stresses are not linear in the displacements"
     for field in march.on_mesh.fields:
-        return f"{field.constant} of {field.material} is a field"
+        yield f"{field.constant} of {field.material} is a field"
     if march.systems.structures.parts:
-        return "structures stand in the ground"
+        yield "structures stand in the ground"
     for stage in case.stages:
         if stage.release:
-            return f"the stage '{stage.name}' releases stress in part"
+            yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
-            return f"the stage '{stage.name}' changes temperatures"
-    return None
+            yield f"the stage '{stage.name}' changes temperatures"

@@ -82,7 +82,7 @@ def load_form(march: March, names: Sequence[str], samples: Floats, last: int) ->
             return None
         given = np.stack([loads.at(p) for p in samples[: count + _CHECKS]])
         design = monomials(samples[: count + _CHECKS] / scale, exponents)
-        fields = np.linalg.lstsq(design[:count], given[:count], rcond=None)[0]
+        fields = np.asarray(np.linalg.lstsq(design[:count], given[:count], rcond=None)[0])
         missed = np.abs(design[count:] @ fields - given[count:]).max(initial=0.0)
         if missed <= _SAME * max(1.0, np.abs(given).max()):
             return _shortened(loads, fields, exponents, scale, samples)
@@ -166,7 +166,7 @@ def _shortened(
     mix = (left[:, kept] * size[kept]).T
     march, settles = loads.march, False
     form = LoadForm(scale, exponents, mix, stress, forces, settles)
-    psi, _ = form.coordinates(samples)
+    psi, _ = form.coordinates(samples[:_CHECKS])
     of_samples = march.imbalance(stress @ psi.T, forces[0] @ psi.T)
     settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)
     return LoadForm(scale, exponents, mix, stress, forces, settles)

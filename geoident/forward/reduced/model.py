@@ -181,7 +181,7 @@ class ReducedModel:
             squared = self._residual(stage, at, found, moduli)
             residual[number] = np.sqrt(squared)
             if number:
-                carried = stress[stage.base] ** 2 * self._growth(stage, at)
+                carried = stress[stage.base] ** 2 * self.growth(stage, at)
                 squared = squared + carried
             stress[number] = np.sqrt(squared)
             q = found.states[number][..., 0]
@@ -198,7 +198,7 @@ class ReducedModel:
         reference, _ = span.coordinates(self.reference[None])
         return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))
 
-    def _growth(self, stage: ReducedStage, at: Coordinates) -> Floats | float:
+    def growth(self, stage: ReducedStage, at: Coordinates) -> Floats | float:
         """Kappa (b,)."""
         growth: Floats | float = 1.0
         for before, after in stage.changes:
@@ -227,7 +227,7 @@ class ReducedModel:
                 y -= _product_columns(columns, at.moduli[material], q)
             apart.append(y)
         weight = {name: 1.0 / values[:, 0] for name, values in moduli.items()}
-        h = 0.0
+        h = np.zeros((len(at.loads), 0))
         if stage.residuals[0].rest.shape[1]:
             normal = sum(weight[m][:, None, None] * N for m, N in stage.normal.items())
             pull = sum(
@@ -237,7 +237,7 @@ class ReducedModel:
             h = -np.linalg.solve(normal, np.asarray(pull)[..., None])[..., 0]
         total = np.zeros(len(at.loads))
         for zone, y in zip(stage.residuals, apart, strict=True):
-            left = y + h @ zone.rest.T if zone.rest.shape[1] else y
+            left = y + h @ zone.rest.T
             total += weight[zone.material] * np.sum(left**2, axis=1)
         return total
 
@@ -250,7 +250,9 @@ def _product(matrices: Floats, c: Floats, q: Floats) -> Floats:
 
 def _product_columns(columns: Floats, c: Floats, q: Floats) -> Floats:
     """(b, k) of columns (k, r, N)."""
-    return np.asarray(np.einsum("br,bn->brn", c, q).reshape(len(q), -1) @ columns.reshape(len(columns), -1).T)
+    return np.asarray(
+        np.einsum("br,bn->brn", c, q).reshape(len(q), -1) @ columns.reshape(len(columns), -1).T
+    )
 
 
 __all__ = ["Coordinates", "EnergyBounds", "ReducedModel", "ReducedStates", "Term"]

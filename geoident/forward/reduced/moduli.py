@@ -87,9 +87,7 @@ class MaterialSpan:
         return np.tensordot(coordinates, self.basis, axes=1)
 
 
-def moduli_at(
-    material: Material, names: Sequence[str], values: Floats, section: bool
-) -> Floats:
+def moduli_at(material: Material, names: Sequence[str], values: Floats, section: bool) -> Floats:
     """E (6, 6, 1 + n) of a material at parameters (n,)."""
     point = ParameterPoint(dict(zip(names, map(float, values), strict=True)), names)
     return elasticity(material.elastic, point, section=section).columns
@@ -119,9 +117,7 @@ def span_of(
     return MaterialSpan(material, names, section, basis, fixed)
 
 
-def _isotropic(
-    elastic: Isotropic, names: Sequence[str], values: Floats, basis: Floats
-) -> Floats:
+def _isotropic(elastic: Isotropic, names: Sequence[str], values: Floats, basis: Floats) -> Floats:
     """Coordinates (b, r, 1 + n) of isotropic moduli, all at once."""
     s = basis.shape[1]
     volumetric, shear = np.zeros((s, s)), np.diag([2.0] * 3 + [1.0] * (s - 3))
@@ -130,7 +126,9 @@ def _isotropic(
 
     def number(scalar: Scalar) -> tuple[Floats, int | None]:
         k = None if scalar.parameter is None else places.get(scalar.parameter)
-        return (np.full(len(values), scalar.factor) if k is None else scalar.factor * values[:, k]), k
+        return (
+            np.full(len(values), scalar.factor) if k is None else scalar.factor * values[:, k]
+        ), k
 
     if elastic.E is not None and elastic.nu is not None:
         (E, at_one), (nu, at_other) = number(elastic.E), number(elastic.nu)
@@ -153,10 +151,10 @@ def _isotropic(
             parts[:, 0, 1 + at] += factor * slopes[0]
             parts[:, 1, 1 + at] += factor * slopes[1]
     units = np.einsum("rij,kij->rk", basis, np.stack([volumetric, shear]))
-    return np.einsum("rk,bkn->brn", units, parts)
+    return np.asarray(np.einsum("rk,bkn->brn", units, parts))
 
 
 def relative_eigenvalues(matrices: Floats, reference: Floats) -> Floats:
     """Eigenvalues (b, s), ascending, of matrices (b, s, s) against a positive definite one."""
     root = np.linalg.inv(np.linalg.cholesky(reference))
-    return np.linalg.eigvalsh(root @ matrices @ root.T)
+    return np.asarray(np.linalg.eigvalsh(root @ matrices @ root.T))

@@ -1,24 +1,28 @@
 """From snapshots to the reduced model: bases, projected matrices, and what the bounds need.
 
-For every state j the displacements of the snapshots and their derivatives, scaled by the size of
-the parameters, span the space of u_j; their strains are made orthonormal in the energy of the moduli
-at the reference. With the strains at the points of every zone, all projections are sums over points:
-no stiffness matrix is made, and nothing is factorized.
-
-The stresses of the snapshots are in equilibrium with their loads, so
+For every state j the displacements of the snapshots and their derivatives, by the parameters in
+their sizes, span the space of u_j; a basis of it is made orthonormal in the energy of the moduli at
+the reference. The stresses of the snapshots are in equilibrium with their loads, so
 
     sigma^(p) = sum_i c_i sigma_i ,     sum_i c_i psi(p_i) = psi(p)
 
-is in equilibrium with the loads at p: a part P psi(p), and any part of the self-equilibrated rest H.
+is in equilibrium with the loads at p: a part P psi(p), and any of the self-equilibrated rest H.
 By the theorem of Prager and Synge its distance in complementary energy from the stress of the
-reduced model is at least the error of that. Both sides of the difference are columns of one
-matrix a zone, of which only the factor R is kept: differences of nearly equal numbers are formed
-before they are squared.
+reduced model is at least the error of that.
+
+All this needs is one pass over the strain points. With E = L L^T at the reference, the columns
+
+    sqrt(V) L^-1 [ sigma_i - sigma_0 ,  J_r C u_l ]
+
+of a zone (the stresses of the snapshots less those of the virgin state, and the stresses of the
+displacements by every matrix J_r of its moduli) have one triangular factor R. Products of
+columns are those of R, and so are differences of nearly equal stresses before they are squared. No
+stiffness matrix is made, and nothing is factorized but R.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,9 +31,10 @@ import scipy.linalg as sla
 from geoident.forward.march.march import March
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.snapshots import Snapshot, settling_strain, strain_of
+from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import Zone
-from geoident.model.arrays import Floats
+from geoident.forward.stages import Index
+from geoident.model.arrays import Floats, Ints
 
 DEPENDENT = 1e-10
 """A column of which less is new, relative to its size, spans no further direction."""
@@ -37,19 +42,22 @@ DEPENDENT = 1e-10
 _ROWS = 256
 """Rows of a block that is factorized at once."""
 
+_POINTS = 1024
+"""Strain points of which columns are made at once: they stay near the processor."""
+
 Term = tuple[int, str]
 """State and material: E_material C u_state is part of the stress of a zone."""
 
 
 @dataclass(frozen=True, eq=False)
 class ZoneResidual:
-    """The difference of the two stresses in a zone.
+    """The difference of the two stresses in a zone, as columns of a triangular factor.
 
     Args:
         material: of which the zone is made: its moduli measure.
-        loads: (k, r) factor of the columns P less the in-situ stress.
-        rest: (k, h) of H.
-        terms: (k, r_m, N_l) of the stresses of the reduced model.
+        loads: (k, r) P less the in-situ stress.
+        rest: (k, h) H.
+        terms: (k, r_m, N_l) the stresses of the reduced model.
     """
 
     material: str
@@ -64,8 +72,8 @@ class ReducedStage:
 
     Args:
         base: the state on which it builds.
-        observed: (n_channels, N) what the channels see of its displacements.
-        matrices: <eps(U), J_r eps(U_l)> (r_m, N, N_l) by state and material.
+        observed: (n_channels, N) what the channels see of the displacements of its basis.
+        matrices: sum V eps(U)^T J_r eps(U_l), (r_m, N, N_l), by state and material.
         load: (N, r) work of the loads.
         residuals: of every zone.
         normal: by material, H^T H (h, h) in its measure.
@@ -84,6 +92,15 @@ class ReducedStage:
     def size(self) -> int:
         """Number N of unknowns."""
         return len(self.load)
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """R of the columns of a zone: of the snapshots' stresses (k, M), and by term (k, r_m, M)."""
+
+    zone: Zone
+    stress: Floats
+    terms: Mapping[Term, Floats]
 
 
 class Projection:
@@ -110,42 +127,34 @@ class Projection:
         self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
         self._snapshots = snapshots
         self._points = march.systems.discretization.points
-        self._size = loads.scale
-        self._root: dict[str, Floats] = {}
-        for name, span in spans.items():
-            c, _ = span.coordinates(reference[None])
-            self._root[name] = np.linalg.cholesky(span.matrix(c[0]))
-        self._strains: dict[int, Floats] = {}
-        self._needed = self._starts()
+        self._at_reference = {n: s.coordinates(reference[None])[0][0] for n, s in spans.items()}
+        self._inverse_root = {
+            name: np.linalg.inv(np.linalg.cholesky(span.matrix(self._at_reference[name])))
+            for name, span in spans.items()
+        }
+        self.turn: dict[int, Floats] = {}  # what makes the basis of a state of its columns
+        self.particular = np.zeros((0, 0))  # (M, r) columns with loads of one psi each
 
     def stages(self) -> tuple[ReducedStage, ...] | None:
         """All states; None where the loads of the snapshots do not yet span those of the case."""
-        found = []
         combination = self._combination()
         if combination is None:
             return None
+        self.particular = combination[0]
         first = 0 if self._loads.settles else 1
-        for state in range(self._snapshots[0].last + 1):
-            made = self._stage(state, *combination) if state >= first else self._nothing(state)
-            found.append(made)
-            for other in list(self._strains):
-                if other not in self._needed or self._needed[other] <= state:
-                    del self._strains[other]
-        return tuple(found)
+        states = range(self._snapshots[0].last + 1)
+        return tuple(
+            self._stage(state, *combination) if state >= first else self._nothing(state)
+            for state in states
+        )
 
-    def _starts(self) -> dict[int, int]:
-        """State to the last one whose stress its displacements are part of."""
-        needed: dict[int, int] = {}
-        for state, zones in enumerate(self._zones):
-            for zone in zones:
-                for part, _, _ in _parts(zone):
-                    needed[part] = max(needed.get(part, 0), state)
-        return needed
+    def reference_matrix(self, material: str) -> Floats:
+        """E (s, s) of a material at the reference."""
+        return self._spans[material].matrix(self._at_reference[material])
 
     def _combination(self) -> tuple[Floats, Floats] | None:
         """(M, r) and (M, h): what makes columns with loads of one psi each, and without loads."""
-        columns = [self._load_columns(snapshot) for snapshot in self._snapshots]
-        psi = np.hstack(columns) if columns else np.zeros((0, 0))
+        psi = np.hstack([snapshot.psi for snapshot in self._snapshots])
         if not len(psi):
             return np.zeros((psi.shape[1], 0)), np.eye(psi.shape[1])
         size = np.abs(psi).max(axis=1, initial=0.0)[:, None]
@@ -156,15 +165,6 @@ class Projection:
         particular = (right[:rank].T / values) @ left.T / size.T
         return particular, right[rank:].T
 
-    def _load_columns(self, snapshot: Snapshot) -> Floats:
-        """Psi and its derivatives by the parameters in their sizes, (r, 1 + n)."""
-        psi, slopes = self._loads.coordinates(snapshot.p[None])
-        return np.hstack([psi[0][:, None], slopes[0] * self._size])
-
-    def _scaled(self, columns: Floats) -> Floats:
-        """Values and derivatives (..., 1 + n) by the parameters in their sizes."""
-        return columns * np.concatenate([[1.0], self._size])
-
     def _nothing(self, state: int) -> ReducedStage:
         base, seen = self._march.sequence.states[state].base, self._snapshots[0].observed[state]
         r = self._loads.stress.shape[-1]
@@ -172,117 +172,95 @@ class Projection:
         return ReducedStage(base, empty, {}, np.zeros((0, r)), (), {}, ())
 
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
-        zones = self._zones[state]
-        raw = np.concatenate([self._strain(s, state) for s in self._snapshots], axis=-1)
-        basis, turn = self._orthonormal(raw, zones)
-        self._strains[state] = basis
-        seen = [self._scaled(s.observed[state]) for s in self._snapshots]
-        observed = np.hstack(seen) @ turn
-        stress = np.concatenate([self._scaled(s.stress[state]) for s in self._snapshots], axis=-1)
-        loads, rest = stress @ particular, stress @ free
-        rest = self._orthonormal_rest(rest, zones)
-        residuals = []
+        factors = [self._factor(zone, state) for zone in self._zones[state]]
+        strains = [self._energy(factor, state) for factor in factors]
+        turn = self.turn[state] = orthonormal_columns(np.concatenate(strains))
+        rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
+        load = np.zeros((turn.shape[1], particular.shape[1]))
         matrices: dict[Term, Floats] = {}
-        work = np.zeros((basis.shape[-1], loads.shape[-1]))
-        for zone in zones:
-            mine = zone.points
-            own = loads[:, mine]
-            if zone.history.virgin is not None:
-                own = own - self._loads.stress[:, mine]
-            terms = self._terms(zone)
-            test = basis[:, mine] * self._points.volume[mine][:, None]
-            test = test.reshape(-1, basis.shape[-1])
-            work += test.T @ own.reshape(-1, own.shape[-1])
-            for key, columns in terms.items():
-                flat = columns.reshape(len(test), -1)
-                product = (test.T @ flat).reshape(basis.shape[-1], *columns.shape[2:])
-                matrices[key] = matrices.get(key, 0.0) + np.moveaxis(product, 1, 0)
-            residuals.append(self._residual(zone, own, rest[:, mine], terms))
+        residuals = []
         normal: dict[str, Floats] = {}
-        for one in residuals:
-            normal[one.material] = normal.get(one.material, 0.0) + one.rest.T @ one.rest
-        changes = {(z.before, z.material) for z in zones if z.before != z.material}
+        for factor, strain in zip(factors, strains, strict=True):
+            test = (strain @ turn).T
+            terms = {
+                (other, name): columns @ self.turn[other]
+                for (other, name), columns in factor.terms.items()
+            }
+            for key, columns in terms.items():
+                product = np.tensordot(test, columns, axes=1).swapaxes(0, 1)
+                matrices[key] = matrices[key] + product if key in matrices else product
+            own = factor.stress @ particular
+            load += test @ own
+            made = _residual(factor.zone.material, own, factor.stress @ rest, terms)
+            residuals.append(made)
+            square = made.rest.T @ made.rest
+            normal[made.material] = normal.get(made.material, 0.0) + square
+        observed = np.hstack([s.observed[state] for s in self._snapshots]) @ turn
+        changes = {(z.before, z.material) for z in self._zones[state] if z.before != z.material}
         base = self._march.sequence.states[state].base
         return ReducedStage(
-            base, observed, matrices, work, tuple(residuals), normal, tuple(sorted(changes))
+            base, observed, matrices, load, tuple(residuals), normal, tuple(sorted(changes))
         )
 
-    def _strain(self, snapshot: Snapshot, state: int) -> Floats:
-        """Scaled strains (s, n_points, 1 + n) of the displacements of a state."""
-        settled = self._settled(snapshot) if state == 0 else None
-        return self._scaled(strain_of(self._march, snapshot, state, settled))
+    def _energy(self, factor: _Factor, state: int) -> Floats:
+        """Columns (k, M) whose squares are the energy of the strains of a state in a zone."""
+        material = factor.zone.material
+        columns = factor.terms[state, material]
+        return np.asarray(np.einsum("r,krm->km", self._at_reference[material], columns))
 
-    def _settled(self, snapshot: Snapshot) -> Floats:
-        psi, slopes = self._loads.coordinates(snapshot.p[None])
-        columns = np.hstack([psi[0][:, None], slopes[0]])
-        given, found = self._loads.stress @ columns, np.zeros_like(snapshot.stress[0])
-        for zone in self._zones[0]:
-            span, mine = self._spans[zone.material], zone.points
-            c, dc = span.coordinates(snapshot.p[None])
-            slopes_of = np.tensordot(dc[0], span.basis, axes=(0, 0))  # (n, s, s)
-            found[:, mine] = settling_strain(
-                snapshot.stress[0][:, mine],
-                given[:, mine],
-                span.matrix(c[0]),
-                np.moveaxis(slopes_of, 0, -1),
-            )
-        return found
-
-    def _orthonormal(self, raw: Floats, zones: Sequence[Zone]) -> tuple[Floats, Floats]:
-        """Strains (s, n_points, N) orthonormal in energy, and what makes them of the raw (M, N)."""
-        parts = [self._by_energy(zone, raw[:, zone.points]) for zone in zones]
-        matrix = np.concatenate(parts)
-        turn = orthonormal_columns(matrix)
-        return raw @ turn, turn
-
-    def _orthonormal_rest(self, raw: Floats, zones: Sequence[Zone]) -> Floats:
-        if not raw.shape[-1]:
-            return raw
-        parts = [self._by_flexibility(zone.material, zone, raw[:, zone.points]) for zone in zones]
-        return raw @ orthonormal_columns(np.concatenate(parts))
-
-    def _by_energy(self, zone: Zone, strain: Floats) -> Floats:
-        """Columns (s q, k) whose squares are the energy of strains (s, q, k)."""
-        root = np.sqrt(self._points.volume[zone.points])[:, None]
-        turned = np.tensordot(self._root[zone.material].T, strain, axes=1) * root
-        return turned.reshape(-1, strain.shape[-1])
-
-    def _by_flexibility(self, material: str, zone: Zone, stress: Floats) -> Floats:
-        """Columns (s q, k) whose squares are the complementary energy of stresses (s, q, k)."""
-        root = np.sqrt(self._points.volume[zone.points])[:, None]
-        turned = np.tensordot(np.linalg.inv(self._root[material]), stress, axes=1) * root
-        return turned.reshape(-1, stress.shape[-1])
-
-    def _terms(self, zone: Zone) -> dict[Term, Floats]:
-        """Stresses J_r eps(U_l) (s, q, r_m, N_l) of which that of a zone is made."""
-        found: dict[Term, Floats] = {}
-        for state, material, sign in _parts(zone):
-            if state not in self._strains:
-                continue
-            strain = self._strains[state][:, zone.points]
-            stress = sign * np.einsum("rij,jqn->iqrn", self._spans[material].basis, strain)
-            key = state, material
-            found[key] = found[key] + stress if key in found else stress
-        return found
-
-    def _residual(
-        self, zone: Zone, loads: Floats, rest: Floats, terms: Mapping[Term, Floats]
-    ) -> ZoneResidual:
-        s, q = loads.shape[:2]
-        columns = [loads, rest, *(t.reshape(s, q, -1) for t in terms.values())]
-        joined = self._by_flexibility(zone.material, zone, np.concatenate(columns, axis=-1))
-        factor = triangular_factor(joined)
-        ends = np.cumsum([c.shape[-1] for c in columns])
-        pieces = np.split(factor, ends[:-1], axis=1)
-        shaped = {
-            key: piece.reshape(len(factor), *term.shape[2:])
-            for (key, term), piece in zip(terms.items(), pieces[2:], strict=True)
-        }
-        return ZoneResidual(zone.material, pieces[0], pieces[1], shaped)
+    def _factor(self, zone: Zone, state: int) -> _Factor:
+        """R of a zone in a state."""
+        parts = [part for part in parts_of(zone) if part[0] or self._loads.settles]
+        signs: dict[Term, float] = {}
+        for other, material, sign in parts:
+            signs[other, material] = signs.get((other, material), 0.0) + sign
+        ranks = [self._spans[name].rank for _, name in signs]
+        count = sum(s.columns for s in self._snapshots)
+        blocks = []
+        for points in _runs_of(zone.points):
+            columns = [s.stress[state][:, points] for s in self._snapshots]
+            if zone.history.virgin is not None:
+                in_situ = self._loads.stress[:, points]
+                columns = [
+                    c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)
+                ]
+            for (other, name), sign in signs.items():
+                strain = np.concatenate(
+                    [s.strain[other][:, points] for s in self._snapshots], axis=-1
+                )
+                columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
+            joined = np.concatenate(columns, axis=-1)
+            joined = np.tensordot(self._inverse_root[zone.material], joined, axes=1)
+            joined *= np.sqrt(self._points.volume[points])[:, None]
+            blocks.append(triangular_factor(joined.reshape(-1, joined.shape[-1])))
+        found = triangular_factor(np.concatenate(blocks))
+        terms, place = {}, count
+        for key, rank in zip(signs, ranks, strict=True):
+            columns_of = found[:, place : place + rank * count]
+            terms[key] = columns_of.reshape(len(found), rank, count)
+            place += rank * count
+        return _Factor(zone, found[:, :count], terms)
 
 
-def _parts(zone: Zone) -> list[tuple[int, str, float]]:
-    """States whose displacements are part of the stress of a zone, with material and sign."""
+def _residual(
+    material: str, loads: Floats, rest: Floats, terms: Mapping[Term, Floats]
+) -> ZoneResidual:
+    """The same columns with a factor of as many rows as there are of them."""
+    flat = [loads, rest, *(columns.reshape(len(columns), -1) for columns in terms.values())]
+    factor = _triangle(np.hstack(flat))
+    pieces = np.split(factor, np.cumsum([part.shape[1] for part in flat])[:-1], axis=1)
+    shaped = {
+        key: piece.reshape(len(factor), *columns.shape[1:])
+        for (key, columns), piece in zip(terms.items(), pieces[2:], strict=True)
+    }
+    return ZoneResidual(material, pieces[0], pieces[1], shaped)
+
+
+def parts_of(zone: Zone) -> list[tuple[int, str, float]]:
+    """States whose displacements are part of the stress of a zone, with material and sign.
+
+    Of the virgin state it is the motion that balanced it.
+    """
     found: list[tuple[int, str, float]] = []
     if zone.history.virgin is not None:
         found.append((0, zone.history.virgin, 1.0))
@@ -293,28 +271,40 @@ def _parts(zone: Zone) -> list[tuple[int, str, float]]:
     return found
 
 
+def _runs_of(points: Ints) -> Iterator[Index]:
+    """Points (q,) some at a time, as slices where they stand together."""
+    for first in range(0, len(points), _POINTS):
+        some = points[first : first + _POINTS]
+        whole = int(some[-1]) - int(some[0]) + 1 == len(some)
+        yield slice(int(some[0]), int(some[-1]) + 1) if whole else some
+
+
 def orthonormal_columns(matrix: Floats) -> Floats:
     """(M, N) that makes orthonormal columns of (k, M) ones, those left out that add nothing."""
     size = np.linalg.norm(matrix, axis=0)
+    if not size.any():
+        return np.zeros((matrix.shape[1], 0))
     scale = np.where(size > 0.0, size, 1.0)
-    reduced = triangular_factor(matrix / scale)
-    factor, order = sla.qr(reduced, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(factor))
-    rank = int(np.sum(diagonal > DEPENDENT)) if size.any() else 0
+    factor, order = sla.qr(matrix / scale, mode="r", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(factor)) > DEPENDENT))
     turn = np.zeros((matrix.shape[1], rank))
-    inverse = sla.solve_triangular(factor[:rank, :rank], np.eye(rank))
-    turn[order[:rank]] = inverse
+    turn[order[:rank]] = sla.solve_triangular(factor[:rank, :rank], np.eye(rank))
     turn /= scale[:, None]
     # once more: what was nearly dependent is not yet orthogonal
-    again = triangular_factor(matrix @ turn)
-    return np.asarray(sla.solve_triangular(again.T, turn.T, lower=True).T)
+    again = _triangle(matrix @ turn)
+    return np.asarray(np.linalg.solve(again.T, turn.T).T)
 
 
 def triangular_factor(matrix: Floats) -> Floats:
     """R of Q R of a matrix (k, M) with many rows: of blocks that stay near the processor."""
-    while len(matrix) > 4 * max(_ROWS, 2 * matrix.shape[1]):
-        rows = max(_ROWS, 2 * matrix.shape[1])
+    rows = max(_ROWS, 2 * matrix.shape[1])
+    while len(matrix) > 2 * rows:
         whole = len(matrix) // rows * rows
-        factors = np.linalg.qr(matrix[:whole].reshape(-1, rows, matrix.shape[1]), mode="r")
+        factors = _triangle(matrix[:whole].reshape(-1, rows, matrix.shape[1]))
         matrix = np.concatenate([factors.reshape(-1, matrix.shape[1]), matrix[whole:]])
-    return np.linalg.qr(matrix, mode="r")
+    return _triangle(matrix)
+
+
+def _triangle(matrices: Floats) -> Floats:
+    """R of matrices (..., k, M)."""
+    return np.asarray(np.linalg.qr(matrices, mode="r"))

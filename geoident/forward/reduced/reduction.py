@@ -5,21 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.forward.affine import trial_points
 from geoident.forward.checks import inadmissible_numbers
-from geoident.forward.march.march import March
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.coverage import reduction_obstacle
+from geoident.forward.reduced.duals import DualMarch, ReadingDuals
 from geoident.forward.reduced.loads import load_form
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, span_of
-from geoident.forward.reduced.projection import Projection
+from geoident.forward.reduced.projection import Projection, parts_of
+from geoident.forward.reduced.recorder import Recorder
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import zones_of
 from geoident.model.arrays import Floats
+from geoident.model.parameter import Values
 
 _DRAWS = 24
 """Parameter vectors at which moduli and loads are looked at, beside three for each parameter."""
+
+_WITH_SECOND = 2
+"""Marches that are recorded with second derivatives: a search seldom leaps from a third."""
 
 MOST_ENTRIES = 250_000_000
 """Numbers that snapshots may keep: 2 GB."""
@@ -30,15 +38,27 @@ class Reduction:
 
     Args:
         march: of the case.
+        observation: its gauges.
         last: the last state wanted.
         most: how many marches count at most, the newest.
+        economical: have none where it costs more than the marches that a search saves.
     """
 
-    def __init__(self, march: March, last: int, most: int = 4) -> None:
-        self._march, self.last, self.most = march, last, most
+    def __init__(
+        self,
+        march: March,
+        observation: Observation,
+        last: int,
+        *,
+        most: int = 4,
+        economical: bool = True,
+    ) -> None:
+        self._march, self._observation = march, observation
+        self.last, self.most, self._economical = last, most, economical
         self._names = tuple(q.name for q in march.case.parameters)
         self.snapshots: list[Snapshot] = []
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
+        self._projection: Projection | None = None
         self._prepared = False
         self.obstacle = reduction_obstacle(march)
 
@@ -52,17 +72,40 @@ class Reduction:
         self._loads = loads
         materials = march.sequence.materials
         self._spans: dict[str, MaterialSpan] = {
-            name: span_of(march.case.materials[name], self._names, samples, s)
-            for name in materials
+            name: span_of(march.case.materials[name], self._names, samples, s) for name in materials
         }
         self._zones = zones_of(march.on_mesh)[: self.last + 1]
-        return None
+        return self._dear() if self._economical else None
+
+    def _dear(self) -> str | None:
+        """Why a reduced model would cost more than the marches that it saves; None if it does not.
+
+        Counted are multiplications and additions: of a factorization by nested dissection, about
+        60 n^1.5 in the plane and 20 n^2 in space; of the triangular factors of the columns of two
+        marches.
+        """
+        march, n = self._march, len(self._names)
+        points, columns = march.systems.discretization.points, 3 * (1 + n)
+        projecting = marching = 0.0
+        for state in range(1, self.last + 1):
+            unknowns = float(march.systems[state].pattern.lower.n)
+            factor = 60.0 * unknowns**1.5 if points.n_strain < 6 else 20.0 * unknowns**2
+            size = points.n_strain * points.n_points
+            marching += factor + 150.0 * (1 + n) * size
+            for zone in self._zones[state]:
+                terms = {(other, material) for other, material, _ in parts_of(zone) if other}
+                blocks = 1 + sum(self._spans[material].rank for _, material in terms)
+                rows = points.n_strain * len(zone.points)
+                projecting += 2.0 * rows * (columns * blocks) ** 2
+        if projecting <= marching:
+            return None
+        return "for a mesh of this size it costs more than the marches that it saves"
 
     def _samples(self) -> Floats:
         """Parameter vectors spread over the domain (b, n)."""
         march, parameters = self._march, self._march.case.parameters
 
-        def admissible(values: dict[str, float]) -> bool:
+        def admissible(values: Values) -> bool:
             return inadmissible_numbers(march.case, march.sequence, values) is None
 
         points = trial_points(parameters, admissible)
@@ -97,20 +140,43 @@ class Reduction:
         if sum(s.entries for s in self.snapshots) > MOST_ENTRIES:
             del self.snapshots[:-1]
 
-    def model(self) -> ReducedModel | None:
-        """The model of the marches so far; the moduli at the last of them measure."""
+    def recorder(self, p: Floats) -> Recorder | None:
+        """What records a march at p (n,); None where the case has no reduced model."""
         if not self._prepared and self.obstacle is None:
             self._prepared, self.obstacle = True, self._prepare()
+        if self.obstacle is not None:
+            return None
+        parts = self._zones, self._spans, self._loads
+        second = len(self.snapshots) < _WITH_SECOND
+        return Recorder(self._march, self._observation, *parts, p, second=second)
+
+    def model(self) -> ReducedModel | None:
+        """The model of the marches so far; the moduli at the last of them measure."""
         if self.obstacle is not None or not self.snapshots:
             return None
         key = tuple(s.p.tobytes() for s in self.snapshots)
         if self._made[0] != key:
             reference = self.snapshots[-1].p
-            made = Projection(
-                self._march, self._zones, self._spans, self._loads, self.snapshots, reference
-            ).stages()
+            parts = self._zones, self._spans, self._loads
+            self._projection = Projection(self._march, *parts, self.snapshots, reference)
+            made = self._projection.stages()
             model = None
             if made is not None:
                 model = ReducedModel(self._names, reference, self._spans, self._loads, made)
             self._made = key, model
         return self._made[1]
+
+    def duals(self, run: Run, rows: sp.csr_array, weights: Floats) -> ReadingDuals:
+        """Adjoints of readings (g) at the reference of the model.
+
+        Args:
+            run: a traced run there, all its states done.
+            rows: G', (g, n_dofs).
+            weights: (n_states, g) how often a reading counts the displacements of a state.
+        """
+        model = self._made[1]
+        assert model is not None
+        assert self._projection is not None
+        parts = self._zones, self._spans, self._loads
+        back = DualMarch(self._march, *parts, self.snapshots, self._projection, run)
+        return ReadingDuals(model, back.stages(rows, weights))

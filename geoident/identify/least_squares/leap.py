@@ -19,14 +19,17 @@ from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy, Linearization
-from geoident.model.response import CertifiedResponse, HasReducedModel
 from geoident.model.arrays import Floats
+from geoident.model.response import CertifiedResponse, HasReducedModel
 
 TRUSTED = 0.1
 """Bound of the relative error in energy up to which the reduced model leads the way."""
 
 _STEPS = 60
 """Steps on the reduced model at most; ten are usual."""
+
+_FAR = 10.0
+"""Length of any step."""
 
 _SETTLED = 1e-11
 """A step on the reduced model that is shorter changes nothing."""
@@ -81,7 +84,7 @@ class Leap:
         upper: Floats,
     ) -> tuple[Floats, float]:
         """The lowest point x (n,) of the reduced model between two corners, and phi there."""
-        x, model, radius = point.x, point.model, np.inf
+        x, model, radius = point.x, point.model, _FAR
         for _ in range(_STEPS):
             low, high = self.box.sides(x, radius)
             d = bounded_least_squares(
@@ -96,7 +99,7 @@ class Leap:
             y = self.box.reach(x, d)
             trial = self._look(reduced, response, y)
             if trial is not None and trial.objective < model.objective:
-                x, model, radius = y, trial, 2.0 * max(radius, length)
+                x, model, radius = y, trial, min(2.0 * max(radius, length), _FAR)
             else:
                 radius = 0.3 * length
         return x, model.objective
