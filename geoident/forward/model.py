@@ -419,7 +419,7 @@ class StagedResponse:
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
-        self._reduction: Reduction | None = None
+        self.reduction: Reduction | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -441,7 +441,8 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        if self.adjoints.cost_less(len(self.names)):
+        kept = self.reduction is not None and self.reduction.obstacle is None
+        if not kept and self.adjoints.cost_less(len(self.names)):
             return self.by_adjoints(p)
         return self.by_tangents(p)
 
@@ -450,20 +451,31 @@ class StagedResponse:
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
-    def keep_marches(self) -> None:
-        """Keep what marches with derivatives find from now on, for a reduced model."""
+    def keep_marches(self, *, economical: bool = True) -> None:
+        """Keep what marches with derivatives find from now on, for a reduced model.
+
+        Args:
+            economical: only where it costs less than the marches that a search saves by it.
+        """
         model = self._model
-        if model.observation.not_linear(self._row) is None:
-            self._reduction = self._reduction or Reduction(
-                model.march, model.observation, self._last
+        if self.reduction is None and model.observation.not_linear(self._row) is None:
+            self.reduction = Reduction(
+                model.march, model.observation, self._last, economical=economical
             )
+
+    def reduction_obstacle(self) -> str | None:
+        """Why there is no reduced model, a clause, or None if there may be one."""
+        not_linear = self._model.observation.not_linear(self._row)
+        if not_linear or self.reduction is None:
+            return not_linear
+        return self.reduction.obstacle
 
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
 
         Those that were not made since they are kept are made now.
         """
-        reduction = self._reduction
+        reduction = self.reduction
         if reduction is None or reduction.obstacle is not None:
             return
         wanted = visited[-reduction.most :]
@@ -479,16 +491,28 @@ class StagedResponse:
         found = self.reduced()
         return None if found is None else find(found)
 
-    def reduced(self) -> ReducedResponse | None:
-        """The reduced model of the marches that were kept; None where there is none."""
-        model, reduction = self._model, self._reduction
+    def reduced(self, *, bounded: bool = False) -> ReducedResponse | None:
+        """The reduced model of the marches that were kept; None where there is none.
+
+        Args:
+            bounded: with bounds of the errors of the readings; costs a march and its way back.
+        """
+        model, reduction = self._model, self.reduction
         made = None if reduction is None else reduction.model()
-        if made is None:
+        if reduction is None or made is None:
             return None
+        duals = None
+        if bounded:
+            run = model.at(made.reference, RunOptions(last=self._last, traced=True))
+            for _ in run.states():
+                pass
+            rows = model.observation.operator(self._row)
+            weights = model.observation.weights_of_states(self._row, self._state, self._last)
+            duals = reduction.duals(run, rows, weights)
         values = model.values(made.reference)
         added = model.instrument_errors.added(values, self.names, self._places)
         return ReducedResponse(
-            made, model.observation, self._row, self._state, added, self.admissible
+            made, model.observation, self._row, self._state, added, self.admissible, duals
         )
 
     def increments(self, p: Floats) -> Floats:
@@ -616,7 +640,7 @@ class StagedResponse:
         run = model.at(
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
-        kept = self._reduction if derivatives and unit_forces is None else None
+        kept = self.reduction if derivatives and unit_forces is None else None
         recorder = None if kept is None else kept.recorder(p)
         seen = []
         for end in run.states():

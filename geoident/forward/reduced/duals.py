@@ -223,10 +223,12 @@ class DualMarch:
                     continue
                 eps = [s.strain[state][:, mine] for s in self._snapshots]
                 raw = sign * np.concatenate(eps, axis=-1)
-                found = np.stack([
-                    test.T @ np.tensordot(J, raw, axes=1).reshape(len(test), -1) @ turn[state]
-                    for J in self._spans[material].basis
-                ])
+                found = np.stack(
+                    [
+                        test.T @ np.tensordot(J, raw, axes=1).reshape(len(test), -1) @ turn[state]
+                        for J in self._spans[material].basis
+                    ]
+                )
                 key = state, material
                 terms[key] = terms[key] + found if key in terms else found
         return StageDual(energy, work, terms)

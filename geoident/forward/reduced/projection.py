@@ -39,6 +39,9 @@ from geoident.model.arrays import Floats, Ints
 DEPENDENT = 1e-10
 """A column of which less is new, relative to its size, spans no further direction."""
 
+SMALL = 1e-2
+"""Columns smaller than this part of the largest are not brought to its size: they may be noise."""
+
 _ROWS = 256
 """Rows of a block that is factorized at once."""
 
@@ -174,7 +177,9 @@ class Projection:
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
         factors = [self._factor(zone, state) for zone in self._zones[state]]
         strains = [self._energy(factor, state) for factor in factors]
-        turn = self.turn[state] = orthonormal_columns(np.concatenate(strains))
+        # what settles is known as a small difference of stresses
+        least = DEPENDENT if state else 1e3 * DEPENDENT
+        turn = self.turn[state] = orthonormal_columns(np.concatenate(strains), least)
         rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
         load = np.zeros((turn.shape[1], particular.shape[1]))
         matrices: dict[Term, Floats] = {}
@@ -279,14 +284,19 @@ def _runs_of(points: Ints) -> Iterator[Index]:
         yield slice(int(some[0]), int(some[-1]) + 1) if whole else some
 
 
-def orthonormal_columns(matrix: Floats) -> Floats:
-    """(M, N) that makes orthonormal columns of (k, M) ones, those left out that add nothing."""
+def orthonormal_columns(matrix: Floats, least: float = DEPENDENT) -> Floats:
+    """(M, N) that makes orthonormal columns of (k, M) ones.
+
+    Args:
+        matrix: (k, M).
+        least: a column of which less is new, relative to its size, is left out.
+    """
     size = np.linalg.norm(matrix, axis=0)
     if not size.any():
         return np.zeros((matrix.shape[1], 0))
-    scale = np.where(size > 0.0, size, 1.0)
+    scale = np.maximum(size, SMALL * size.max())
     factor, order = sla.qr(matrix / scale, mode="r", pivoting=True)
-    rank = int(np.sum(np.abs(np.diag(factor)) > DEPENDENT))
+    rank = int(np.sum(np.abs(np.diag(factor)) > least))
     turn = np.zeros((matrix.shape[1], rank))
     turn[order[:rank]] = sla.solve_triangular(factor[:rank, :rank], np.eye(rank))
     turn /= scale[:, None]

@@ -27,6 +27,9 @@ from geoident.forward.reduced.snapshots import Snapshot, settling_strain
 from geoident.forward.reduced.zones import Zone
 from geoident.model.arrays import Floats
 
+_NOISE = 1e-9
+"""Stress of settling, relative to the virgin one, that is rounding."""
+
 MOST_SECOND = 12
 """Second derivatives that are taken at most."""
 
@@ -166,7 +169,7 @@ class Recorder:
         found = np.zeros_like(end.stress)
         if not self._loads.settles:
             return found
-        given = self._loads.stress @ self._psi
+        given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
         for zone in self._zones[0]:
             span, mine = self._spans[zone.material], zone.points
             slopes = np.tensordot(self._slopes[zone.material], span.basis, axes=(0, 0))
@@ -176,4 +179,7 @@ class Recorder:
                 span.matrix(self._moduli[zone.material]),
                 np.moveaxis(slopes, 0, -1),
             )
+            stress = np.tensordot(span.matrix(self._moduli[zone.material]), found[:, mine], axes=1)
+            size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0) * self._scale)
+        found[..., size <= _NOISE * np.abs(end.stress[..., 0]).max()] = 0.0
         return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,12 +14,12 @@ from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.coverage import reduction_obstacle
 from geoident.forward.reduced.duals import DualMarch, ReadingDuals
 from geoident.forward.reduced.loads import load_form
-from geoident.forward.reduced.model import ReducedModel
+from geoident.forward.reduced.model import ReducedModel, ReducedStates
 from geoident.forward.reduced.moduli import MaterialSpan, span_of
 from geoident.forward.reduced.projection import Projection, parts_of
 from geoident.forward.reduced.recorder import Recorder
 from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import zones_of
+from geoident.forward.reduced.zones import Zone, zones_of
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Values
 
@@ -180,3 +180,29 @@ class Reduction:
         parts = self._zones, self._spans, self._loads
         back = DualMarch(self._march, *parts, self.snapshots, self._projection, run)
         return ReadingDuals(model, back.stages(rows, weights))
+
+    def stresses(
+        self, model: ReducedModel, found: ReducedStates, state: int
+    ) -> Iterator[tuple[Zone, Floats]]:
+        """Zones of a state with their stress (s, q) at the first of the parameter vectors, Pa.
+
+        Args:
+            model: the one that was made last.
+            found: its states.
+            state: which.
+        """
+        assert self._projection is not None
+        at, turn = found.at, self._projection.turn
+        for zone in self._zones[state]:
+            mine = zone.points
+            stress = np.zeros((self._loads.stress.shape[0], len(mine)))
+            if zone.history.virgin is not None:
+                stress += self._loads.stress[:, mine] @ at.loads[0]
+            for other, material, sign in parts_of(zone):
+                if other not in turn:
+                    continue
+                coordinates = turn[other] @ found.states[other][0, :, 0]
+                raw = np.concatenate([s.strain[other][:, mine] for s in self.snapshots], axis=-1)
+                E = model.spans[material].matrix(at.moduli[material][0])
+                stress += sign * (E @ (raw @ coordinates))
+            yield zone, stress

@@ -1,4 +1,8 @@
-"""Readings by the reduced model: one more `Response`, with a bound of its error."""
+"""Readings by the reduced model: one more `Response`, with a bound of its error.
+
+The bounds hold against the march in exact arithmetic. `ROUNDING` is added to those of readings for
+what the march and this model round.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,13 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.reduced.duals import ReadingDuals
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.result import Counts
+
+ROUNDING = 1e-10
+"""Part of the largest reading that may be rounding."""
 
 
 class ReducedResponse:
@@ -24,6 +32,7 @@ class ReducedResponse:
         added: what instruments add to them and its derivatives (g, 1 + n) at the reference;
             linear in the parameters.
         admissible: says why parameters (n,) are outside the domain, or None.
+        duals: adjoints of the readings, where their errors are to be bounded.
     """
 
     def __init__(
@@ -34,10 +43,11 @@ class ReducedResponse:
         states: Ints,
         added: Floats,
         admissible: Callable[[Floats], str | None],
+        duals: ReadingDuals | None = None,
     ) -> None:
         self.model, self._observation = reduced, observation
         self._rows, self._states, self._added = rows, states, added
-        self._admissible = admissible
+        self._admissible, self._duals = admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
 
@@ -69,15 +79,28 @@ class ReducedResponse:
         """Bound of the error of the stresses at p (n,) in energy, relative to what moves."""
         return float(self.model.bounds(self._at(p)).relative[0])
 
-    def bounds(self, p: Floats) -> EnergyBounds:
-        """All bounds at p (n,)."""
-        return self.model.bounds(self._at(p))
-
-    def many(self, values: Floats) -> Floats:
-        """Readings (b, g) at parameter vectors (b, n)."""
+    def many(self, values: Floats) -> tuple[Floats, EnergyBounds]:
+        """Readings (b, g) at parameter vectors (b, n), and bounds of the errors in energy."""
         self._evaluations += len(values)
         found = self.model.states(values, derivatives=False)
-        return np.ascontiguousarray(self._table(found, values)[..., 0].T)
+        table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
+        return table, self.model.bounds(found)
+
+    def certified(self, values: Floats) -> tuple[Floats, Floats]:
+        """Readings (b, g) at parameter vectors (b, n), and bounds (b, g) of their errors, SI.
+
+        Raises:
+            ValueError: it was made without adjoints.
+        """
+        if self._duals is None:
+            msg = "the reduced model has no adjoints of these readings"
+            raise ValueError(msg)
+        self._evaluations += len(values)
+        found = self.model.states(values, derivatives=False)
+        table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
+        left = self._duals.bounds(found, self.model.bounds(found))
+        rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
+        return table, left.error + np.abs(left.correction) + rounding[:, None]
 
     def _at(self, p: Floats) -> ReducedStates:
         if self._last is None or self._last[0] != p.tobytes():

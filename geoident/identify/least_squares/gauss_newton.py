@@ -65,6 +65,12 @@ from quadratic where residuals stay, gain a twentieth of the last one: each is a
 NEGLIGIBLE = 1e-6
 """A promised gain of a thousandth of a standard deviation, squared."""
 
+KEPT = 0.25
+"""Part of the gain that a leap promises which must be found for the next step to be one."""
+
+FAILED = 2
+"""Leaps of a descent that may promise too much."""
+
 _STALLED = (
     "No shorter step lowers the misfit, although the derivatives say so: the computed "
     "readings are not smooth here; go on with the method simplex."
@@ -354,6 +360,7 @@ class Descent(Generic[IterateT]):
             leave: likewise, with what comes next.
         """
         judge, box = Acceptance(start), self.evaluator.box
+        failed, again = 0, True  # leaps that promised too much, and whether to leap next
         for number in range(self.max_steps):
             ending = self._ended(judge)
             if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
@@ -362,11 +369,17 @@ class Descent(Generic[IterateT]):
                 ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
             if ending is not None:
                 return ending
-            point = judge.point
-            step = self.leap(point, judge.radius) or self.propose(point, judge.radius)
+            point, radius = judge.point, judge.radius
+            leap = self.leap(point, radius) if again and failed <= FAILED else None
+            step = leap or self.propose(point, judge.radius)
             x = box.reach(point.x, step.d)
             trial = self.evaluator.try_point(x)
             note = judge.judge(step, trial)
+            kept = trial is not None and point.phi - trial.phi >= KEPT * step.gain
+            again = leap is None or kept
+            if not again:
+                failed += 1
+                judge.radius = max(radius, judge.radius)  # it says nothing of the linearised model
             self.evaluator.record(x, trial, step.length, note)
             if note == "rejected" and self.stopping.negligible(self.propose(point, np.inf)):
                 return Ending(judge.best, "converged", _ROUNDING)
