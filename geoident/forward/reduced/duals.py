@@ -11,7 +11,7 @@ tau sum_j lambda_aj(p_r)^T rho_j, and what is left is bounded by products of two
 
     |v_a - corrected| <= sum_j |eta_aj| |rho_j| ,      eta = lambda(p) - tau lambda(p_r).
 
-The adjoint strains b of tau lambda(p_r) leave C^T V (E_r - tau E(p)) b_aj out of balance at p, at most
+The adjoint strains b of lambda(p_r) leave C^T V (E_r - tau E(p)) b_aj out of balance at p, at most
 
     |pi_aj| <= ( sum_m chi_m^2 |b_aj|^2_m )^1/2 ,      chi = max |1 - tau mu| / sqrt(mu)
 

@@ -97,7 +97,7 @@ def test_the_error_of_the_stresses_is_below_its_bound(name):
 
 def test_a_bound_of_a_few_percent_is_not_far_above_the_error_in_energy():
     """Prager and Synge: the reduced stress and the best equilibrated one lie on both sides."""
-    staged, response, reduced, _ = made("plane")
+    staged, _, reduced, _ = made("plane")
     values = spread(staged, 30, seed=3)
     states = reduced.model.states(values)
     relative = reduced.model.bounds(states).relative
