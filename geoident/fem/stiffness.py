@@ -20,7 +20,7 @@ per group.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -97,7 +97,12 @@ def group_blocks(
 
 
 def stiffness_pattern(
-    groups: dict[int, GroupBlocks], *, node_of_rank: Ints, fixed: Bools, dim: int
+    groups: dict[int, GroupBlocks],
+    *,
+    node_of_rank: Ints,
+    fixed: Bools,
+    dim: int,
+    lasting: int = 0,
 ) -> StiffnessPattern:
     """The pattern of the present groups.
 
@@ -106,11 +111,15 @@ def stiffness_pattern(
         node_of_rank: (n_nodes,) the elimination order.
         fixed: (n_dofs,) degrees of freedom held by supports.
         dim: space dimensions.
+        lasting: number of nodes, the first in the order, whose equations are those of all stages.
     """
     keys = np.unique(np.concatenate([(g.column << 32) | g.row for g in groups.values()]))
     row, column = keys & 0xFFFFFFFF, keys >> 32
     unknown, dofs = _number_unknowns(row, node_of_rank, fixed, dim)
     lower, slot = _scalar_pattern(row, column, unknown, dim)
+    if lasting:
+        first = int(np.count_nonzero(unknown[:lasting] >= 0))
+        lower = replace(lower, lasting=first, names=dofs)
     slots = {}
     for name, group in groups.items():
         at = np.searchsorted(keys, (group.column << 32) | group.row)

@@ -15,8 +15,13 @@ __all__ = ["AUTO", "SOLVERS", "SolverCounts", "SolverInfo", "pick_solver", "solv
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
 
-_CLASSES = {"cholmod": "CholmodSolver", "pardiso": "PardisoSolver", "splu": "SpluSolver"}
-_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso", "splu": "scipy"}
+_CLASSES = {
+    "cholmod": "CholmodSolver",
+    "multifrontal": "MultifrontalSolver",
+    "pardiso": "PardisoSolver",
+    "splu": "SpluSolver",
+}
+_PACKAGES = {"cholmod": "cvxopt", "multifrontal": "scipy", "pardiso": "pypardiso", "splu": "scipy"}
 
 SOLVERS = tuple(_CLASSES)
 """Names of the solvers, the best first.

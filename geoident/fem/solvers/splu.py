@@ -42,6 +42,7 @@ class SpluSolver:
     """
 
     name = "splu"
+    keeps = False
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         self.counts = counts if counts is not None else SolverCounts()
