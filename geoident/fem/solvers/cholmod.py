@@ -39,7 +39,7 @@ class CholmodSolver:
     """
 
     name = "cholmod"
-    keeps = False
+    keeps_from = float("inf")
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         _load()

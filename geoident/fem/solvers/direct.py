@@ -90,15 +90,18 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """Name for `geoident doctor`: ``multifrontal``, ``cholmod``, ``pardiso`` or ``splu``."""
+        """Name as users write it, such as ``cholmod``."""
 
     @property
     def counts(self) -> SolverCounts:
         """What has been done so far with this solver."""
 
     @property
-    def keeps(self) -> bool:
-        """Whether it keeps what it finds of unknowns that last (`LowerPattern.lasting`)."""
+    def keeps_from(self) -> float:
+        """Operations of a factorization from which on it keeps what it finds of unknowns that last.
+
+        Infinite if it never does; see `LowerPattern.lasting`.
+        """
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern; counts one analysis."""

@@ -18,7 +18,7 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     check_pivots,
 )
-from geoident.fem.solvers.fronts.blas import Array, kernels
+from geoident.fem.solvers.fronts.blas import Dense, kernels
 from geoident.fem.solvers.fronts.elimination import Eliminated, Strips, eliminate
 from geoident.fem.solvers.fronts.lasting import KeptPart, LastingPart, lasting_columns
 from geoident.fem.solvers.fronts.layout import layout
@@ -33,7 +33,7 @@ class MultifrontalSolver:
     """
 
     name = "multifrontal"
-    keeps = True
+    keeps_from = 0.0
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         self.counts = counts if counts is not None else SolverCounts()
@@ -113,7 +113,7 @@ def _scaled(strips: Strips, factor: float) -> Strips:
 def _solve(factor: Eliminated, rhs: Floats) -> Floats:
     """Solutions (n, k) by a factor of the whole matrix."""
     order = factor.layout.order
-    x: Array = np.ascontiguousarray(rhs[order])
+    x: Dense = np.ascontiguousarray(rhs[order])
     factor.forward(x)
     factor.backward(x)
     rhs[order] = x

@@ -88,7 +88,8 @@ def _order_of(nodes: Ints, points: Floats, indptr: Ints, indices: Ints) -> Ints:
     whole = sp.csr_array((np.ones(len(indices)), indices, indptr), shape=(len(points),) * 2)
     part = sp.csr_array(whole[nodes][:, nodes])
     part.sort_indices()
-    return nodes[nested_dissection(points[nodes], part.indptr, part.indices)]
+    starts, ends = (np.asarray(a, dtype=np.int64) for a in (part.indptr, part.indices))
+    return nodes[nested_dissection(points[nodes], starts, ends)]
 
 
 @dataclass(frozen=True)

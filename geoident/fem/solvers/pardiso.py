@@ -36,7 +36,7 @@ class PardisoSolver:
     """
 
     name = "pardiso"
-    keeps = False
+    keeps_from = float("inf")
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         library()

@@ -176,15 +176,17 @@ class StageSystems:
         changes = self._changing_nodes()
         lasting = int(np.count_nonzero(~changes))
         stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
-        if not (self._solver.keeps and lasting and stages > 1):
+        if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
+            return plain, 0
+        _, whole = elimination_flops(*graph, plain, mesh.dim, 0)
+        if whole < self._solver.keeps_from:
             return plain, 0
         order = lasting_first(mesh.points, *graph, changes)
         once, each = elimination_flops(*graph, order, mesh.dim, lasting)
-        _, whole = elimination_flops(*graph, plain, mesh.dim, 0)
         return (order, lasting) if once + stages * each < stages * whole else (plain, 0)
 
     def _changing_nodes(self) -> Bools:
-        """(n_nodes,) nodes whose equations change: of ground that moves or yields, of structures."""
+        """(n_nodes,) nodes of ground that changes or yields, and of structures."""
         mesh, sequence, case = self._mesh, self._sequence, self._on_mesh.case
         materials = case.materials
         changes = np.zeros(len(sequence.groups), dtype=bool)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.floating]
+Dense = npt.NDArray[np.floating]
 """Numbers in double or single precision."""
 
 _TINY = 1 << 15
@@ -52,7 +52,7 @@ class Kernels:
         self._trsv = _routine("cython_blas", f"{letter}trsv", 8)
         self._one, self._minus = ctypes.byref(number(1.0)), ctypes.byref(number(-1.0))
 
-    def factorize(self, a: Array) -> int:
+    def factorize(self, a: Dense) -> int:
         """The Cholesky factor in the place of the lower triangle of a (s, s).
 
         Returns:
@@ -62,7 +62,7 @@ class Kernels:
         self._potrf(b"L", _int(a.shape[0]), _at(a), _leading(a), ctypes.byref(info))
         return a.shape[0] if info.value == 0 else info.value - 1
 
-    def divide(self, b: Array, lower: Array) -> None:
+    def divide(self, b: Dense, lower: Dense) -> None:
         """B <- B L^-T for rows (r, s)."""
         r, s = b.shape
         if r:
@@ -71,7 +71,7 @@ class Kernels:
                 _at(lower), _leading(lower), _at(b), _leading(b),
             )  # fmt: skip
 
-    def subtract_square(self, c: Array, a: Array) -> None:
+    def subtract_square(self, c: Dense, a: Dense) -> None:
         """Lower triangle of C <- C - A A^T for A (r, s)."""
         r, s = a.shape
         self._syrk(
@@ -79,7 +79,7 @@ class Kernels:
             _at(a), _leading(a), self._one, _at(c), _leading(c),
         )  # fmt: skip
 
-    def subtract_product(self, c: Array, a: Array, b: Array) -> None:
+    def subtract_product(self, c: Dense, a: Dense, b: Dense) -> None:
         """C <- C - A B^T for A (r, s), B (q, s)."""
         (r, s), q = a.shape, b.shape[0]
         if r and q:
@@ -88,15 +88,15 @@ class Kernels:
                 _at(b), _leading(b), self._one, _at(c), _leading(c),
             )  # fmt: skip
 
-    def forward(self, lower: Array, x: Array) -> None:
+    def forward(self, lower: Dense, x: Dense) -> None:
         """X <- L^-1 X for rows x (s, k) in C order."""
         self._solve(lower, x, b"N", b"T")
 
-    def backward(self, lower: Array, x: Array) -> None:
+    def backward(self, lower: Dense, x: Dense) -> None:
         """X <- L^-T X for rows x (s, k) in C order."""
         self._solve(lower, x, b"T", b"N")
 
-    def _solve(self, lower: Array, x: Array, vector: bytes, matrix: bytes) -> None:
+    def _solve(self, lower: Dense, x: Dense, vector: bytes, matrix: bytes) -> None:
         s, k = x.shape
         if k == 1:
             self._trsv(b"L", vector, b"N", _int(s), _at(lower), _leading(lower), _at(x), _int(1))
@@ -159,9 +159,9 @@ def _int(value: int) -> Any:
     return ctypes.byref(ctypes.c_int(value))
 
 
-def _at(a: Array) -> int:
+def _at(a: Dense) -> int:
     return int(a.__array_interface__["data"][0])
 
 
-def _leading(a: Array) -> Any:
+def _leading(a: Dense) -> Any:
     return ctypes.byref(ctypes.c_int(max(1, a.strides[1] // a.itemsize, a.shape[0])))

@@ -89,10 +89,9 @@ def elimination_tree(graph: NodeGraph) -> Ints:
         tails.append(clique[:-1])
         heads.append(clique[1:])
     low, high = np.concatenate(tails), np.concatenate(heads)
-    graph_of = sp.coo_array((np.ones(low.size), (low, high)), shape=(n, n)).tocsr()
-    edges = graph_of.tocoo()
-    graph_of.data = edges.col + 1.0
-    tree = sp.coo_array(minimum_spanning_tree(graph_of))
+    edges = sp.csr_array((np.ones(low.size), (low, high)), shape=(n, n))
+    weights = sp.csr_array((edges.indices + 1.0, edges.indices, edges.indptr), shape=(n, n))
+    tree = sp.coo_array(minimum_spanning_tree(weights))
     order = np.argsort(tree.col, kind="stable")
     parent, top = [-1] * n, list(range(n))
     for i, k in zip(tree.row[order].tolist(), tree.col[order].tolist(), strict=True):

@@ -19,7 +19,6 @@ import numpy as np
 
 from geoident.fem.solvers.direct import (
     LowerPattern,
-    NotPositiveDefinite,
     SolverCounts,
     check_pivots,
 )
@@ -33,7 +32,7 @@ SAME = 16.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
-class Columns:
+class LastingColumns:
     """The lasting columns of a pattern by themselves.
 
     Args:
@@ -49,7 +48,7 @@ class Columns:
     key: bytes
 
 
-def lasting_columns(pattern: LowerPattern) -> Columns:
+def lasting_columns(pattern: LowerPattern) -> LastingColumns:
     """The lasting columns of a pattern that has names."""
     assert pattern.names is not None
     n = pattern.lasting
@@ -64,7 +63,7 @@ def lasting_columns(pattern: LowerPattern) -> Columns:
     for part in (ends, indices, pattern.names[:n], pattern.names[border]):
         digest.update(np.ascontiguousarray(part, dtype=np.int64).tobytes())
         digest.update(b"/")
-    return Columns(indptr, indices, border, digest.digest())
+    return LastingColumns(indptr, indices, border, digest.digest())
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ class LastingPart:
         kernels: of the precision.
     """
 
-    def __init__(self, columns: Columns, kernels: Kernels) -> None:
+    def __init__(self, columns: LastingColumns, kernels: Kernels) -> None:
         self._columns, self._kernels = columns, kernels
         self.n = len(columns.indptr) - 1 - len(columns.border)
         self.layout = layout(columns.indptr, columns.indices, self.n)

@@ -1,10 +1,10 @@
 """Where everything goes in a factorization by fronts, found once for a pattern.
 
 The unknowns are numbered anew, front by front, children first. A front is stored as *strips*: some
-columns with all rows from the first of them down, so that of a large triangle little more than half
-is stored. The strips of the pivots stay as part of the factor, those of the rows (the update matrix)
-are passed on to the parent and lie on one of two stacks, by the depth of the front: those of the
-children are always uppermost on the one when the front goes on the other.
+columns with all rows from the first of them down, so that of a large triangle little more than
+half is stored. The strips of the pivots stay as part of the factor, those of the rows (the update
+matrix) are passed on to the parent and lie on one of two stacks, by the depth of the front: those
+of the children are always uppermost on the one when the front goes on the other.
 
 Within a front the nodes are put in an order in which what its descendants touch stands together, so
 that matrices are passed on as a few rectangles.
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,7 +58,6 @@ class FrontLayout:
             values of the matrix.
         stack: on which of the two stacks the update matrix lies, or -1 if it is kept.
         offset: where on the stack it begins.
-        is_root: whether nothing follows in this elimination.
     """
 
     first: int
@@ -83,7 +83,7 @@ class FrontLayout:
 
 
 @dataclass(frozen=True)
-class Layout:
+class EliminationPlan:
     """All fronts of an elimination.
 
     Args:
@@ -115,7 +115,7 @@ def layout(
     cliques: Sequence[Ints] = (),
     *,
     keep_order: bool = False,
-) -> Layout:
+) -> EliminationPlan:
     """Plan the elimination of the first unknowns of a matrix.
 
     Args:
@@ -208,7 +208,7 @@ class _Planner:
         self._graph, self._fronts, self._parent = graph, fronts, parent
         self._order, self._rank = order, rank
 
-    def plan(self, indptr: Ints, indices: Ints, cliques: Sequence[Ints]) -> Layout:
+    def plan(self, indptr: Ints, indices: Ints, cliques: Sequence[Ints]) -> EliminationPlan:
         """All fronts."""
         widths = [front.width for front in self._fronts]
         firsts = (np.cumsum(widths) - widths).tolist()
@@ -241,7 +241,7 @@ class _Planner:
             )  # fmt: skip
         size = sum(r * c for f in made for r, c in f.shapes()[: f.n_panels])
         flops = sum(front.flops for front in self._fronts)
-        return Layout(tuple(made), self._order, n_eliminated, stacks, size, flops)
+        return EliminationPlan(tuple(made), self._order, n_eliminated, stacks, size, flops)
 
     def _rows(self, front: Front) -> Ints:
         """(h,) rows of a front in new numbers, ascending."""
@@ -265,7 +265,7 @@ class _Planner:
             border, n_panels = starts[k]
             width, order = widths[k], border[-1]
             strips = []
-            for a, b in zip(border[:n_panels], border[1 : n_panels + 1], strict=True):
+            for a, b in pairwise(border[: n_panels + 1]):
                 low, high = np.searchsorted(column, [first + a, first + b])
                 across, down = column[low:high] - first, row[low:high]
                 inside = down < first + width

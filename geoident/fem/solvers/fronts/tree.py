@@ -1,7 +1,7 @@
 """Which unknowns are eliminated together: the assembly tree.
 
 A *front* is a dense matrix: some unknowns that are eliminated in it, its pivots, and the unknowns
-below them that they are coupled to, its rows. Fronts are found on the elimination tree of the nodes:
+below them that they are coupled to, its rows. Fronts are found on the elimination tree of nodes:
 
 - a subtree of few nodes is one front, a leaf;
 - a chain, in which each node has one child beside leaves, is cut where rows come in;
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.fem.solvers.fronts.graph import NodeGraph, elimination_tree
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Ints
 
 LEAF = 60
 """Nodes of a subtree that is eliminated as one front."""
