@@ -111,7 +111,7 @@ def parse_case(
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
     places = with_measured(with_temperatures(places, folder), folder)
-    section = _validate(places)
+    section = _validate(places, folder)
     faults = Faults(places)
     mesh_path = None
     if section.mesh is not None and not with_mesh:
@@ -209,8 +209,12 @@ def _shown(path: str) -> str:
     return STDIN_NAME if path == STDIN else path
 
 
-def _validate(places: Places) -> CaseSection:
-    """The sections of a case, each right by itself."""
+def _validate(places: Places, folder: Path) -> CaseSection:
+    """The sections of a case, each right by itself.
+
+    Raises:
+        InputError: with what is wrong in them, and what else is, whatever these should have been.
+    """
     faults = Faults(places)
     known: dict[int, tuple[str, ...]] = {}
     try:
@@ -221,9 +225,27 @@ def _validate(places: Places) -> CaseSection:
         return CaseSection.model_validate(places.data, context=known)
     except ValidationError as error:
         if not faults.found:
-            add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+            errors = error.errors(include_url=False)
+            add_schema_faults(faults, errors, places.data, known)
+            faults.extend(_further(without(places, paths_of(errors, places.data)), folder))
         faults.raise_any()
         raise
+
+
+def _further(rest: Rest | None, folder: Path) -> list[Fault]:
+    """What is wrong in the rest of a case that has wrong entries."""
+    if rest is None:
+        return []
+    try:
+        section = CaseSection.model_validate(rest.places.data, context={})
+    except ValidationError:
+        return []  # what is left is no case
+    faults = Faults(rest.places)
+    if section.mesh is not None:
+        _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
+    check_references(section, faults)
+    read_all(section, partial(_find, folder, faults=faults), faults)
+    return rest.independent(faults.found)
 
 
 def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
