@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from geoident.errors import InputError, ModelError
 from geoident.forward.model import StagedModel
 from geoident.identify import Problem, identify
 from geoident.identify.least_squares.closed_form import closed_form
+from geoident.io.result.file import read_result
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions

@@ -2,8 +2,9 @@
 
 Values may be replaced by overrides: ``parameters.E.start=20 GPa``.
 
-Faults are shown in three rounds, each complete: the text and its sections; what refers to something
-else in the case or its readings; and later, elsewhere, what needs the mesh.
+Faults are shown in two rounds, each complete: the text, its sections, and what refers to something
+else in the case or its readings, as far as that can be said while sections are wrong; and later,
+elsewhere, what needs the mesh.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
-from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.faults import add_schema_faults, paths_of
+from geoident.io.schema.partial import Rest, without
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import OVERRIDES, Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes

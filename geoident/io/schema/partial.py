@@ -1,9 +1,9 @@
 """What can still be said of a case of which some entries are wrong by themselves.
 
-A case is judged entry by entry first: whether its keys and values are what the schema asks for. What
-takes several entries (names that refer to each other, the sequence of stages, readings) is judged
-afterwards. So that both come in one round, the wrong entries are left out of a copy, and of what is
-found in the rest only that is kept which does not depend on them.
+A case is judged entry by entry first: whether its keys and values are what the schema asks for.
+What takes several entries (names that refer to each other, the sequence of stages, readings) is
+judged afterwards. So that both come in one round, the wrong entries are left out of a copy, and of
+what is found in the rest only that is kept which does not depend on them.
 """
 
 from __future__ import annotations
@@ -32,6 +32,14 @@ _ASKS_FOR = {
     "dates-order": {"dates"},
 }
 """Code of a fault to the keys among whose wrong entries may be what it misses."""
+_ANY: dict[str, Node] = {
+    "elastic": "isotropic",
+    "E": "1 GPa",
+    "nu": "0.25",
+    "density": "2000 kg/m3",
+    "expansion": "1e-5 1/K",
+}
+"""In place of a wrong material, so that who refers to it is right."""
 _REFERENCE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 
@@ -44,12 +52,14 @@ class Rest:
         keys: of the first level, in which something is left out.
         names: of the entries that are left out, and all words in them.
         used: parameters that these refer to.
+        empty: one of them holds none of what it should.
     """
 
     places: Places
     keys: frozenset[str]
     names: frozenset[str]
     used: frozenset[str]
+    empty: bool
 
     def independent(self, faults: Iterable[Fault]) -> list[Fault]:
         """The faults that would be there with the entries put right, too.
@@ -62,6 +72,8 @@ class Rest:
     def _stands(self, fault: Fault) -> bool:
         names = (f"'{name}{end}" for name in self.names | self.used for end in ("'", "."))
         if any(name in fault.message for name in names):
+            return False
+        if fault.code == "unused-parameter" and self.empty:
             return False
         if self.keys & _ASKS_FOR.get(fault.code, set()):
             return False
@@ -90,13 +102,18 @@ def without(places: Places, faults: Iterable[KeyPath]) -> Rest | None:
         return None
     names.update(_words(gone))
     used = frozenset(_REFERENCE.findall(str(gone)))
-    return Rest(replace(places, data=data), frozenset(keys), frozenset(names), used)
+    empty = any(not isinstance(node, dict | list) for node in gone)
+    return Rest(replace(places, data=data), frozenset(keys), frozenset(names), used, empty)
 
 
 def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> bool:
     """Take the entry that holds a fault out of the data; whether that can be done."""
     key = str(path[0])
     holder = data.get(key)
+    if key == "materials" and len(path) > 1 and isinstance(holder, dict):
+        gone.append(holder.get(str(path[1])))
+        holder[str(path[1])] = dict(_ANY)
+        return True
     if key in _NAMED and len(path) > 1 and isinstance(holder, dict):
         gone.append(holder.pop(str(path[1]), None))
         names.add(str(path[1]))
