@@ -28,9 +28,9 @@ from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.mark import Origin, marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
-from geoident.workflow.running.jobs import case_path, files_of_result
 from geoident.workflow.running.outputs import kept_results
 from geoident.workflow.running.remade import foreign
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 Writer = Callable[[str], None]
 

@@ -14,8 +14,8 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.results.head import ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.workflow.running.jobs import case_path, files_of_result
 from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""

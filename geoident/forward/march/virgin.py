@@ -278,7 +278,7 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         rest = rest + part
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)
     free = np.zeros(len(rest), dtype=bool)
-    free[system.pattern.dofs] = True
+    free[system.dofs] = True
     unheld = _at_corners(mesh, np.where(free, rest, 0.0).reshape(-1, mesh.dim))
     left, size = np.linalg.norm(unheld, axis=1), _at_corners(mesh, size[:, None])[:, 0]
     floor = max(_NOTHING * float(size.max(initial=0.0)), np.finfo(float).tiny)

@@ -94,7 +94,12 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
 
 
 def parse_case(
-    text: str, path: str, *, overrides: Sequence[str] = (), with_mesh: bool = True
+    text: str,
+    path: str,
+    *,
+    overrides: Sequence[str] = (),
+    with_mesh: bool = True,
+    with_texts: bool = True,
 ) -> LoadedCase:
     """Read the text of a case as if it stood in a file, which need not be there any more.
 
@@ -103,6 +108,7 @@ def parse_case(
         path: of that file, for the files that the case names; ``-`` for stdin.
         overrides: see `read_case`.
         with_mesh: whether the file of the mesh has to be there.
+        with_texts: whether the case is also wanted as YAML, `resolved` and `computed`.
 
     Raises:
         InputError: with all faults found.
@@ -134,8 +140,10 @@ def parse_case(
     )
     faults.raise_any()
     chain = [method_name(options) for options in case.fit.methods]
-    resolved = _resolved_text(section, chain)
-    computed = _resolved_text(section.model_copy(update={"report": None}), chain)
+    plain = section.model_copy(update={"report": None})
+    resolved, computed = (
+        _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
+    )
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files), computed)
 
 

@@ -23,6 +23,7 @@ from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import (
     by_distance,
     by_stage,
+    compared_with,
     each_reading,
     standardized,
     wide_diagnostics,
@@ -157,10 +158,10 @@ def _correlation(result: Result) -> CsvTable:
 
 
 def _gauges(result: Result) -> CsvTable:
-    table = result.gauges
-    residual, in_sd = table.measured - table.computed, standardized(result)
-    columns = [table.in_units(c) for c in (table.measured, table.computed, residual, table.sd)]
-    known = np.isfinite(table.measured) | np.isfinite(table.computed)
+    table, (computed, sd) = result.gauges, compared_with(result)
+    residual, in_sd = table.measured - computed, standardized(result)
+    columns = [table.in_units(c) for c in (table.measured, computed, residual, sd)]
+    known = np.isfinite(table.measured) | np.isfinite(computed)
     rows: list[CsvRow] = [
         (
             table.channels[i],

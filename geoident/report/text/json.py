@@ -24,6 +24,7 @@ from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
     by_stage,
+    compared_with,
     diagnostics_object,
     each_reading,
     moment_text,
@@ -163,16 +164,19 @@ def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
 
 
 def gauges_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every reading that is measured or computed, stage by stage."""
-    gauges = result.gauges
-    known = np.isfinite(gauges.measured) | np.isfinite(gauges.computed)
+    """One object for every reading that is measured or computed, stage by stage.
+
+    In a backtest ``computed`` and ``sd`` are those of the prediction by the last fit before.
+    """
+    gauges, (computed, sd) = result.gauges, compared_with(result)
+    known = np.isfinite(gauges.measured) | np.isfinite(computed)
     return [
         {
             "gauge": gauges.channels[i],
             "stage": gauges.stages[j],
             "measured": gauges.measured[i, j],
-            "computed": gauges.computed[i, j],
-            "sd": gauges.sd[i, j],
+            "computed": computed[i, j],
+            "sd": sd[i, j],
             "used": bool(gauges.used[i, j]),
             "bad": bool(gauges.bad[i, j]),
             "unit": si_unit(gauges.dimensions[i]),
