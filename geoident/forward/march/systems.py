@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +18,7 @@ from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
+    free_dofs,
     group_blocks,
     node_graph,
     stiffness_pattern,
@@ -49,7 +51,8 @@ class StageSystem:
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
         groups: indices of the present groups and keys of the structures that stand.
-        pattern: the stiffness pattern.
+        dofs: (n,) degree of freedom of each unknown, in elimination order.
+        make_pattern: makes the pattern, which is large and which not every command needs.
     """
 
     present: Bools
@@ -57,7 +60,13 @@ class StageSystem:
     volume: Floats
     points_of: Mapping[str, Index]
     groups: frozenset[int]
-    pattern: StiffnessPattern
+    dofs: Ints
+    make_pattern: Callable[[], StiffnessPattern]
+
+    @cached_property
+    def pattern(self) -> StiffnessPattern:
+        """The stiffness pattern."""
+        return self.make_pattern()
 
 
 class StageSystems:
@@ -86,6 +95,7 @@ class StageSystems:
             for g in discretization.points_of
         } | structures.blocks(rank)
         self._systems: dict[int, StageSystem] = {}
+        self._dofs: dict[frozenset[int], Ints] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
@@ -157,7 +167,7 @@ class StageSystems:
         """Where an unknown stands, for a message."""
         if unknown is None:
             return ""
-        node = system.pattern.dofs[unknown] // self._mesh.dim
+        node = system.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
 
     def describe_motion(self, u: Floats) -> str:
@@ -211,6 +221,20 @@ class StageSystems:
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
+        if groups not in self._dofs:
+            self._dofs[groups] = free_dofs(
+                [self._blocks[g] for g in groups],
+                node_of_rank=self._node_of_rank,
+                fixed=self._fixed,
+                dim=self._mesh.dim,
+            )[1]
+        volume = self.discretization.volume(here)
+        touched = _touched(self._mesh, here)
+        dofs, pattern = self._dofs[groups], partial(self._pattern, groups)
+        return StageSystem(present, touched, volume, points_of, groups, dofs, pattern)
+
+    def _pattern(self, groups: frozenset[int]) -> StiffnessPattern:
+        """The pattern of some groups and structures."""
         if groups not in self._patterns:
             self._patterns[groups] = stiffness_pattern(
                 {g: self._blocks[g] for g in groups},
@@ -219,10 +243,7 @@ class StageSystems:
                 dim=self._mesh.dim,
                 lasting=self._lasting,
             )
-        pattern = self._patterns[groups]
-        volume = self.discretization.volume(here)
-        touched = _touched(self._mesh, here)
-        return StageSystem(present, touched, volume, points_of, groups, pattern)
+        return self._patterns[groups]
 
     def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:

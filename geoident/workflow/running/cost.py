@@ -158,4 +158,4 @@ def _stage_costs(model: StagedModel) -> list[FactorCost]:
 
 def _pattern_bytes(model: StagedModel, state: int) -> int:
     pattern = model.systems[state].pattern
-    return pattern.lower.indices.nbytes + sum(s.nbytes for s in pattern.slots.values())
+    return pattern.lower.indices.nbytes + sum(a.nbytes for a in pattern.above.values())
