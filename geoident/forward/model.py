@@ -451,16 +451,17 @@ class StagedResponse:
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
-    def keep_marches(self, *, economical: bool = True) -> None:
+    def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
         """Keep what marches with derivatives find from now on, for a reduced model.
 
         Args:
             economical: only where it costs less than the marches that a search saves by it.
+            most: how many marches count at most, the newest.
         """
         model = self._model
         if self.reduction is None and model.observation.not_linear(self._row) is None:
             self.reduction = Reduction(
-                model.march, model.observation, self._last, economical=economical
+                model.march, model.observation, self._last, most=most, economical=economical
             )
 
     def reduction_obstacle(self) -> str | None:
@@ -491,14 +492,17 @@ class StagedResponse:
         found = self.reduced()
         return None if found is None else find(found)
 
-    def reduced(self, *, bounded: bool = False) -> ReducedResponse | None:
+    def reduced(
+        self, *, bounded: bool = False, reference: Floats | None = None
+    ) -> ReducedResponse | None:
         """The reduced model of the marches that were kept; None where there is none.
 
         Args:
             bounded: with bounds of the errors of the readings; costs a march and its way back.
+            reference: (n,) parameters whose moduli measure; None for those of the last march.
         """
         model, reduction = self._model, self.reduction
-        made = None if reduction is None else reduction.model()
+        made = None if reduction is None else reduction.model(reference)
         if reduction is None or made is None:
             return None
         duals = None

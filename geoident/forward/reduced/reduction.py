@@ -150,13 +150,17 @@ class Reduction:
         second = len(self.snapshots) < _WITH_SECOND
         return Recorder(self._march, self._observation, *parts, p, second=second)
 
-    def model(self) -> ReducedModel | None:
-        """The model of the marches so far; the moduli at the last of them measure."""
+    def model(self, reference: Floats | None = None) -> ReducedModel | None:
+        """The model of the marches so far.
+
+        Args:
+            reference: (n,) parameters whose moduli measure; None for those of the last march.
+        """
         if self.obstacle is not None or not self.snapshots:
             return None
-        key = tuple(s.p.tobytes() for s in self.snapshots)
+        reference = self.snapshots[-1].p if reference is None else reference
+        key = (*(s.p.tobytes() for s in self.snapshots), reference.tobytes())
         if self._made[0] != key:
-            reference = self.snapshots[-1].p
             parts = self._zones, self._spans, self._loads
             self._projection = Projection(self._march, *parts, self.snapshots, reference)
             made = self._projection.stages()
