@@ -50,7 +50,7 @@ def test_every_answer_is_close_to_that_of_the_model(near, accuracy):
 
 
 def test_what_is_outside_the_domain_is_left_to_the_model(near):
-    response, reduced, _ = near
+    _, reduced, _ = near
     outside = spread(plane(), 3, seed=11, part=0.2)
     outside[1, 2] = 0.7  # Poisson's ratio
 
