@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from geoident.identify.assessment.scores import told_before
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import Channel, Reading
+from geoident.model.results.bands import told_before
 from geoident.model.results.result import Diagnostics, GaugeTable, Prediction, Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
