@@ -86,11 +86,11 @@ def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
     sizes, ends = size.tolist(), indptr.tolist()
     seen = np.full(n, -1, dtype=np.int64)  # the last for which a node was among the rows
     waiting: list[list[Ints]] = [[] for _ in range(n)]
-    marked = -1  # of which all rows are marked, and the first of them
+    marked, last = -1, nodes[:0]  # of which all rows of the node before are marked; these rows
     for k in range(n):
         own, parts = nodes[ends[k] : ends[k + 1]], waiting[k]
         waiting[k] = []
-        if len(parts) == 1 and marked >= 0 and parts[0] is last:
+        if len(parts) == 1 and parts[0] is last:
             new = own[seen[own] != marked]
             rows, count = parts[0][1:], below[k - 1] - sizes[k]
             if len(new):
