@@ -244,7 +244,8 @@ def test_the_schema_is_json(run):
 def test_the_doctor_tells_versions_and_the_solver_in_use(run):
     assert "used" in run("doctor").stdout
     found = json.loads(run("doctor", "--json").stdout)
-    assert found["picked"] in ("pardiso", "cholmod", "splu")
+    assert found["picked"] in ("pardiso", "cholmod", "multifrontal")
+    assert found["picked_large"] == "multifrontal"
     extras = {extra["name"]: extra for extra in found["extras"]}
     assert set(extras) >= {"report", "ags", "full-space", "global", "ensemble"}
     assert extras["global"]["version"]
