@@ -168,7 +168,7 @@ def _lies_deep(kind: str, points: Floats, nodes: Ints, row: Ints, place: Floats)
     depth = _depth(reference, xi)
     straight = middle[:, None] + np.einsum("nij,aj->nai", slopes, reference.nodes - centre)
     bent = np.abs(x - straight).max(axis=(1, 2)) > _STRAIGHT * np.ptp(x, axis=1).max(axis=1)
-    deep = ~bent[which] & (depth >= DEEP)
+    deep = np.asarray(~bent[which] & (depth >= DEEP))
     near = np.flatnonzero(bent[which] & (depth >= -_LINEAR))
     deep[near] = (
         _depth(reference, reference_coordinates(reference, x[which[near]], place[near])) >= DEEP
