@@ -20,7 +20,7 @@ per group.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -182,7 +182,12 @@ def free_dofs(
 
 
 def stiffness_pattern(
-    groups: dict[int, GroupBlocks], *, node_of_rank: Ints, fixed: Bools, dim: int
+    groups: dict[int, GroupBlocks],
+    *,
+    node_of_rank: Ints,
+    fixed: Bools,
+    dim: int,
+    lasting: int = 0,
 ) -> StiffnessPattern:
     """The pattern of the present groups.
 
@@ -191,6 +196,7 @@ def stiffness_pattern(
         node_of_rank: (n_nodes,) the elimination order.
         fixed: (n_dofs,) degrees of freedom held by supports.
         dim: space dimensions.
+        lasting: number of nodes, the first in the order, whose equations are those of all stages.
     """
     unknown, dofs = free_dofs(groups.values(), node_of_rank=node_of_rank, fixed=fixed, dim=dim)
     keys = _union([(g.column << 32) | g.row for g in groups.values()])
@@ -215,7 +221,10 @@ def stiffness_pattern(
         name: above[np.searchsorted(keys, (group.column << 32) | group.row)]
         for name, group in groups.items()
     }
-    return StiffnessPattern(LowerPattern(indptr, indices[:-1]), dofs, columns, heights)
+    lower = LowerPattern(indptr, indices[:-1])
+    if lasting:
+        lower = replace(lower, lasting=int(np.count_nonzero(free[:lasting])), names=dofs)
+    return StiffnessPattern(lower, dofs, columns, heights)
 
 
 def _union(runs: list[Ints]) -> Ints:
