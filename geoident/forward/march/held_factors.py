@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.conjugate_gradients import Product
+from geoident.fem.conjugate_gradients import Product, conjugate_gradients
 from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, LowerPattern, SymbolicFactorization
 from geoident.fem.solvers.splu import GeneralFactor
@@ -34,6 +34,9 @@ FEWEST, MOST = 12, 40
 """Bounds on the steps of conjugate gradients that may take the place of a factorization."""
 
 _WORTH = {2: 0.0, 3: 0.02}
+
+_ROUNDING = 1e-13
+"""Residual, relative, that elastic states are solved to."""
 
 _ELASTIC, _TANGENT = "elastic", "tangent"
 _SPARE = {_TANGENT: 0, _ELASTIC: 1}
@@ -108,9 +111,9 @@ class StageTangents:
         dim = self._systems.discretization.points.position.shape[1]
         return int(np.clip(_WORTH[dim] * size ** (2 / 3), FEWEST, MOST))
 
-    def elastic(self) -> Factor:
-        """Factor of the elastic K, perhaps of moduli of other parameters."""
-        found = self._held.find(self._system.groups, _ELASTIC)
+    def elastic(self, *, again: bool = False) -> Factor:
+        """Factor of the elastic K, perhaps of moduli of other parameters; ``again``: of these."""
+        found = None if again else self._held.find(self._system.groups, _ELASTIC)
         return self._factorize(_ELASTIC, self._elastic) if found is None else found
 
     def last(self) -> Factor | None:
@@ -142,6 +145,33 @@ class StageTangents:
         if found is None:
             raise AssertionError
         return found
+
+
+class ElasticByHeld:
+    """The elastic K of a stage as a `Factor`, solved on the one that is held.
+
+    One step of conjugate gradients is enough where only the size of all moduli is another.
+
+    Args:
+        tangents: of the stage.
+    """
+
+    valid = True
+
+    def __init__(self, tangents: StageTangents) -> None:
+        self._tangents = tangents
+
+    def solve(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) for right-hand sides (n, k)."""
+        nowhere = np.empty(0, dtype=np.int64), np.empty((0, 0, 0))
+        found = conjugate_gradients(
+            self._tangents.product(*nowhere),
+            rhs,
+            self._tangents.elastic().solve,
+            tolerance=_ROUNDING,
+            most=FEWEST,
+        )
+        return found.x if found.reached else self._tangents.elastic(again=True).solve(rhs)
 
 
 def symmetric_product(lower: LowerPattern, values: Floats) -> Product:

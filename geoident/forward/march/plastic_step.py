@@ -17,12 +17,12 @@ import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
-from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
-from geoident.forward.march.held_factors import HeldFactors, StageTangents
+from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage import StageTask, not_positive_definite
 from geoident.forward.march.stage_equations import (
@@ -51,6 +51,9 @@ flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 
 
 _KEPT = 4
 """Parameter vectors whose displacements are kept, to start from the nearest one."""
+
+_NEAR_BY = 1e-4
+"""How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
 _LOAD_STEPS = (1, 4, 16)
 """Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
@@ -89,7 +92,13 @@ class WarmStart:
         return [known.du, known.du + known.slopes @ np.array(change)]
 
     def keep(self, task: StageTask, du: Floats) -> None:
-        """What a stage needed: du (n_dofs, 1 + n + k)."""
+        """What a stage needed: du (n_dofs, 1 + n + k).
+
+        Without derivatives it is worth less than what is known near by with them.
+        """
+        known = self._known.get(task.number, ())
+        if not task.n and any(_far(one.values, task.point.values) < _NEAR_BY for one in known):
+            return
         slopes = du[:, 1 : 1 + task.n].copy()
         kept = self._known.setdefault(task.number, deque(maxlen=_KEPT))
         kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
@@ -144,6 +153,22 @@ class PlasticSteps:
         if all(law.associated for law in laws.values()):
             return self._part(task, laws, warm=True)
         return self._in_load_steps(task, laws)
+
+    def virgin_factor(self, task: StageTask) -> Factor | None:
+        """The elastic stiffness of the virgin state where something yields, on what is held.
+
+        Raises:
+            ModelError: it is not positive definite.
+        """
+        if not self.yields(task.state) or not task.system.pattern.lower.n:
+            return None
+        tangents = StageTangents(self.systems, task, task.elasticity(), self.warm.factors)
+        try:
+            tangents.elastic()
+        except NotPositiveDefinite as error:
+            place = self.systems.describe_unknown(task.system, error.unknown)
+            raise not_positive_definite(task.state.name, place) from error
+        return ElasticByHeld(tangents)
 
     def refuse_virgin(self, task: StageTask) -> None:
         """Refuse an in-situ stress outside a yield surface, with place and factor.
