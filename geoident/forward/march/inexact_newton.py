@@ -146,4 +146,5 @@ class Directions:
 
     def _wanted(self, trial: Trial) -> float:
         """The residual of a step, relative: what is left of the nonlinearity is no less."""
-        return max(0.1 * self.balanced / trial.error, min(_ROUGH, trial.error ** (2.0 / 3.0)))
+        least, most = 0.1 * self.balanced / trial.error, float(trial.error ** (2.0 / 3.0))
+        return max(least, min(_ROUGH, most))
