@@ -14,6 +14,7 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
+from geoident.workflow.estimating import fitted_mesh as in_fits
 from geoident.workflow.estimating import mesh_error as module
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.estimating.recovery import energy_error
@@ -137,7 +138,7 @@ def test_a_square_hole_converges_slowly_and_that_is_said():
     assert any("Corners of 270 degrees" in note for note in found.notes)
     fine = mesh
     for _ in range(4):
-        fine = module.refined(fine)
+        fine = module.halved(fine)
     true = at(fine).computed(NOTHING) - found.computed
     assert 0.7 < float(found.error[0, 0] / true[0, 0]) < 1.5
 
@@ -304,7 +305,7 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
     for accuracy, acts in ((1e-6, True), (4e-4, False)):
         one = replace(found, accuracy=np.full(len(found.channels), accuracy), how="recovery")
         one = replace(one, notes=("How it was found.",))
-        fit = module.FittedMesh(one, everything, shift=1.0, counts=True)
+        fit = in_fits.FittedMesh(one, everything, shift=1.0, counts=True)
         assert fit.findings == ((fit.sentence,) if acts else ())
         assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
         unseen = replace(fit, counts=False)
