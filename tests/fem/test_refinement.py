@@ -9,7 +9,7 @@ from geoident.fem.faces import face_table, nonconforming, patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.measure import coinciding_nodes, element_volumes
 from geoident.fem.orientation import oriented, overlapping, turned_elements
-from geoident.fem.refinement.finer import halved
+from geoident.fem.refinement.finer import halved, n_raised, raised
 from geoident.model.case import Analysis
 from geoident.model.cells import CELLS
 from tests.support.meshes import KINDS, KINDS_2D, box, opening
@@ -47,6 +47,36 @@ def test_the_refined_body_is_the_same_and_sound(kind):
     assert set(np.unique(np.concatenate([b.nodes.ravel() for b in fine.blocks]))) == set(
         range(fine.n_nodes)
     )
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if CELLS[kind].order == 1])
+def test_a_node_on_every_edge_makes_elements_of_second_order(kind):
+    """As many as there were, with straight edges and the same groups."""
+    n = (3, 2) if kind in KINDS_2D else (2, 2, 2)
+    mesh = box(kind, n, distortion=0.15)
+    fine = raised(mesh)
+    second = next(
+        c.kind for c in CELLS.values()
+        if c.shape is CELLS[kind].shape and c.order == 2 and c.usable
+    )  # fmt: skip
+    assert [block.kind for block in fine.blocks] == [second]
+    assert fine.n_elements == mesh.n_elements
+    assert fine.n_nodes == n_raised(mesh) == box(second, n).n_nodes
+    np.testing.assert_array_equal(fine.points[: mesh.n_nodes], mesh.points)
+    nodes, corners = fine.blocks[0].nodes, CELLS[kind].n_corners
+    np.testing.assert_array_equal(nodes[:, :corners], mesh.blocks[0].nodes)
+    for k, (a, b) in enumerate(CELLS[second].edges):
+        middle = 0.5 * (fine.points[nodes[:, a]] + fine.points[nodes[:, b]])
+        np.testing.assert_allclose(fine.points[nodes[:, corners + k]], middle, atol=1e-12)
+    kinematics = of(mesh)
+    assert len(turned_elements(fine, oriented(fine, kinematics))) == 0
+    assert len(coinciding_nodes(fine)) == 0
+    assert element_volumes(fine, kinematics).sum() == pytest.approx(1.0)
+    for name, group in mesh.facet_groups.items():
+        assert fine.facet_groups[name].tolist() == group.tolist()
+    side = np.flatnonzero(mesh.points[:, 0] == 0.0)
+    held = raised(replace(mesh, node_groups={"side": side})).node_groups["side"]
+    assert held.tolist() == np.flatnonzero(fine.points[:, 0] == 0.0).tolist()
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad8"])
