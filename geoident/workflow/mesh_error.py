@@ -12,13 +12,8 @@ from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
 from geoident.model.results.mesh_error import MeshError
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
-from geoident.workflow.running.jobs import (
-    build_model,
-    case_path,
-    inputs_of_result,
-    load_inputs,
-    start_values,
-)
+from geoident.workflow.running.jobs import build_model, inputs_of_result, load_inputs, start_values
+from geoident.workflow.running.result_files import case_path
 
 RESULT = ".h5"
 """Ending of result files, of which the parameters are taken."""
@@ -67,6 +62,7 @@ def check_mesh_error(
     values = start_values(model.case, model)
     at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
     found = mesh_error(model, inputs.case, at)
+    found = replace(found, cost=model.counts + found.cost)
     if len(at):
         found = replace(found, notes=(_where(path), *found.notes))
     which = np.isfinite(found.error)

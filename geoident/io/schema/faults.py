@@ -61,6 +61,16 @@ def add_schema_faults(
         _add(faults, error, path, node, known, is_key=is_key)
 
 
+def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
+    """Where pydantic found something, as far as it stands in the file.
+
+    Args:
+        errors: what pydantic found.
+        data: what was read.
+    """
+    return [_resolve(error, data)[0] for error in errors]
+
+
 def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:
     """Path in the file, the node there, and whether the error is about the key itself.
 
@@ -121,7 +131,10 @@ def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     key = str(path[-1])
     holder = _node_at(faults.places.data, path[:-1])
     hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
-    if key[:1].isdigit():
+    name, colon, value = key.partition(":")
+    if colon and name and value:
+        hint = f"Write a space after the colon: '{shorten(name)}: {shorten(value)}'."
+    elif key[:1].isdigit():
         hint = "If there is a comma in a number before it, write a decimal point."
     faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
 

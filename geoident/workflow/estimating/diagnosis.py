@@ -14,6 +14,7 @@ from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
+from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -319,6 +320,51 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     return (
         f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
         f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
+    )
+
+
+_CLEAR = 5.0
+"""Accuracies from which on a reading has a clear sign."""
+_MOVES = 0.05
+"""Part of the largest computed reading of its dimension from which on another has a clear sign.
+
+Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
+"""
+
+
+def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
+    """A sentence for gauges that read the opposite of what is computed, wherever it is clear.
+
+    A sign that the file counts the other way round cannot be fitted, and scatter, a model error or
+    a bound would take it up without a word.
+
+    Args:
+        gauges: measured and computed.
+    """
+    sizes = np.abs(np.where(gauges.used, gauges.computed, 0.0))
+    dimensions = np.array(gauges.dimensions)
+    largest = np.array([sizes[dimensions == one].max(initial=0.0) for one in dimensions])
+    clear = _CLEAR * gauges.accuracy[:, None]
+    with np.errstate(invalid="ignore"):
+        sure = gauges.used & (np.abs(gauges.measured) > clear)
+        sure &= sizes > _MOVES * largest[:, None]
+        against = sure & (gauges.measured * gauges.computed < 0.0)
+    of_gauge: dict[str, list[int]] = {}
+    for i, name in enumerate(gauges.gauges):
+        of_gauge.setdefault(name, []).append(i)
+    turned = [
+        name
+        for name, rows in of_gauge.items()
+        if against[rows].any() and (against[rows] == sure[rows]).all()
+    ]
+    count = int(sum(against[of_gauge[name]].sum() for name in turned))
+    if count < 2:
+        return ()
+    return (
+        f"The readings of {listing(turned)} have the opposite sign of what the model computes, all "
+        f"{count} that are clear. Distances are positive where they grow, settlements downwards "
+        "(page 'Conventions'); where a file counts the other way round, its 'channels' take "
+        "'sign: -1'. If the signs are right, the model moves the wrong way.",
     )
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from geoident.fem.refinement.finer import n_raised
+from geoident.fem.solvers import AUTO, LARGE, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
+from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -20,10 +23,10 @@ from geoident.model.methods import (
 )
 from geoident.model.results.summary import CostEstimate
 
-_FLOPS = {"cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
+_FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
 
-_BYTES = {"cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
+_BYTES = {"multifrontal": 9.5, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
 _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
@@ -44,7 +47,7 @@ def estimate_cost(
 
     Args:
         model: of the case.
-        solver: name of the sparse solver.
+        solver: name of the sparse solver, or ``auto``.
         columns: right-hand sides of a stage; None for one more than there are parameters.
         rough: every stage is taken for the one with most unknowns, which alone is counted.
     """
@@ -52,7 +55,13 @@ def estimate_cost(
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
-    flops, entries = steps * sum(c.flops for c in costs), sum(c.entries for c in costs)
+    # What lasts is factorized once for all stages.
+    once = max((c.lasting for c in costs), default=0.0)
+    flops = steps * (once + sum(c.flops - c.lasting for c in costs))
+    entries = sum(c.entries for c in costs)
+    most = max((c.flops for c in costs), default=0.0)
+    if solver == AUTO:
+        solver = picked(most, lasting=once > 0)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
@@ -61,7 +70,9 @@ def estimate_cost(
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
     state = 8.0 * points * columns * (model.discretization.points.n_strain + 2)
     state += _YIELD_BYTES * points / 4 if model.yields else 0
-    memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
+    single = solver == LARGE and single_pays(0.0 if once else most, largest)
+    size = _BYTES[solver] * (0.5 if single else 1.0)
+    memory = _PROGRAM + largest * size + 4 * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
@@ -82,6 +93,26 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
         seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
     )
+
+
+def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
+    """About what one evaluation costs with elements of second order on the same edges, in space.
+
+    As on a refined mesh, with k times the nodes; those on edges have half as many neighbours more.
+
+    Args:
+        model: of the case, with elements of first order.
+        cost: of one evaluation on its own mesh.
+    """
+    k = n_raised(model.mesh) / model.mesh.n_nodes
+    return replace(
+        cost,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k ** (4.0 / 3.0),
+        seconds=cost.seconds * _DENSER * k**2,
+    )
+
+
+_DENSER = 1.5
 
 
 def evaluations_text(methods: Sequence[MethodOptions], n: int, *, yields: bool) -> str:
@@ -151,4 +182,4 @@ def _stage_costs(model: StagedModel) -> list[FactorCost]:
 
 def _pattern_bytes(model: StagedModel, state: int) -> int:
     pattern = model.systems[state].pattern
-    return pattern.lower.indices.nbytes + sum(s.nbytes for s in pattern.slots.values())
+    return pattern.lower.indices.nbytes + sum(a.nbytes for a in pattern.above.values())

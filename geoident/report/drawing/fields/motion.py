@@ -70,15 +70,17 @@ def motion_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple[P
             _vector_picture(scene, sheet, tag, where))  # fmt: skip
 
 
-def displacement_size(scene: Scene, sheet: Sheet, state: int) -> Floats:
+def displacement_size(scene: Scene, sheet: Sheet, state: int, *, since: int = 0) -> Floats:
     """Length (n,) of the displacement at the n points of a sheet, mm.
 
     Args:
         scene: what is drawn.
         sheet: a section or an outside of it.
         state: number of the state.
+        since: number of the state from which on it counts.
     """
-    return np.asarray(MM * np.linalg.norm(sheet.of_nodes(scene.displacement(state)), axis=1))
+    moved = sheet.of_nodes(scene.displacement(state, since=since))
+    return np.asarray(MM * np.linalg.norm(moved, axis=1))
 
 
 def parts_figure(scene: Scene, sheet: Sheet) -> Figure:
@@ -141,11 +143,10 @@ def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
                            width=scene.raster_width(window))  # fmt: skip
         image = raster.linear(size, scene.fields.present[state][sheet.element])
         shading = shade_image(axes, raster, image, scale)
-        ground = sheet.outline(scene.fields.present[state])
-        borders = sheet.borders(scene.borders_label(state))
-        add_lines(axes, sheet, ground.at(scene.fields.mesh.points), color=ACCENT, lw=0.8)
-        add_lines(axes, sheet, _moved(scene, borders, state, factor), color="black", lw=0.4)
-        add_lines(axes, sheet, _moved(scene, ground, state, factor), color="black", lw=1.0)
+        borders, ground = scene.lines(sheet, state)
+        add_lines(axes, scene, sheet, ground.at(scene.fields.mesh.points), color=ACCENT, lw=0.8)
+        add_lines(axes, scene, sheet, _moved(scene, borders, state, factor), color="black", lw=0.4)
+        add_lines(axes, scene, sheet, _moved(scene, ground, state, factor), color="black", lw=1.0)
         finish(axes, scene, sheet, window, state)
         axes.set_title(f"{axes.get_title(loc='left')}, x {factor:g}")
     if shading is not None:

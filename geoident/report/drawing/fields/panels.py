@@ -15,12 +15,12 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
+from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.raster import Raster, show
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.sheets import Sheet
@@ -36,6 +36,7 @@ _BANDS = 12
 _NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
+_EVERY = 2  # pixels between those from which a line is found
 
 _FAINT_ON_WHITE: dict[str, Any] = {"color": "#b5b5b5", "lw": 0.4}
 _FAINT_ON_FIELD: dict[str, Any] = {"color": "white", "lw": 0.3, "alpha": 0.6}
@@ -195,14 +196,11 @@ def weighted(scene: Scene, sheet: Sheet, state: int, window: Window, value: Floa
         window: what is shown.
         value: (n,) at the points of the sheet.
     """
-    triangles = sheet.triangles[scene.fields.present[state][sheet.element]]
-    corners = sheet.xy[triangles]
-    centre = corners.mean(axis=1)
-    inside = ((centre >= window.low) & (centre <= window.high)).all(axis=1)
-    (ax, ay), (bx, by) = (corners[inside, k].T - corners[inside, 0].T for k in (1, 2))
-    mean = value[triangles[inside]].mean(axis=1)
+    triangles, areas = scene.areas(sheet, state, window)
+    a, b, c = triangles.T
+    mean = (value[a] + value[b] + value[c]) / 3
     known = np.isfinite(mean)
-    return np.stack([mean, 0.5 * np.abs(ax * by - ay * bx)])[:, known]
+    return np.stack([mean, areas])[:, known]
 
 
 def bands(shown: Floats, colours: str) -> dict[str, Any]:
@@ -278,12 +276,26 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
         scale: of `bands`.
     """
     shading = ScalarMappable(scale["norm"], scale["cmap"])
-    colours = shading.to_rgba(np.ma.masked_invalid(image))
-    colours[~np.isfinite(image)] = 0.0
-    show(axes, raster, colours, zorder=0)
+    show(axes, raster, _coloured(image, scale), zorder=0)
     if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
         draw_level(axes, raster, image, 0.0, colors="black", linewidths=0.6, linestyles="dashed")
     return shading
+
+
+def _coloured(image: Floats, scale: dict[str, Any]) -> Any:
+    """Colours (rows, columns, 4), as bytes, of values by their bands; NaN is nothing.
+
+    What matplotlib's norm and map give, by one search and one look-up instead of ten passes.
+    """
+    inner = scale["levels"][1:-1]
+    if scale["extend"] in ("min", "both"):
+        inner = np.r_[scale["levels"][0], inner]
+    if scale["extend"] in ("max", "both"):
+        inner = np.r_[inner, scale["levels"][-1]]
+    table = np.vstack([scale["cmap"](np.arange(len(inner) + 1), bytes=True), np.zeros(4)])
+    band = np.searchsorted(inner, image, side="right")
+    band[np.isnan(image)] = len(inner) + 1
+    return table.astype(np.uint8)[band]
 
 
 def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style: Any) -> None:
@@ -300,8 +312,10 @@ def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style:
         return
     rows, columns = raster.shape
     cell = (raster.high - raster.low) / np.array([columns, rows])
-    x, y = (raster.low[k] + cell[k] * (np.arange((columns, rows)[k]) + 0.5) for k in (0, 1))
-    axes.contour(x, y, np.ma.masked_invalid(image), levels=[level], **style)
+    x, y = (
+        raster.low[k] + cell[k] * (np.arange(0, (columns, rows)[k], _EVERY) + 0.5) for k in (0, 1)
+    )
+    axes.contour(x, y, np.ma.masked_invalid(image[::_EVERY, ::_EVERY]), levels=[level], **style)
 
 
 def draw_lines(
@@ -318,24 +332,23 @@ def draw_lines(
     """
     points = scene.fields.mesh.points
     faint = _FAINT_ON_WHITE if on_white else _FAINT_ON_FIELD
-    add_lines(axes, sheet, sheet.borders(scene.borders_label(state)).at(points), **faint)
-    outline = sheet.outline(scene.fields.present[state])
-    add_lines(axes, sheet, outline.at(points), color="black", lw=0.7)
+    borders, outline = scene.lines(sheet, state)
+    add_lines(axes, scene, sheet, borders.at(points), **faint)
+    add_lines(axes, scene, sheet, outline.at(points), color="black", lw=0.7)
 
 
-def add_lines(axes: Axes, sheet: Sheet, ends: Floats, **style: Any) -> None:
-    """Line segments as an image: there may be thousands.
+def add_lines(axes: Axes, scene: Scene, sheet: Sheet, ends: Floats, **style: Any) -> None:
+    """Line segments, as far as they lie in the window.
 
     Args:
         axes: where to draw.
+        scene: what is drawn.
         sheet: a section or an outside of it.
         ends: (k, 2, dim), m.
         style: of the lines.
     """
-    axes.add_collection(
-        LineCollection(list(ends[:, :, list(sheet.axes)]), rasterized=True, **style),
-        autolim=False,
-    )
+    window = scene.window(sheet)
+    add_segments(axes, ends[:, :, list(sheet.axes)], (window.low, window.high), **style)
 
 
 def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -> None:
