@@ -74,7 +74,7 @@ def test_numbers_are_those_of_whole_steps(surface, request):
 
 
 def test_what_an_evaluation_costs():
-    """A few tangents where Newton's method makes one for every step; near by, less than a stage's."""
+    """A few tangents, not one for every step; near by, less than one a stage."""
     staged, response = cavity()
     first, _ = cost(staged, response, P)
     near, _ = cost(staged, response, NEAR)
