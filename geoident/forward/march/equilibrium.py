@@ -147,6 +147,8 @@ def _on_held_factors(equations: StageEquations, directions: Directions, trial: T
             if whole > _SUSPICIOUS and share == 1.0:
                 _refuse_mechanism(equations, following, d)
             least = _next_level(max(least, level), share)
+        else:
+            least = 0
         trial = following
     raise NoEquilibrium(trial.du)
 

@@ -7,7 +7,8 @@ hand:
     far       conjugate gradients on the tangent, preconditioned by the elastic stiffness and cut
               off after a few steps: directions in which the ground flows freely, which make whole
               Newton steps far too long, come last and are left out,
-    near      the tangent is factorized, once if all goes well,
+    near      the tangent is factorized, once if all goes well; where its step was far too long, one
+              of the first kind comes between,
     at last   conjugate gradients preconditioned by that factor: the pieces of the last steps differ
               little from those for which it was made, and so do those of the derivatives. Where the
               start is near, as it is from one parameter vector of a search to the next, the factor
@@ -88,14 +89,14 @@ class Directions:
             least: level at least.
         """
         near = trial.error <= NEAR
-        product = None if least else self._product(trial)
+        product = self._product(trial)
         self.cut = False
-        if product is not None and (self.own or (near and not self.failed)):
+        if not least and (self.own or (near and not self.failed)):
             found = self._on_last(product, trial)
             if found is not None:
                 return found, 0
             self.failed = True
-        if product is not None and not (self.own or near) and self.far_steps < MOST_FAR:
+        if (least or not (self.own or near)) and self.far_steps < MOST_FAR:
             self.far_steps += 1
             self.cut = True
             return self._on_elastic(product, trial), 0
