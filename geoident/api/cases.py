@@ -30,7 +30,7 @@ from geoident.workflow.check import Checked
 from geoident.workflow.check import check as run_check
 from geoident.workflow.init import init_template
 from geoident.workflow.running.jobs import load_inputs
-from geoident.workflow.running.outputs import write_text
+from geoident.workflow.running.remade import write_readings
 from geoident.workflow.simulate import Noise, Simulated
 from geoident.workflow.simulate import simulate as run_simulation
 
@@ -341,13 +341,13 @@ class SimulationResult:
 
         Args:
             path: of the file.
-            force: replace another file.
+            force: replace any file; simulated readings of the same case are kept beside without.
 
         Raises:
-            OutputError: the file exists, is an input of the case, or cannot be written.
+            OutputError: another file is there, it is an input of the case, or cannot be written.
         """
-        file = os.fspath(path)
-        write_text(self.csv, file, force=force, inputs=self.data.files_read)
+        file, data = os.fspath(path), self.data
+        write_readings(self.csv, file, case=data.path, force=force, inputs=data.files_read)
         return file
 
     def _table(self, *, si: bool = False) -> ResultTable:

@@ -23,6 +23,7 @@ from geoident.workflow.export import (
     export_vtu,
 )
 from geoident.workflow.report import (
+    cases_of,
     files_read,
     head_of,
     page_path,
@@ -81,7 +82,8 @@ def report(
     Args:
         results: one, or several for a page that compares them.
         output: file or existing folder of the page; beside the first result if None.
-        force: replace a different file of that name.
+        force: replace any file of that name; an earlier page of the same case, as it was made,
+            gives way without.
         head: what the head of the page says, in place of ``report`` in the case: ``title``,
             ``project``, ``client``, ``author``, ``revision``, ``date``, ``logo`` (a path).
 
@@ -106,7 +108,9 @@ def report(
     said = head_of(paths, read, _head(head or {}))
     inputs = (*files_read(paths, read), *([said.logo] if said.logo else []))
     render = partial(report_page, head=said, logo=read_logo(said))
-    return write_page(read, place, overwrite=force, inputs=inputs, render=render)
+    return write_page(
+        read, place, cases=cases_of(paths, read), overwrite=force, inputs=inputs, render=render
+    )
 
 
 def _head(given: Mapping[str, str]) -> ReportHead:
@@ -133,7 +137,8 @@ def export(
         result: what a call found, or the path of a result.
         formats: one of them, or several.
         output: folder of the files, made if it is missing; ``RESULT.export`` if None.
-        force: replace files of the same names.
+        force: replace any files of the same names; earlier ones of the same case, as they were
+            made, give way without.
 
     Returns:
         The paths of the files.

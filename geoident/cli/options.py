@@ -143,7 +143,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=OneOf(["auto", "cholmod", "pardiso", "splu"]),
+        type=OneOf(["auto", "multifrontal", "cholmod", "pardiso", "splu"]),
         default="auto",
         show_default=True,
         help="Sparse direct solver.",

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
@@ -225,6 +224,8 @@ def hanging_nodes(mesh: Mesh, table: FaceTable) -> Ints:
     """
     faces = patches(mesh, table, table.free(np.ones(mesh.n_elements, dtype=bool)))
     outer = np.unique(np.concatenate([patch.nodes.ravel() for patch in faces]))
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.3 s
+
     tree = cKDTree(mesh.points[outer])
     found = [np.empty(0, dtype=np.int64)]
     for patch in faces:

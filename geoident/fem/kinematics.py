@@ -30,10 +30,14 @@ one small matrix times one long one; row c m + i of C is component c at point i.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from geoident.fem.elements import raised_rule, reference_element
@@ -132,6 +136,13 @@ class Kinematics:
         return np.asarray(tensor.transpose(1, 3, 0, 2).reshape(-1, self.dim**2))
 
     @cached_property
+    def adds(self) -> tuple[tuple[tuple[int, int], ...], ...]:
+        """For every entry of gradient vectors, the pairs (component, displacement) it makes."""
+        n_entries = self.dim + self.revolved
+        pairs = [(c, i, j) for c, terms in enumerate(self.strains) for i, j in terms]
+        return tuple(tuple((c, i) for c, i, j in pairs if j == e) for e in range(n_entries))
+
+    @cached_property
     def incidence(self) -> Floats:
         """(n_strain, dim, n_entries) 1 where displacement i adds to a component by entry j."""
         incidence = np.zeros((self.n_strain, self.dim, self.dim + self.revolved))
@@ -201,23 +212,30 @@ def block_geometry(points: Floats, block: ElementBlock, kinematics: Kinematics) 
     positions = np.einsum("qa,eai->eqi", shapes, corners, optimize=True)
     volumes = determinant * weights * kinematics.depth(positions)
     vectors = kinematics.gradient_vectors(gradients, shapes, positions)
-    return BlockGeometry(vectors, volumes, shapes, positions)
+    # entry by entry in memory, so that what is made of one of them need not copy it
+    by_entry = np.ascontiguousarray(np.moveaxis(vectors, -1, 0))
+    return BlockGeometry(np.moveaxis(by_entry, 0, -1), volumes, shapes, positions)
 
 
 @dataclass(frozen=True)
 class StrainPoints:
     """The strain points of a mesh.
 
+    C is not kept: with the gradients of the nodes at the points, D_j[q, a] = g_a[j], which have a
+    third of its entries in space, C u is a sum of products of D_j with the displacements of all
+    components at once.
+
     Args:
-        compatibility: C, (n_strain n_points, n_dofs) sparse by rows.
-        transpose: C^T, kept because transposing at every use costs as much as using it.
+        kinematics: of the analysis.
+        gradients: D_j, (n_points, n_nodes) sparse by rows, for each entry j of gradient vectors;
+            their patterns are the same arrays.
         volume: V, (n_points,).
         element: (n_points,) element index of each point.
         position: (n_points, dim) coordinates, m.
     """
 
-    compatibility: sp.csr_array
-    transpose: sp.csr_array
+    kinematics: Kinematics
+    gradients: tuple[sp.csr_array, ...]
     volume: Floats
     element: Ints
     position: Floats
@@ -230,22 +248,72 @@ class StrainPoints:
     @property
     def n_strain(self) -> int:
         """Number s of strain components."""
-        return int(self.compatibility.shape[0]) // self.n_points
+        return self.kinematics.n_strain
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of degrees of freedom, free and fixed."""
+        return int(self.gradients[0].shape[1]) * self.kinematics.dim
 
     def strain(self, u: Floats) -> Floats:
         """Strains (n_strain, n_points, ...) of displacements (n_dofs, ...)."""
-        return np.asarray(self.compatibility @ u).reshape(
-            (self.n_strain, self.n_points, *u.shape[1:])
-        )
+        dim, columns = self.kinematics.dim, u.shape[1:]
+        n = math.prod(columns)
+        strain = np.zeros((self.n_strain, self.n_points, n))
+        moved = u.reshape(self.n_dofs // dim, dim, n)
+        if n == 1:  # one by one: a product with a few columns takes as long as with ten
+            lone = np.ascontiguousarray(moved[..., 0].T)
+            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
+                for component, i in adds:
+                    strain[component, :, 0] += gradient @ lone[i]
+        else:
+            wide = moved.reshape(len(moved), dim * n)
+            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
+                slope = np.asarray(gradient @ wide).reshape(self.n_points, dim, n)
+                for component, i in adds:
+                    strain[component] += slope[:, i]
+        return strain.reshape(self.n_strain, self.n_points, *columns)
 
     def forces(self, stress: Floats, volume: Floats) -> Floats:
         """Nodal forces (n_dofs, ...) of stresses (n_strain, n_points, ...), with weights (m,).
 
         The weights are ``volume`` with zeros at the points that are absent.
         """
-        weighted = stress * volume.reshape((1, -1) + (1,) * (stress.ndim - 2))
-        flat = weighted.reshape((stress.shape[0] * stress.shape[1], *stress.shape[2:]))
-        return np.asarray(self.transpose @ flat)
+        dim, columns = self.kinematics.dim, stress.shape[2:]
+        n = math.prod(columns)
+        stress = stress.reshape(self.n_strain, self.n_points, n)
+        total = np.zeros((self.n_dofs // dim, dim, n))
+        for transposed, adds in zip(self._transposed, self.kinematics.adds, strict=True):
+            if n == 1:
+                for component, i in adds:
+                    total[:, i, 0] += transposed @ (stress[component, :, 0] * volume)
+                continue
+            pull = np.zeros((self.n_points, dim, n))
+            for component, i in adds:
+                pull[:, i] += stress[component]
+            pull *= volume[:, None, None]
+            total += (transposed @ pull.reshape(self.n_points, dim * n)).reshape(total.shape)
+        return total.reshape(self.n_dofs, *columns)
+
+    def compatibility(self, points: Ints | None = None) -> sp.csr_array:
+        """C of some points, (n_strain k, n_dofs), component by component; None: of all."""
+        some = [D if points is None else sp.csr_array(D[points]) for D in self.gradients]
+        data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
+        for terms in self.kinematics.strains:
+            values = [some[entry].data for _, entry in terms]
+            columns = [some[entry].indices * self.kinematics.dim + i for i, entry in terms]
+            counts.append(len(terms) * np.diff(some[0].indptr))
+            if terms:
+                data.append(np.stack(values, axis=-1).ravel())
+                indices.append(np.stack(columns, axis=-1).ravel())
+        indptr = np.cumsum(np.concatenate(counts))
+        shape = (len(indptr) - 1, self.n_dofs)
+        return sp.csr_array((np.concatenate(data), np.concatenate(indices), indptr), shape=shape)
+
+    @cached_property
+    def _transposed(self) -> tuple[sp.csc_array, ...]:
+        """The transposes of the gradients: views, by columns."""
+        return tuple(gradient.T for gradient in self.gradients)
 
 
 def strain_points(
@@ -259,32 +327,29 @@ def strain_points(
         kinematics: of the analysis.
     """
     volume = np.concatenate([g.volumes.ravel() for g in geometries])
-    compatibility = _compatibility(mesh, geometries, kinematics.strains)
     per_element = [np.full(len(g.volumes), g.volumes.shape[1]) for g in geometries]
     element = np.repeat(np.arange(mesh.n_elements), np.concatenate(per_element))
     position = [g.positions.reshape(-1, mesh.dim) for g in geometries]
-    return StrainPoints(
-        compatibility, compatibility.T.tocsr(), volume, element, np.vstack(position)
-    )
+    gradients = _gradients(mesh, geometries, kinematics)
+    return StrainPoints(kinematics, gradients, volume, element, _joined(position))
 
 
-def _compatibility(
-    mesh: Mesh, geometries: tuple[BlockGeometry, ...], strains: tuple[Terms, ...]
-) -> sp.csr_array:
-    """Built row by row in its final place: no sorting, no triplets."""
-    n_columns = mesh.n_nodes * mesh.dim
-    data, indices, counts = [], [], []
-    for terms in strains:
-        for block, geometry in zip(mesh.blocks, geometries, strict=True):
-            n_el, n_q, n_a, _ = geometry.gradients.shape
-            counts.append(np.full(n_el * n_q, n_a * len(terms)))
-            if terms:
-                values = [geometry.gradients[..., entry] for _, entry in terms]
-                columns = [block.nodes * mesh.dim + i for i, _ in terms]
-                data.append(np.stack(values, axis=-1).ravel())
-                nodes = np.stack(columns, axis=-1)[:, None]
-                indices.append(np.broadcast_to(nodes, (n_el, n_q, n_a, len(terms))).ravel())
-    indptr = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
-    return sp.csr_array(
-        (np.concatenate(data), np.concatenate(indices), indptr), shape=(len(indptr) - 1, n_columns)
-    )
+def _gradients(
+    mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
+) -> tuple[sp.csr_array, ...]:
+    """Built row by row in their final place: no sorting, no triplets, one pattern for all."""
+    counts, nodes = [np.zeros(1, dtype=np.int32)], []
+    for block, geometry in zip(mesh.blocks, geometries, strict=True):
+        n_el, n_q, n_a, _ = geometry.gradients.shape
+        counts.append(np.full(n_el * n_q, n_a, dtype=np.int32))
+        nodes.append(np.repeat(block.nodes.astype(np.int32), n_q, axis=0).ravel())
+    n_entries = kinematics.dim + kinematics.revolved
+    indptr, indices = np.cumsum(np.concatenate(counts), dtype=np.int32), _joined(nodes)
+    shape = (len(indptr) - 1, mesh.n_nodes)
+    values = [_joined([g.gradients[..., j].ravel() for g in geometries]) for j in range(n_entries)]
+    return tuple(sp.csr_array((data, indices, indptr), shape=shape) for data in values)
+
+
+def _joined(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Arrays one after the other; a single one as it is, not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -20,6 +20,9 @@ REACH = 0.1
 
 _NEWTON_STEPS = 25
 
+_FAR = 10.0
+"""Reference coordinates beyond which Newton's method gives up."""
+
 
 @dataclass(frozen=True)
 class Site:
@@ -99,9 +102,36 @@ def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Flo
             xi = xi - np.linalg.solve(jacobian, error)
         except np.linalg.LinAlgError:
             return None
-        if np.abs(xi).max() > 10:
+        if np.abs(xi).max() > _FAR:
             return None
     return np.asarray(xi) if np.abs(error).max() <= 1e-9 * size else None
+
+
+def reference_coordinates(reference: ReferenceElement, x: Floats, points: Floats) -> Floats:
+    """Reference coordinates (n, dim) of points, each in an element of its own; NaN for none.
+
+    Args:
+        reference: the kind of all elements.
+        x: (n, n_a, dim) their nodes, m.
+        points: (n, dim) m.
+    """
+    start = reference.nodes[: reference.cell.n_corners].mean(axis=0)
+    found = np.full(points.shape, np.nan)
+    size = np.ptp(x, axis=1).max(axis=1)
+    open_, xi = np.arange(len(points)), np.tile(start, (len(points), 1))
+    for _ in range(_NEWTON_STEPS):
+        error = np.einsum("na,nai->ni", reference.shapes(xi), x[open_]) - points[open_]
+        met = np.abs(error).max(axis=1) <= 1e-9 * size[open_]
+        found[open_[met]] = xi[met]
+        jacobian = np.einsum("nai,naj->nij", x[open_], reference.gradients(xi))
+        stays = ~met & (np.abs(np.linalg.det(jacobian)) > 0.0)
+        open_, xi, error, jacobian = open_[stays], xi[stays], error[stays], jacobian[stays]
+        xi = xi - np.linalg.solve(jacobian, error[..., None])[..., 0]
+        near = np.abs(xi).max(axis=1, initial=0.0) <= _FAR
+        open_, xi = open_[near], xi[near]
+        if not len(open_):
+            break
+    return found
 
 
 def format_point(point: tuple[float, ...] | Floats) -> str:

@@ -1,6 +1,7 @@
 """Whether a case fits its mesh: everything that is wrong at once, what to know, and what was found.
 
-Each room checks its own (`ground`, `yielding`, `in_situ`, `actions`, `structures`, `gauges`); here
+Each room checks its own (`ground`, `yielding`, `in_situ`, `actions`, `structures`, `gauges`), the
+mesh by itself `mesh_checks`; here
 their findings come together, in three rounds, since each round needs what the round before made
 sure of: groups that the mesh has; ground that is there when something needs it; gauges that can be
 read when they were. What the rounds prepared is handed on (`CaseOnMesh`): a model need not seek it.
@@ -11,12 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
-from geoident.fem.faces import hanging_nodes, nonconforming
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
-from geoident.fem.measure import coinciding_nodes, suspected_unit
+from geoident.fem.measure import suspected_unit
 from geoident.fem.mechanism import LooseBody, loose_body
-from geoident.fem.orientation import oriented, overlapping, turned_elements
+from geoident.fem.orientation import oriented, turned_elements
 from geoident.forward.actions.supports import (
     fixed_dofs,
     load_faults,
@@ -35,10 +35,10 @@ from geoident.forward.in_situ.stress import (
     surface_faults,
     zone_faults,
 )
+from geoident.forward.mesh_checks import mesh_faults, mesh_notes, parted_from
 from geoident.forward.stages import (
     CaseOnMesh,
     ConstructionSequence,
-    element_number,
     group_faults,
 )
 from geoident.forward.structures.checks import (
@@ -50,7 +50,7 @@ from geoident.forward.structures.members import inadmissible as impossible_struc
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
 
 
@@ -67,7 +67,7 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
     upright = oriented(mesh, kinematics_of(case.analysis))
     on_mesh = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
     _raise_any(_group_faults(on_mesh))
-    _raise_any(_tangle_faults(on_mesh))
+    _raise_any(mesh_faults(on_mesh))
     places = load_place_faults, zone_faults, structure_place_faults, _field_faults
     _raise_any([fault for faults_of in places for fault in faults_of(on_mesh)])
     observation, faults = observe(on_mesh)
@@ -109,103 +109,11 @@ def notes_on_mesh(
         )
     if any(state.water is not None for state in on_mesh.sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
-    notes += _turned_notes(on_mesh)
-    notes += _conformity_notes(on_mesh)
-    notes += _duplicate_notes(on_mesh)
-    notes += _hanging_notes(on_mesh)
+    notes += mesh_notes(on_mesh)
     notes += _odd_notes(on_mesh, in_tension=in_tension)
     notes += yield_notes(case)
     notes += structure_notes(on_mesh)
     return notes
-
-
-def _tangle_faults(on_mesh: CaseOnMesh) -> list[Fault]:
-    """Elements that are present together and lie on the same side of the face that they share."""
-    mesh, sequence = on_mesh.mesh, on_mesh.sequence
-    pairs = overlapping(mesh, on_mesh.table)
-    states = range(len(sequence.states))
-    together = np.zeros(len(pairs), dtype=np.bool_)
-    for present in {sequence.present(n).tobytes(): sequence.present(n) for n in states}.values():
-        together |= present[pairs].all(axis=1)
-    pairs = pairs[together]
-    if not len(pairs):
-        return []
-    members = [element_number(mesh, int(e)) for e in pairs.ravel()]
-    named = [f"{a} and {b}" for a, b in zip(members[::2], members[1::2], strict=True)][:_NAMED]
-    more = f" and {len(pairs) - _NAMED} more pairs" if len(pairs) > _NAMED else ""
-    one, other = (nodes_in(mesh.blocks, np.array([e])) for e in pairs[0])
-    nodes = np.intersect1d(one, other)
-    turned = np.isin(members, on_mesh.turned).any()
-    why = ", after some were turned that had their nodes clockwise" if turned else ""
-    message = (
-        f"the mesh is tangled: elements {', '.join(named)}{more} lie on the same side of the face "
-        f"that they share{why} (the first near {format_point(mesh.points[nodes].mean(axis=0))})"
-    )
-    hint = "look at the mesh there: a node in the wrong place, or two parts on top of each other"
-    return [Fault("tangled-mesh", message, hint, Location(mesh.file))]
-
-
-def _turned_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Which elements were turned."""
-    turned = on_mesh.turned
-    if not len(turned):
-        return []
-    way = "clockwise" if on_mesh.mesh.dim == 2 else "inside out"
-    if len(turned) == on_mesh.mesh.n_elements:
-        return [f"all elements of the mesh are numbered {way}; they were turned"]
-    named = ", ".join(str(n) for n in turned[:_NAMED])
-    more = f" and {len(turned) - _NAMED} more" if len(turned) > _NAMED else ""
-    which = f"elements {named}{more} are" if len(turned) > 1 else f"element {named} is"
-    return [f"{which} numbered {way}, other than the rest; they were turned"]
-
-
-def _duplicate_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Where nodes of different elements stand at one place, so that the ground can part there."""
-    pairs = coinciding_nodes(on_mesh.mesh)
-    if not len(pairs):
-        return []
-    n, place = len(pairs), format_point(on_mesh.mesh.points[pairs[0, 0]])
-    what = (
-        f"{n} pairs of nodes stand at one place each" if n > 1 else "two nodes stand at one place"
-    )
-    return [
-        f"{what} ({'the first ' if n > 1 else ''}near {place}): elements "
-        "that do not share a node are not tied there and can part or overlap; if no slit is meant, "
-        "merge them (gmsh: Coherence Mesh)"
-    ]
-
-
-def _hanging_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Where nodes stand on elements that do not have them."""
-    mesh = on_mesh.mesh
-    nodes = hanging_nodes(mesh, on_mesh.table)
-    if not len(nodes):
-        return []
-    n, place = len(nodes), format_point(mesh.points[nodes[0]])
-    what = f"{n} nodes stand" if n > 1 else "a node stands"
-    return [
-        f"{what} inside the side of an element that does not have {'them' if n > 1 else 'it'} "
-        f"({'the first ' if n > 1 else ''}near {place}): the elements are not tied there and can "
-        "part or overlap; let neighbours share whole sides (gmsh: fragment or Coherence before "
-        "meshing)"
-    ]
-
-
-_NAMED = 5
-
-
-def _conformity_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Where elements touch without sharing a face."""
-    centres = nonconforming(on_mesh.mesh, on_mesh.table)
-    if not len(centres):
-        return []
-    n = len(centres)
-    faces = f"{n} quadrilateral faces lie" if n > 1 else "1 quadrilateral face lies"
-    return [
-        f"{faces} against triangles, {'the first ' if n > 1 else ''}near "
-        f"{format_point(centres[0])}: elements that do not share whole faces can part there; "
-        "put pyramids between hexahedra and tetrahedra, as gmsh does"
-    ]
 
 
 def imbalance_notes(imbalance: float) -> list[str]:
@@ -295,6 +203,7 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
             if n
             else "Hold it by 'supports': groups on its edge, with the axes that they hold."
         )
+        hint = parted_from(on_mesh, loose.elements) or hint
         msg = f"at stage '{state.name}' {_loose_text(loose, sequence)}"
         raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
 

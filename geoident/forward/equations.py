@@ -134,7 +134,6 @@ class _Exporter:
         points = discretization.points
         for group, index in discretization.points_of.items():
             mine = numbers(index, points.n_points)
-            rows = (np.arange(self.s)[:, None] * points.n_points + mine).ravel()
             stress = virgin[:, mine]
             if group not in states[0].materials:
                 stress = np.zeros_like(stress)
@@ -142,7 +141,7 @@ class _Exporter:
             self.sets.append(
                 PointSet(
                     self.march.sequence.groups[group],
-                    sp.csr_array(points.compatibility[rows]),
+                    points.compatibility(mine),
                     points.volume[mine],
                     self.affine(stress),
                 )
@@ -190,9 +189,7 @@ class _Exporter:
                 laws[s] = law
                 fresh |= {s} if part.name in state.built else set()
         base = -1 if number == first else state.base - first
-        return LoadStage(
-            state.name, base, laws, frozenset(fresh), system.pattern.dofs, self.affine(forces)
-        )
+        return LoadStage(state.name, base, laws, frozenset(fresh), system.dofs, self.affine(forces))
 
     def _law(self, name: str, *, yields: bool) -> int:
         key = name if yields else f"{name}, elastic"

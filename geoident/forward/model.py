@@ -124,7 +124,7 @@ class StagedModel:
     def n_dofs(self) -> tuple[int, ...]:
         """Unknowns of every state, the virgin state first."""
         states = range(len(self.sequence.states))
-        return tuple(self.systems[n].pattern.lower.n for n in states)
+        return tuple(len(self.systems[n].dofs) for n in states)
 
     @property
     def notes(self) -> tuple[str, ...]:

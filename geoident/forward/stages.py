@@ -143,7 +143,7 @@ class Discretization:
     @property
     def n_dofs(self) -> int:
         """Number of degrees of freedom, free and fixed."""
-        return int(self.points.compatibility.shape[1])
+        return self.points.n_dofs
 
     def volume(self, present: Bools) -> Floats:
         """V (n_points,), zero at points of elements (n_elements,) that are absent."""

@@ -101,5 +101,8 @@ def rows_in(
 
 def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
     """Nodes (n,) of some elements, each once, ascending; arguments as for `rows_in`."""
-    found = [block.nodes[rows].ravel() for block, rows in rows_in(blocks, members)]
-    return np.unique(np.concatenate([np.empty(0, np.int64), *found]))
+    found = [block.nodes[rows] for block, rows in rows_in(blocks, members)]
+    used = np.zeros(max((int(nodes.max(initial=-1)) for nodes in found), default=-1) + 1, np.bool_)
+    for nodes in found:
+        used[nodes] = True
+    return np.flatnonzero(used)

@@ -7,7 +7,7 @@ import platform
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
-from geoident.fem.solvers import SolverInfo, pick_solver, solver_report
+from geoident.fem.solvers import LARGE, SMALL, SolverInfo, picked, solver_report
 from geoident.workflow.running.jobs import versions
 
 EXTRAS = {
@@ -51,8 +51,10 @@ class Diagnosis:
         platform: the system.
         cores: that may be used.
         threads: variables of the environment that limit the threads.
-        solvers: the sparse solvers, the fastest first.
-        picked: name of the solver that ``auto`` takes.
+        solvers: the sparse solvers.
+        picked: name of the solver that ``auto`` takes for small systems.
+        picked_large: of the one that it takes for large systems, and for stages that have most of
+            their ground in common.
         remedies: sentences on what to do, the most useful first.
         extras: parts that are installed on demand.
     """
@@ -63,21 +65,23 @@ class Diagnosis:
     threads: dict[str, str]
     solvers: tuple[SolverInfo, ...]
     picked: str
+    picked_large: str
     remedies: tuple[str, ...]
     extras: tuple[Extra, ...] = ()
 
 
 def diagnose() -> Diagnosis:
     """Look at the installation."""
-    solvers, picked = solver_report(), pick_solver().name
+    solvers, small = solver_report(), picked()
     return Diagnosis(
         versions=versions(),
         platform=platform.platform(),
         cores=_cores(),
         threads={name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ},
         solvers=solvers,
-        picked=picked,
-        remedies=_remedies(solvers, picked),
+        picked=small,
+        picked_large=LARGE,
+        remedies=_remedies(solvers, small),
         extras=tuple(_extra(name, *what) for name, what in EXTRAS.items()),
     )
 
@@ -97,7 +101,6 @@ def _cores() -> int:
 
 
 def _remedies(solvers: tuple[SolverInfo, ...], picked: str) -> tuple[str, ...]:
-    """Remedies for the solvers that would be faster than the one that is taken."""
-    names = [solver.name for solver in solvers]
-    faster = solvers[: names.index(picked)] if picked in names else ()
-    return tuple(solver.remedy for solver in faster if solver.remedy)
+    """Remedies for the solver that would be faster for small systems than the one taken."""
+    best = SMALL[0]
+    return tuple(s.remedy for s in solvers if s.name == best != picked and s.remedy)

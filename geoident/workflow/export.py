@@ -1,14 +1,20 @@
-"""``geoident export``: a result as files for other programs, which appear whole or not at all."""
+"""``geoident export``: a result as files for other programs, which appear whole or not at all.
+
+Tables and grids for other programs have no room for a mark of their own, so ``RESULT.sha256``
+beside them lists their checksums (``sha256sum --check`` reads it). What stands there as listed was
+made from an earlier result of the case, and gives way to what is made now.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from geoident.errors import UsageError
+from geoident.errors import GeoidentError, OutputError, Term, UsageError
 from geoident.io.result.hdf5 import refusal
 from geoident.io.result.structure_lines import write_structures_vtkhdf
 from geoident.io.result.vtkhdf import (
@@ -20,8 +26,11 @@ from geoident.io.result.vtkhdf import (
 )
 from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
+from geoident.io.text.mark import Origin, marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
-from geoident.workflow.running.jobs import files_of_result
+from geoident.workflow.running.outputs import kept_results
+from geoident.workflow.running.remade import foreign
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 Writer = Callable[[str], None]
 
@@ -73,19 +82,58 @@ class Export:
         Raises:
             OutputError: one of them exists, is an input, or cannot be written; none is there then.
         """
-        inputs = files_of_result(self.result, self.path)
+        inputs, listing = files_of_result(self.result, self.path), self._listing()
+        before, refusal = self._listed(listing)
         with ExitStack() as stack:
-            for folder in {file.parent for file in writers}:
-                stack.enter_context(made_folder(folder))
-            parts = {
-                file: stack.enter_context(
-                    atomic_output(file, overwrite=self.overwrite or own, inputs=inputs)
-                )
-                for file in writers
-            }
+            stack.enter_context(made_folder(self.folder))
+
+            def place(file: Path, *, ours: bool) -> str:
+                free = self.overwrite or own or ours
+                return stack.enter_context(atomic_output(file, overwrite=free, inputs=inputs))
+
+            if refusal and not self.overwrite:
+                raise OutputError(refusal)
+            parts = {file: place(file, ours=_is_listed(file, before)) for file in writers}
             for file, part in parts.items():
                 writers[file](part)
+            if not own:
+                sums = before | {file.name: _sha256(Path(part)) for file, part in parts.items()}
+                text = "".join(f"{sums[name]}  {name}\n" for name in sorted(sums))
+                part = place(listing, ours=True)
+                Path(part).write_bytes(marked(text.encode(), "csv", self._origin(listing)))
         return tuple(str(file) for file in writers)
+
+    def _listing(self) -> Path:
+        """The list of files that were made of the result, and of earlier ones of its case."""
+        return self.folder / f"{stem(self.path)}.sha256"
+
+    def _origin(self, listing: Path) -> Origin:
+        return origin_of([case_path(self.path, self.result.provenance.case_file)], listing)
+
+    def _listed(self, listing: Path) -> tuple[dict[str, str], str]:
+        """Names and checksums of files that were made before; why the list is to stay as it is."""
+        try:
+            content = listing.read_bytes()
+        except OSError:
+            return {}, ""
+        case = case_path(self.path, self.result.provenance.case_file)
+        why = foreign(content, "csv", [case], listing)
+        if why:
+            remedy = f"{Term.FORCE} replaces it and the files of these names; or give another name"
+            return {}, f"{listing}: {why}; it is not overwritten\n    {remedy}"
+        lines = [line.split("  ", 1) for line in content.decode().splitlines()]
+        sums = {words[1]: words[0] for words in lines if len(words) == 2 and words[0] != "#"}
+        return {name: one for name, one in sums.items() if (self.folder / name).is_file()}, ""
+
+
+def _is_listed(file: Path, sums: Mapping[str, str]) -> bool:
+    """Whether a file is as it was made."""
+    return file.name in sums and file.is_file() and _sha256(file) == sums[file.name]
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def export_texts(export: Export, texts: Mapping[str, str]) -> tuple[str, ...]:
@@ -104,6 +152,47 @@ def export_texts(export: Export, texts: Mapping[str, str]) -> tuple[str, ...]:
         for name, text in texts.items()
     }
     return export.write(files)
+
+
+def write_table(
+    text: str,
+    file: str,
+    *,
+    path: str,
+    result: Result,
+    earlier: Callable[[str], str],
+    overwrite: bool,
+) -> None:
+    """Write one table to a file that the user has named; it takes the place of that of before.
+
+    What stands there gives way if it is the table of an earlier result of the place, as is kept.
+
+    Args:
+        text: of the table.
+        file: where to put it.
+        path: of the result.
+        result: what it holds.
+        earlier: path of an earlier result to the text of its table.
+        overwrite: replace any other file.
+
+    Raises:
+        OutputError: another file is there, it is an input, or cannot be written.
+    """
+    try:
+        before = Path(file).read_bytes().decode()
+    except (OSError, ValueError):
+        before = ""
+    if before == text:
+        return
+    free = overwrite or (bool(before) and before in _texts_of_earlier(path, earlier))
+    with atomic_output(file, overwrite=free, inputs=files_of_result(result, path)) as part:
+        _write_text(text, part)
+
+
+def _texts_of_earlier(path: str, earlier: Callable[[str], str]) -> Iterator[str]:
+    for _, kept in reversed(kept_results(Path(path))):
+        with suppress(GeoidentError):  # a file that only looks like a result
+            yield earlier(str(kept))
 
 
 def _write_text(text: str, part: str) -> None:

@@ -12,13 +12,8 @@ from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
 from geoident.model.results.mesh_error import MeshError
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
-from geoident.workflow.running.jobs import (
-    build_model,
-    case_path,
-    inputs_of_result,
-    load_inputs,
-    start_values,
-)
+from geoident.workflow.running.jobs import build_model, inputs_of_result, load_inputs, start_values
+from geoident.workflow.running.result_files import case_path
 
 RESULT = ".h5"
 """Ending of result files, of which the parameters are taken."""

@@ -45,8 +45,6 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
-    case_path,
-    files_of_result,
     inputs_of_result,
     load_inputs,
     provenance,
@@ -60,6 +58,7 @@ from geoident.workflow.running.readings import (
     why_useless,
     with_computed,
 )
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""

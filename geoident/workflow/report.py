@@ -14,8 +14,8 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.results.head import ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.workflow.running.jobs import case_path, files_of_result
-from geoident.workflow.running.outputs import write_bytes
+from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
@@ -115,25 +115,39 @@ def files_read(paths: Sequence[str], results: Labelled) -> tuple[str, ...]:
     return tuple(name for path, (_, one) in pairs for name in files_of_result(one, path))
 
 
+def cases_of(paths: Sequence[str], results: Labelled) -> tuple[str, ...]:
+    """Paths of the cases that results were made from.
+
+    Args:
+        paths: of the results.
+        results: the same, with their labels.
+    """
+    pairs = zip(paths, results, strict=True)
+    return tuple(case_path(path, one.provenance.case_file) for path, (_, one) in pairs)
+
+
 def write_page(
     results: Labelled,
     path: str,
     *,
+    cases: Sequence[str],
     overwrite: bool,
     inputs: Sequence[str],
     render: Callable[[Labelled], str],
 ) -> str:
-    """Write the report of results; the path comes back.
+    """Write the report of results; the path comes back. An earlier one of the case gives way.
 
     Args:
         results: labels and results.
         path: of the page.
+        cases: see `cases_of`.
         overwrite: replace another file.
         inputs: see `files_read`; none of them is replaced.
         render: makes the page.
     """
     refuse_inputs(path, inputs)
-    _write(path, render(results).encode(), overwrite=overwrite, inputs=inputs)
+    page = {path: render(results).encode()}
+    write_remade(page, cases=cases, force=overwrite, inputs=inputs, form="html")
     return path
 
 
@@ -141,6 +155,7 @@ def write_figures(
     results: Labelled,
     folder: str,
     *,
+    cases: Sequence[str],
     overwrite: bool,
     inputs: Sequence[str],
     draw: Callable[[Labelled], Mapping[str, bytes]],
@@ -150,6 +165,7 @@ def write_figures(
     Args:
         results: labels and results.
         folder: where to put them.
+        cases: see `cases_of`.
         overwrite: replace other files.
         inputs: see `files_read`; none of them is replaced.
         draw: makes the figures: name of the file to its bytes.
@@ -159,16 +175,5 @@ def write_figures(
     """
     make_folder(folder)
     drawn = {(Path(folder) / name).as_posix(): figure for name, figure in draw(results).items()}
-    for path in drawn:
-        refuse_inputs(path, inputs)
-    for path, figure in drawn.items():
-        _write(path, figure, overwrite=overwrite, inputs=inputs)
+    write_remade(drawn, cases=cases, force=overwrite, inputs=inputs)
     return tuple(drawn)
-
-
-def _write(path: str, content: bytes, *, overwrite: bool, inputs: Sequence[str]) -> None:
-    """Write a file, whole or not at all. One of the same content is left as it is."""
-    place = Path(path)
-    if not overwrite and place.is_file() and place.read_bytes() == content:
-        return
-    write_bytes(content, path, force=overwrite, inputs=inputs)

@@ -41,13 +41,12 @@ from geoident.workflow.running.jobs import (
     Job,
     Request,
     build_model,
-    case_path,
-    files_of_result,
     inputs_of_result,
     job_provenance,
 )
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.readings import accuracies
+from geoident.workflow.running.result_files import case_path, files_of_result
 
 EFFECTIVE = 1000
 """Effective size at which draws are enough, unless another one is asked for."""

@@ -30,11 +30,13 @@ class Simulated:
     """Readings of the model.
 
     Args:
+        path: of the case; ``-`` for stdin.
         case: whose gauges they are.
         readings: by stage, SI.
         files_read: paths of all that the case consists of, which no output may replace.
     """
 
+    path: str
     case: Case
     readings: tuple[Reading, ...]
     files_read: tuple[str, ...]
@@ -80,7 +82,7 @@ def simulate(
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
-    return Simulated(inputs.case, readings, inputs.files)
+    return Simulated(path, inputs.case, readings, inputs.files)
 
 
 def _drawn(model: CaseModel, p: Floats, generator: np.random.Generator) -> Floats:

@@ -7,6 +7,9 @@ import json
 import h5py
 import pytest
 
+from geoident.io.result.file import read_result
+from geoident.report.text.gauges import reading_table, rms
+from geoident.report.text.result import outcome_sentences
 from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
 
 
@@ -174,3 +177,43 @@ def test_a_dry_run_computes_nothing(pit, run):
     assert done.exit_code == 0
     assert "Would write case.backtest.h5" in done.stdout
     assert not (pit / "case.backtest.h5").exists()
+
+
+def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(pit, run, run_json):
+    """Not of the accuracy of the gauge: text, page, CSV and JSON agree with the errors' table."""
+    run("backtest", "case.yaml")
+    (told,) = run_json("show", "case.backtest.h5")
+    z = {
+        (one["gauge"], one["stage"]): one["z"]
+        for one in told["backtest"]["predictions"]
+        if one["next"]
+    }
+    assert len(z) == 15
+    for one in told["gauges"]:
+        if one["measured"] is not None:
+            place = one["gauge"], one["stage"]
+            assert (one["sd"] is None) == (place not in z)
+            if place in z:
+                in_sd = (one["measured"] - one["computed"]) / one["sd"]
+                assert in_sd == pytest.approx(z[place])
+    rows = list(
+        csv.DictReader(io.StringIO(run("export", "case.backtest.h5", "--table", "gauges").stdout))
+    )
+    read = [row for row in rows if row["measured"]]
+    assert len(read) == 18
+    for row in read:
+        place = row["gauge"], row["stage"]
+        given = f"{z[place]:.6g}" if place in z else ""
+        assert (f"{float(row['residual_in_sd']):.6g}" if row["residual_in_sd"] else "") == given
+        if place in z:
+            assert float(row["residual"]) / float(row["sd"]) == pytest.approx(z[place])
+    result = read_result("case.backtest.h5")
+    table = {tuple(row[:2]): row for row in reading_table(result).rows}
+    for place, row in table.items():
+        assert row[-2] == (f"{z[place]:z.1f}" if place in z else "-")
+        assert row[-1] == ("predicted" if place in z else "used")
+    said = run("show", "case.backtest.h5").stdout
+    assert "Readings, each beside its prediction by the fit before (mm)" in said
+    assert "in standard deviations of that prediction" in " ".join(said.split())
+    assert rms(result) == pytest.approx(result.backtest.next.rms)
+    assert "errors of the predictions of the next stage" in " ".join(outcome_sentences(result))

@@ -126,6 +126,24 @@ class TestSimulate:
         assert run("simulate", "case.yaml", "-o", "readings.csv").exit_code == 6
         assert (trench / "readings.csv").read_text() == before
 
+    def test_earlier_ones_of_the_case_are_kept_beside(self, trench, run):
+        assert run("simulate", "case.yaml", "-o", "simulated.csv").exit_code == 0
+        assert run("simulate", "case.yaml", "-o", "simulated.csv").exit_code == 0
+        assert not (trench / "simulated.1.csv").exists()  # the same once more
+        before = (trench / "simulated.csv").read_text()
+        assert "# Simulated by geoident, not measured." in before
+        done = run("simulate", "case.yaml", "-o", "simulated.csv", "--noise")
+        assert done.exit_code == 0
+        assert "it is kept as simulated.1.csv" in done.stderr
+        assert (trench / "simulated.1.csv").read_text() == before
+        assert (trench / "simulated.csv").read_text() != before
+        (trench / "simulated.csv").write_text(before.replace("-", "+", 1))
+        stopped = run("simulate", "case.yaml", "-o", "simulated.csv")
+        assert stopped.exit_code == 6
+        assert "was changed since geoident made it" in stopped.stderr
+        words = ("--set", "readings=simulated.1.csv")
+        assert run("check", "case.yaml", *words).exit_code == 0
+
     def test_it_does_not_ask_for_readings(self, trench, run):
         (trench / "readings.csv").unlink()
         assert run("simulate", "case.yaml").exit_code == 0
@@ -226,7 +244,8 @@ def test_the_schema_is_json(run):
 def test_the_doctor_tells_versions_and_the_solver_in_use(run):
     assert "used" in run("doctor").stdout
     found = json.loads(run("doctor", "--json").stdout)
-    assert found["picked"] in ("pardiso", "cholmod", "splu")
+    assert found["picked"] in ("pardiso", "cholmod", "multifrontal")
+    assert found["picked_large"] == "multifrontal"
     extras = {extra["name"]: extra for extra in found["extras"]}
     assert set(extras) >= {"report", "ags", "full-space", "global", "ensemble"}
     assert extras["global"]["version"]

@@ -1,6 +1,7 @@
 """A result as files for spreadsheets and for ParaView."""
 
 import csv
+import hashlib
 import json
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def fitted(trench, run):
 
 MISSING = (
     *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
-    *("posterior", "draws", "fields"),
+    *("posterior", "draws", "fields", "opening", "ground-reaction", "opening-stresses"),
 )
 """Tables of which a plain fit has nothing to say."""
 
@@ -48,7 +49,8 @@ def test_every_table_is_written_and_its_path_printed(fitted, run):
     names = [name for name in CSV_TABLES if name not in MISSING]
     paths = [f"case.fit.export/case.fit.{name}.csv" for name in names]
     assert (done.exit_code, done.stdout.splitlines()) == (0, paths)
-    assert files("case.fit.export") == sorted(path.split("/")[1] for path in paths)
+    written = [*(path.split("/")[1] for path in paths), "case.fit.sha256"]
+    assert files("case.fit.export") == sorted(written)
 
 
 def test_csv_has_the_units_of_the_case_and_agrees_with_json(fitted, run, run_json):
@@ -102,6 +104,7 @@ def test_a_table_goes_to_a_file_and_a_missing_one_is_named(fitted, run):
     done = run("export", "case.fit.h5", "--table", "gauges", "-o", "g.csv")
     assert done.stdout == "g.csv\n"
     assert (fitted / "g.csv").read_text().startswith("gauge,stage,measured")
+    (fitted / "g.csv").write_text("mine")
     assert run("export", "case.fit.h5", "--table", "gauges", "-o", "g.csv").exit_code == 6
     missing = run("export", "case.fit.h5", "--table", "grid")
     assert missing.exit_code == 2
@@ -126,6 +129,49 @@ def test_show_prints_all_tables_as_csv(fitted, run):
     alone = run("export", "case.fit.h5", "--table", "gauges").stdout
     assert blocks["gauges"].rstrip() == alone.rstrip()
     assert run("show", "case.fit.h5", "--csv", "--json").exit_code == 2
+
+
+def test_another_fit_of_the_case_is_exported_over_the_first(fitted, run):
+    words = ("export", "case.fit.h5", "-o", "out", "--format", "csv", "--format", "vtu")
+    alone = ("export", "case.fit.h5", "--table", "gauges", "-o", "gauges.csv")
+    assert run(*words).exit_code == 0
+    assert run(*words).exit_code == 0  # the same once more
+    assert run(*alone).exit_code == 0
+    assert run(*alone).exit_code == 0
+    before = (fitted / "out" / "case.fit.gauges.csv").read_text()
+    case = fitted / "case.yaml"
+    text = case.read_text()
+    case.write_text(text.replace("accuracy: 0.01 mm", "accuracy: 0.02 mm"))
+    assert run("fit", "case.yaml").exit_code == 0
+    assert run(*words).exit_code == 0
+    after = (fitted / "out" / "case.fit.gauges.csv").read_text()
+    assert after != before
+    assert run(*alone).exit_code == 0
+    assert (fitted / "gauges.csv").read_text() == after
+    assert (fitted / "out" / "case.fit.0.vtu").exists()
+    listed = (fitted / "out" / "case.fit.sha256").read_text().splitlines()
+    sums = dict(reversed(line.split("  ")) for line in listed if not line.startswith("#"))
+    assert sorted(sums) == [name for name in files("out") if name != "case.fit.sha256"]
+    for name, digest in sums.items():
+        found = hashlib.sha256((fitted / "out" / name).read_bytes()).hexdigest()
+        assert found == digest
+
+
+def test_what_was_edited_among_exported_files_is_kept(fitted, run):
+    run("export", "case.fit.h5", "-o", "out")
+    run("export", "case.fit.h5", "--table", "gauges", "-o", "gauges.csv")
+    listing = fitted / "out" / "case.fit.sha256"
+    for edited in (fitted / "out" / "case.fit.gauges.csv", listing, fitted / "gauges.csv"):
+        whole = edited.read_text()
+        edited.write_text(whole.replace("e", "E", 1))
+        one = ("--table", "gauges", "-o", "gauges.csv") if edited.parent == fitted else ()
+        refused = run("export", "case.fit.h5", *(one or ("-o", "out")))
+        assert refused.exit_code == 6
+        assert edited.name in refused.stderr
+        assert "--force replaces it" in refused.stderr
+        assert edited.read_text() == whole.replace("e", "E", 1)
+        edited.write_text(whole)
+    assert run("export", "case.fit.h5", "-o", "out").exit_code == 0
 
 
 def test_nothing_is_overwritten_without_force(fitted, run):
@@ -154,7 +200,8 @@ def test_states_for_paraview(fitted, run):
     done = run("export", "case.fit.h5", "--format", "vtu", "--format", "vtkhdf", "-o", "out")
     assert done.exit_code == 0
     assert files("out") == [
-        "case.fit.0.vtu", "case.fit.1.vtu", "case.fit.2.vtu", "case.fit.pvd", "case.fit.vtkhdf",
+        "case.fit.0.vtu", "case.fit.1.vtu", "case.fit.2.vtu", "case.fit.pvd", "case.fit.sha256",
+        "case.fit.vtkhdf",
     ]  # fmt: skip
     pvd = (fitted / "out" / "case.fit.pvd").read_text()
     assert 'timestep="2" part="0" name="second" file="case.fit.2.vtu"' in pvd

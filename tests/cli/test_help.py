@@ -73,7 +73,7 @@ class TestNext:
         told = run("simulate", "case.yaml", "--noise", "--seed", "3")
         (step,) = told.stderr.split("Next:\n")[1].strip().splitlines()
         assert run(*shlex.split(step)[1:]).exit_code == 0
-        assert (trench / "simulated.csv").read_text() == told.stdout
+        assert (trench / "simulated.csv").read_text().startswith(told.stdout)
         field = "materials.rock.E={field: {mean: $E, sd: 30 %, length: 3 m, modes: 3}}"
         told = run("simulate", "case.yaml", "--set", field, "--draw", "--seed", "3")
         assert "--draw --seed 3 -o" in told.stderr

@@ -25,11 +25,23 @@ def test_every_template_is_drawn(tmp_path, monkeypatch, run, name):
     assert painted("case.png") > 0.1
 
 
-def test_the_same_case_gives_the_same_picture_and_a_file_is_kept(trench, run):
+def test_the_same_case_gives_the_same_picture_and_what_others_drew_is_kept(trench, run):
     for name in ("one.svg", "other.svg"):
         assert run("check", "case.yaml", "-q", "--picture", name).exit_code == 0
     assert Path("one.svg").read_bytes() == Path("other.svg").read_bytes()
-    assert run("check", "case.yaml", "--picture", "one.svg").exit_code == 6
+    before = Path("one.svg").read_bytes()
+    assert (
+        run(
+            "check", "case.yaml", "--picture", "one.svg", "--set", "gauges.S.point=[5 m, 4 m]"
+        ).exit_code
+        == 0
+    )
+    assert Path("one.svg").read_bytes() != before
+    Path("one.svg").write_text("<svg>drawn by somebody</svg>")
+    stopped = run("check", "case.yaml", "--picture", "one.svg")
+    assert stopped.exit_code == 6
+    assert "--force replaces it" in stopped.stderr
+    assert Path("one.svg").read_text() == "<svg>drawn by somebody</svg>"
     assert run("check", "case.yaml", "--picture", "one.svg", "--force").exit_code == 0
     assert re.search(r"<svg[^>]*viewBox", Path("one.svg").read_text(encoding="utf-8"))
 

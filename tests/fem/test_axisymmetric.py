@@ -52,7 +52,8 @@ def stiffness(mesh, elasticity=E):
     """K = C^T diag(V E) C by the definition."""
     points, _ = points_of(mesh)
     weights = sp.kron(elasticity, sp.diags_array(points.volume))
-    return (points.transpose @ weights @ points.compatibility).tocsc()
+    C = points.compatibility()
+    return (C.T @ weights @ C).tocsc()
 
 
 def admissible(mesh, a=0.3, b=-0.7, c=0.2):

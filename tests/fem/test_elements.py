@@ -9,6 +9,7 @@ import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS, KINDS_2D, box, mixed_box
 
+from geoident.fem import stiffness
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
@@ -52,7 +53,8 @@ def direct_stiffness(mesh):
     """K = C^T diag(V E) C by the definition."""
     points, _ = points_of(mesh)
     weights = sp.kron(elasticity_of(mesh), sp.diags_array(points.volume))
-    return (points.transpose @ weights @ points.compatibility).tocsr()
+    C = points.compatibility()
+    return (C.T @ weights @ C).tocsr()
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "line2", "line3"])
@@ -172,6 +174,51 @@ def test_assembled_stiffness_equals_its_definition(kind):
     assert np.all(pattern.lower.indices[pattern.lower.indptr[:-1]] == np.arange(n))
 
 
+@pytest.mark.parametrize("kind", ["tri6", "hex8", *MIXED])
+def test_a_large_matrix_is_made_in_runs_as_in_one(kind, monkeypatch):
+    mesh = distorted(kind)
+    _, geometries = points_of(mesh)
+    rank = np.random.default_rng(0).permutation(mesh.n_nodes)
+    T = kinematics_of(mesh).stiffness_map(elasticity_of(mesh))
+    fixed = np.zeros(mesh.points.size, bool)
+    fixed[[0, 5, 7]] = True
+    made = []
+    for limits in ({}, {"_CHUNK": 500, "_HELD": 2, "_BLOCKS": 7, "_KEPT": 0}):
+        for name, limit in limits.items():
+            monkeypatch.setattr(stiffness, name, limit)
+        groups = {0: group_blocks(mesh, geometries, np.arange(mesh.n_elements), rank)}
+        pattern = stiffness_pattern(groups, node_of_rank=rank, fixed=fixed, dim=mesh.dim)
+        made.append((pattern.values(groups, {0: T}), pattern.lower.indices, pattern.lower.indptr))
+    for one, other in zip(*made, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
+@pytest.mark.parametrize("columns", [(), (1,), (3,), (0,), (2, 2)])
+def test_strains_and_forces_are_products_with_compatibility(kind, columns):
+    mesh = distorted(kind)
+    points, _ = points_of(mesh)
+    C, random = points.compatibility(), np.random.default_rng(3)
+    u = random.normal(size=(mesh.points.size, *columns))
+    stress = random.normal(size=(points.n_strain, points.n_points, *columns))
+    volume = np.where(random.random(points.n_points) < 0.3, 0.0, points.volume)
+    n = int(np.prod(columns, dtype=int))
+    strain = (C @ u.reshape(len(u), n)).reshape(stress.shape)
+    weights = sp.diags_array(np.tile(volume, points.n_strain))
+    forces = (C.T @ weights @ stress.reshape(-1, n)).reshape(u.shape)
+    np.testing.assert_allclose(points.strain(u), strain, atol=1e-12)
+    np.testing.assert_allclose(points.forces(stress, volume), forces, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["tri3", "hex20", "mixed, order 2"])
+def test_compatibility_of_some_points_is_that_of_all(kind):
+    points, _ = points_of(distorted(kind))
+    some = np.random.default_rng(1).permutation(points.n_points)[:7]
+    rows = (np.arange(points.n_strain)[:, None] * points.n_points + some).ravel()
+    expected = points.compatibility()[rows].toarray()
+    np.testing.assert_array_equal(points.compatibility(some).toarray(), expected)
+
+
 def test_stiffness_map_serves_a_general_anisotropic_material():
     mesh = distorted("tet4", 2)
     points, geometries = points_of(mesh)
@@ -185,7 +232,8 @@ def test_stiffness_map_serves_a_general_anisotropic_material():
     n = pattern.lower.n
     lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
     weights = sp.kron(E, sp.diags_array(points.volume))
-    expected = (points.transpose @ weights @ points.compatibility).toarray()
+    C = points.compatibility()
+    expected = (C.T @ weights @ C).toarray()
     np.testing.assert_allclose(lower.toarray(), np.tril(expected), atol=1e-12)
 
 

@@ -9,7 +9,7 @@ from geoident.fem.faces import face_table, nonconforming, patches
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.measure import coinciding_nodes, element_volumes
 from geoident.fem.orientation import oriented, overlapping, turned_elements
-from geoident.fem.refinement import refined
+from geoident.fem.refinement.halving import refined
 from geoident.model.case import Analysis
 from geoident.model.cells import CELLS
 from tests.support.meshes import KINDS, KINDS_2D, box, opening

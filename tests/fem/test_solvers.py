@@ -11,7 +11,18 @@ import scipy.sparse as sp
 
 from geoident.errors import UsageError
 from geoident.fem import solvers
-from geoident.fem.solvers import SOLVERS, cholmod, direct, pick_solver, solver_report, splu
+from geoident.fem.solvers import (
+    LARGE,
+    SMALL,
+    SOLVERS,
+    auto,
+    cholmod,
+    direct,
+    pick_solver,
+    picked,
+    solver_report,
+    splu,
+)
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite
 
 INSTALLED = {info.name: info.available for info in solver_report()}
@@ -239,9 +250,21 @@ def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
         solver.analyse(loose[0]).factorize(loose[1])
 
 
-def test_the_first_installed_solver_is_picked():
-    assert pick_solver().name == next(name for name in SOLVERS if INSTALLED[name])
-    assert INSTALLED["splu"]
+def test_small_systems_go_to_the_first_installed_solver_and_large_ones_to_ours(monkeypatch):
+    small = next(name for name in (*SMALL, LARGE) if INSTALLED[name])
+    assert picked() == small
+    assert picked(1e12) == picked(0.0, lasting=True) == LARGE
+    pattern, values = lower(truss(4))
+    solver = pick_solver()
+    kinds = [type(pick_solver(name).analyse(pattern)) for name in (small, LARGE)]
+    assert type(solver.analyse(pattern)) is kinds[0]
+    monkeypatch.setattr(auto, "COUNTED", 0)
+    monkeypatch.setattr(auto, "LARGE_WORK", 100.0)
+    analysis = solver.analyse(pattern)
+    assert type(analysis) is kinds[1]
+    analysis.factorize(values).solve(np.ones((pattern.n, 3)))
+    counts = solver.counts
+    assert (counts.analyses, counts.factorizations, counts.solves) == (2, 1, 3)
 
 
 def test_each_pick_counts_for_itself():
@@ -254,9 +277,12 @@ def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
 
     create = solvers._create
     monkeypatch.setattr(
-        solvers, "_create", lambda name: create(name) if name == "splu" else missing(name)
+        solvers,
+        "_create",
+        lambda name, *counts: create(name, *counts) if name == LARGE else missing(name),
     )
-    assert pick_solver().name == "splu"
+    assert picked() == LARGE
+    assert pick_solver().analyse(lower(laplacian(3))[0])
     with pytest.raises(UsageError, match=r'pip install "geoident\[cholmod\]"'):
         pick_solver("cholmod")
     report = {info.name: info for info in solver_report()}
@@ -265,7 +291,7 @@ def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
 
 
 def test_an_unknown_solver_is_named_with_the_choices():
-    with pytest.raises(UsageError, match="auto, cholmod, pardiso, splu"):
+    with pytest.raises(UsageError, match="auto, cholmod, multifrontal, pardiso, splu"):
         pick_solver("mumps")
 
 

@@ -51,7 +51,7 @@ def test_tangent_is_that_of_its_definition(mesh, symmetric):
         for k, point in enumerate(chosen):
             full[:, point, :, point] = change[k]
         dense = full.reshape(s * points.n_points, -1)
-        C = points.compatibility.toarray()[:, pattern.dofs]
+        C = points.compatibility().toarray()[:, pattern.dofs]
         expected = C.T @ dense @ C
         below, above = tangent.added(chosen, change, symmetric=symmetric)
         n = pattern.lower.n

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from geoident.errors import InputError, ModelError
 from geoident.forward.model import StagedModel
 from geoident.identify import Problem, identify
 from geoident.identify.least_squares.closed_form import closed_form
+from geoident.io.result.file import read_result
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
@@ -136,6 +138,30 @@ def test_every_command_works_without_a_mesh(project):
     said = run_command("show", "case.fit.h5").stdout
     assert "the ground yields up to" in said
     assert "radius 2.5 m" in said
+
+
+def test_the_closed_form_is_exported(project):
+    """The tables, the object and the result file say the same of the opening."""
+    fitted()
+    found = read_result("case.fit.h5").reaction
+
+    def table(name):
+        text = run_command("export", "case.fit.h5", "--table", name).stdout
+        return list(csv.DictReader(text.splitlines()))
+
+    stages, curve, stresses = (table(n) for n in ("opening", "ground-reaction", "opening-stresses"))
+    assert [row["stage"] for row in stages] == list(found.stages)
+    shown = [1e-3 * float(row["wall_inwards (mm)"]) for row in stages]
+    assert shown == pytest.approx(found.stage_displacement)
+    assert [1e6 * float(row["pressure (MPa)"]) for row in curve] == pytest.approx(found.pressure)
+    radii = [float(row["plastic_radius (m)"] or "nan") for row in curve]
+    assert radii == pytest.approx(found.plastic_radius, nan_ok=True)
+    hoop = [1e6 * float(row["hoop_compression (MPa)"]) for row in stresses]
+    assert hoop == pytest.approx(found.hoop.ravel())
+    said = json.loads(run_command("show", "case.fit.h5", "--json").stdout)["opening"]
+    assert said["stages"][-1]["displacement"] == found.stage_displacement[-1]
+    assert said["stresses"]["radial"][found.stages[0]] == found.radial[0].tolist()
+    assert said["radius"] == 2.5
 
 
 def test_what_a_case_without_mesh_lacks_is_said(project):

@@ -1,6 +1,7 @@
 """``geoident report`` as a command: what it writes where, and what it refuses."""
 
 import sys
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -36,7 +37,7 @@ def test_the_page_stands_beside_the_result(folder):
     assert sorted(p.name for p in folder.iterdir()) == ["pit.fit.h5", "pit.fit.html"]
 
 
-def test_the_same_page_is_left_and_another_one_kept_unless_forced(folder):
+def test_the_same_page_is_left_and_what_somebody_wrote_is_kept_unless_forced(folder):
     run("pit.fit.h5")
     page = folder / "pit.fit.html"
     first, stamp = page.read_bytes(), page.stat().st_mtime_ns
@@ -50,6 +51,57 @@ def test_the_same_page_is_left_and_another_one_kept_unless_forced(folder):
     assert page.read_text() == "notes of somebody"
     assert run("pit.fit.h5", "--force").exit_code == 0
     assert page.read_bytes() == first
+
+
+def test_an_edited_case_gets_a_new_page_in_place_of_the_old_one(folder):
+    words = ("pit.fit.h5", "--figures", "figures", "--format", "png")
+    run(*words)
+    page, figure = folder / "pit.fit.html", folder / "figures/scan.png"
+    old, drawn = page.read_bytes(), figure.read_bytes()
+    other = small_result()
+    write_result(replace(other, objective=9.9), folder / "pit.fit.h5", overwrite=True)
+    assert run(*words).exit_code == 0
+    assert page.read_bytes() != old
+    assert figure.read_bytes() == drawn
+    assert run("pit.fit.h5", "--client", "Ground AG").exit_code == 0  # nor does a new head stop
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda page: page.replace(b"<h1>", b"<h1>Draft: "), "was changed since geoident made it"),
+        (lambda page: page.rpartition(b"<!--")[0], "this version of geoident did not make it"),
+    ],
+)
+def test_a_page_that_was_edited_is_kept_and_so_is_that_of_another_case(folder, change, why):
+    run("pit.fit.h5")
+    page = folder / "pit.fit.html"
+    edited = change(page.read_bytes())
+    page.write_bytes(edited)
+    code, message = refused("pit.fit.h5", "--figures", "figures")
+    assert code == ExitCode.OUTPUT
+    assert why in message
+    assert page.read_bytes() == edited
+    page.unlink()
+    run("pit.fit.h5")
+    made = page.read_bytes()
+    (folder / "b").mkdir()
+    write_result(small_result(), folder / "b/pit.fit.h5", overwrite=False)
+    code, message = refused("b/pit.fit.h5", "-o", "pit.fit.html")
+    assert code == ExitCode.OUTPUT
+    assert "was made of another case (case.yaml)" in message
+    assert page.read_bytes() == made
+
+
+def test_one_figure_of_somebody_stops_all_before_any_is_written(folder):
+    run("pit.fit.h5", "--no-page", "--figures", "figures", "--format", "png")
+    place = folder / "figures"
+    (place / "parameters.png").write_bytes(b"mine")
+    (place / "readings-1.png").unlink()
+    code, message = refused("pit.fit.h5", "--no-page", "--figures", "figures", "--format", "png")
+    assert code == ExitCode.OUTPUT
+    assert "figures/parameters.png" in message
+    assert not (place / "readings-1.png").exists()
 
 
 def test_figures_come_as_files_in_every_format(folder):

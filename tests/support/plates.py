@@ -94,8 +94,7 @@ def footing(
 
 
 def _some(points: Any, which: Any, n: int, name: str) -> PointSet:
-    rows = (np.arange(points.n_strain)[:, None] * points.n_points + which).ravel()
-    C = sp.csr_array(points.compatibility[rows])
+    C = points.compatibility(which)
     return PointSet(name, C, points.volume[which], fixed(np.zeros((4, len(which))), n))
 
 

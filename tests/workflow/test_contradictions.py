@@ -158,6 +158,32 @@ def test_a_load_that_the_stress_does_not_know_is_out_of_balance(case):
     assert faults(case(GRAVITY + force + heim("18.639 kN/m3", ACCEPT))) == []
 
 
+SPLIT = "in_situ: {model: geostatic, K0: {rock: $K0, upper: 0.5, lower: 0.5}}"
+
+
+def test_ratios_that_differ_across_a_vertical_boundary_have_a_remedy_of_their_own(case):
+    """The case takes the geostatic model already: that cannot be what it is told to take."""
+    path = case(GRAVITY + SPLIT)
+    with pytest.raises(InputError) as found:
+        check(path)
+    (fault,) = found.value.faults
+    assert "where 'rock'" in fault.message
+    assert "meet, by " in fault.message
+    assert "bears only one horizontal stress" in fault.hint
+    assert "(one K0)" in fault.hint
+    assert "geostatic" not in fault.hint
+    assert faults(case(GRAVITY + SPLIT.replace("0.5", "$K0"))) == []
+    assert faults(case(GRAVITY + SPLIT[:-1] + ", equilibrium: accept}")) == []
+
+
+def test_free_sides_of_two_layers_are_no_boundary_between_them(case):
+    """At the edge the ground needs to be held, whatever the ratios of its layers."""
+    path = case(GRAVITY + GEOSTATIC, ("left: x, right: x, ", ""))
+    with pytest.raises(InputError) as found:
+        check(path)
+    assert "Hold the edges of the model" in found.value.faults[0].hint
+
+
 def test_without_in_situ_stress_gravity_makes_it(case):
     path = case(GRAVITY.rstrip(), ("  K0: {start: 1.0, bounds: [0.2, 4]}\n", ""))
     assert faults(path) == []

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from geoident.cli.app import geoident
 from geoident.fem.faces import face_table
-from geoident.fem.singularity import exponent, openings
+from geoident.fem.refinement.singularity import exponent, openings
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress

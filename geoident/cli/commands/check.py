@@ -166,11 +166,12 @@ def _check(case: str, picture: str | None, options: Options) -> int:
         click.echo(case_text(checked.summary))
     if picture is not None:
         from geoident.report.drawing.model.figure import case_picture
-        from geoident.workflow.running.outputs import write_bytes
+        from geoident.workflow.running.remade import write_remade
 
         assert checked.mesh is not None
         drawn = case_picture(checked.case, checked.mesh, picture.rpartition(".")[2].lower())
-        write_bytes(drawn, picture, force=options.force, inputs=checked.files_read)
+        made = {picture: drawn}
+        write_remade(made, cases=[case], force=options.force, inputs=checked.files_read)
         if not options.as_json and not options.quiet:
             click.echo(f"\nPicture: {picture}")
     return 0

@@ -42,7 +42,7 @@ def _text(found: Diagnosis) -> str:
             solver.name,
             solver.version or "not installed",
             str(solver.threads) if solver.available else "-",
-            "used" if solver.name == found.picked else "",
+            _use(solver.name, found),
         ]
         for solver in found.solvers
     ]
@@ -58,3 +58,11 @@ def _text(found: Diagnosis) -> str:
         f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
         section("To be faster", bullets(found.remedies)),
     )
+
+
+def _use(solver: str, found: Diagnosis) -> str:
+    """What a solver is used for."""
+    small, large = solver == found.picked, solver == found.picked_large
+    if small and large:
+        return "used"
+    return "used" if small else "used for large models" if large else ""

@@ -26,6 +26,9 @@ TABLES = (
     "correlation",
     "sensitivity",
     "structures",
+    "opening",
+    "ground-reaction",
+    "opening-stresses",
     "grid",
     "readings",
     "accuracies",
@@ -72,7 +75,10 @@ def command(
     """Write results for spreadsheets (CSV) and for ParaView (VTU with PVD, VTKHDF).
 
     Files go to the folder RESULT.export beside each result, or to the folder -o; their paths are
-    printed. CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
+    printed. RESULT.sha256 there lists their checksums: files as listed give way to those of another
+    fit of the case; what was edited is replaced only with --force.
+
+    CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
     is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file
     directly.
     """
@@ -90,11 +96,15 @@ def command(
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.io.result.file import read_result
     from geoident.report.text.csv_tables import csv_tables, csv_text
-    from geoident.workflow.running.jobs import files_of_result
-    from geoident.workflow.running.outputs import write_text
+    from geoident.workflow.export import write_table
 
     result = read_result(path)
     found = csv_tables(result)
+
+    def earlier(kept: str) -> str:
+        table = csv_tables(read_result(kept)).get(name)
+        return "" if table is None else csv_text(table)
+
     if name not in found:
         msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
         raise UsageError(msg)
@@ -102,8 +112,14 @@ def _one_table(path: str, name: str, options: Options) -> int:
     if options.output in (None, "-"):
         click.echo(text, nl=False)
     else:
-        inputs = files_of_result(result, path)
-        write_text(text, str(options.output), force=options.force, inputs=inputs)
+        write_table(
+            text,
+            str(options.output),
+            path=path,
+            result=result,
+            earlier=earlier,
+            overwrite=options.force,
+        )
         click.echo(options.output)
     return 0
 

@@ -16,9 +16,9 @@ EPILOG = """\b
 Examples:
   geoident report case.fit.h5
   geoident report case.fit.h5 -o report.html --figures figures --format pdf
-  geoident report case.fit.h5 --no-page --figures . --format png --force
+  geoident report case.fit.h5 --no-page --figures . --format png
   geoident report start-a.h5 start-b.h5 -o comparison.html
-  geoident report case.fit.h5 --client "Ground AG" --logo logo.svg --force
+  geoident report case.fit.h5 --client "Ground AG" --logo logo.svg
 """
 
 
@@ -60,7 +60,8 @@ def command(
     Parameters with intervals and what is not determined, gauges measured, computed and predicted,
     displacements, stresses, residuals, and the provenance. Several results make one
     page that compares them. The page is CASE.fit.html beside the result. The same results give the
-    same page; a different file of that name is replaced only with --force.
+    same page. After another fit it takes the place of the earlier page of the case; a file that
+    was edited, or that geoident did not make, is replaced only with --force.
 
     Its head is that of `report` in the case (project, client, author, revision, date, logo), which
     may be written after the fit; flags override it.
@@ -68,6 +69,7 @@ def command(
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.workflow.report import (
+        cases_of,
         files_read,
         head_of,
         page_path,
@@ -88,19 +90,22 @@ def command(
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
-    inputs = files_read(results, read)
+    inputs, cases = files_read(results, read), cases_of(results, read)
     written: tuple[str, ...] = ()
     if place:
         said = head_of(results, read, ReportHead(**head))
         draw = partial(images, suffix="svg")
         render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
         inputs = (*inputs, said.logo) if said.logo else inputs
-        page = write_page(read, place, overwrite=options.force, inputs=inputs, render=render)
+        page = write_page(
+            read, place, cases=cases, overwrite=options.force, inputs=inputs, render=render
+        )
         written += (page,)
     if folder is not None:
         written += write_figures(
             read,
             folder,
+            cases=cases,
             overwrite=options.force,
             inputs=inputs,
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),

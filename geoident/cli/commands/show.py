@@ -42,7 +42,7 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.result import result_text
-    from geoident.workflow.running.jobs import case_path
+    from geoident.workflow.running.result_files import case_path
 
     with failures_as_json(path, options):
         result = read_result(path)

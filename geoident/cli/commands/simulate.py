@@ -54,7 +54,8 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
 def command(case: str, noise: bool, draw: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
-    Prints lines gauge,stage,value,unit, which a case takes as its readings.
+    Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
+    which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
     from geoident.workflow.simulate import Noise, simulate
 
@@ -76,13 +77,16 @@ def _say(simulated: Simulated, case: str, options: Options) -> None:
     """The readings to stdout or to a file; with a file, its path to stdout."""
     from geoident.report.text.gauges import readings_csv
     from geoident.report.text.json import dumps, simulation_object
-    from geoident.workflow.running.outputs import write_text
+    from geoident.workflow.running.remade import write_readings
 
     readings, channels = simulated.readings, simulated.case.channels
     file = None if options.output in (None, "-") else options.output
     if file is not None:
         text, inputs = readings_csv(readings, channels), simulated.files_read
-        write_text(text, file, force=options.force, inputs=inputs)
+        kept = write_readings(text, file, case=case, force=options.force, inputs=inputs)
+        if kept is not None and not options.quiet:
+            message = f"{file} was simulated with another state of the case: it is kept as {kept}"
+            click.echo(message, err=True)
     if options.as_json:
         click.echo(dumps(simulation_object(readings, channels, case=case, output=file)))
     elif file is not None:

@@ -2,28 +2,52 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
+from geoident.fem.solvers.auto import LARGE_WORK, AutoSolver
 from geoident.fem.solvers.direct import Solver, SolverCounts
+from geoident.fem.solvers.threads import granted_threads
 
-__all__ = ["AUTO", "SOLVERS", "SolverCounts", "SolverInfo", "pick_solver", "solver_report"]
+__all__ = [
+    "AUTO",
+    "LARGE",
+    "SMALL",
+    "SOLVERS",
+    "SolverCounts",
+    "SolverInfo",
+    "pick_solver",
+    "picked",
+    "solver_report",
+]
 
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
 
-_CLASSES = {"cholmod": "CholmodSolver", "pardiso": "PardisoSolver", "splu": "SpluSolver"}
-_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso", "splu": "scipy"}
+_CLASSES = {
+    "cholmod": "CholmodSolver",
+    "multifrontal": "MultifrontalSolver",
+    "pardiso": "PardisoSolver",
+    "splu": "SpluSolver",
+}
+_PACKAGES = {"cholmod": "cvxopt", "multifrontal": "scipy", "pardiso": "pypardiso", "splu": "scipy"}
 
 SOLVERS = tuple(_CLASSES)
-"""Names of the solvers, the best first.
+"""Names of the solvers.
 
-In our elimination order CHOLMOD factorizes as fast as PARDISO or faster, and it gives the same
-bits in every run, which several threads of PARDISO do not.
+In our elimination order CHOLMOD factorizes small matrices faster than PARDISO, and it gives the
+same bits in every run, which several threads of PARDISO do not. Large matrices, and stages that
+have most of their ground in common, are for our own solver.
 """
+
+LARGE = "multifrontal"
+"""The solver of large matrices, and of small ones where neither of `SMALL` is installed."""
+
+SMALL = ("cholmod", "pardiso")
+"""Solvers of small matrices, the best first."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +73,14 @@ def pick_solver(name: str = AUTO) -> Solver:
     """A new solver with counts of its own.
 
     Args:
-        name: one of `SOLVERS`, or ``auto`` for the first of them that is installed.
+        name: one of `SOLVERS`, or ``auto`` for the choice by the work that a matrix takes.
 
     Raises:
         UsageError: there is no solver of that name, or it is not installed.
     """
     if name == AUTO:
-        return _first_available()
+        small = picked()
+        return AutoSolver(partial(_create, small), partial(_create, LARGE))
     if name not in SOLVERS:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
@@ -65,22 +90,31 @@ def pick_solver(name: str = AUTO) -> Solver:
 
 
 def solver_report() -> tuple[SolverInfo, ...]:
-    """What can be said of every solver, the fastest first."""
+    """What can be said of every solver."""
     return tuple(_info(name) for name in SOLVERS)
 
 
-def _first_available() -> Solver:
-    for name in SOLVERS[:-1]:
+def picked(work: float = 0.0, *, lasting: bool = False) -> str:
+    """Name of the solver that ``auto`` takes.
+
+    Args:
+        work: operations of a factorization.
+        lasting: parts of the matrix last from stage to stage.
+    """
+    if lasting or work >= LARGE_WORK:
+        return LARGE
+    for name in SMALL:
         try:
-            return _create(name)
+            _create(name)
         except (ImportError, OSError):  # not installed, or its shared library does not load
             continue
-    return _create(SOLVERS[-1])
+        return name
+    return LARGE
 
 
-def _create(name: str) -> Solver:
+def _create(name: str, counts: SolverCounts | None = None) -> Solver:
     module = import_module(f"geoident.fem.solvers.{name}")
-    solver: Solver = getattr(module, _CLASSES[name])()
+    solver: Solver = getattr(module, _CLASSES[name])(counts)
     return solver
 
 
@@ -106,10 +140,7 @@ def _package(name: str) -> str:
 
 
 def _threads(name: str) -> int:
-    """Threads that the environment grants; only MKL's solver has use for more than one."""
-    if name != "pardiso":
-        return 1
-    for variable in ("MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        if os.environ.get(variable, "").isdecimal():
-            return max(1, int(os.environ[variable]))
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Threads that the environment grants; CHOLMOD and SuperLU have use for one only."""
+    if name == "pardiso":
+        return granted_threads("MKL_NUM_THREADS")
+    return granted_threads("OPENBLAS_NUM_THREADS") if name == LARGE else 1

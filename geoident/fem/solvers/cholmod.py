@@ -39,6 +39,7 @@ class CholmodSolver:
     """
 
     name = "cholmod"
+    keeps_from = float("inf")
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         _load()

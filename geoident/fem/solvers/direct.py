@@ -30,11 +30,15 @@ class SolverCounts:
         analyses: patterns analysed.
         factorizations: numeric factorizations, failed ones included.
         solves: right-hand sides solved.
+        flops: multiplications and additions in factorizations, where the solver counts them.
+        kept_flops: those that were not needed again, since parts of a factor were kept.
     """
 
     analyses: int = 0
     factorizations: int = 0
     solves: int = 0
+    flops: float = 0.0
+    kept_flops: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -44,10 +48,15 @@ class LowerPattern:
     Args:
         indptr: (n + 1,) starts of the columns.
         indices: (nnz,) row of each entry, ascending within a column, the diagonal entry first.
+        lasting: number of unknowns, the first, whose equations are mostly the same in the matrices
+            of other patterns too: a solver may keep what it finds of them.
+        names: (n,) names of the unknowns that are the same in all patterns; None for none.
     """
 
     indptr: Ints
     indices: Ints
+    lasting: int = 0
+    names: Ints | None = None
 
     @property
     def n(self) -> int:
@@ -81,11 +90,18 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """Name for `geoident doctor`: ``pardiso``, ``cholmod`` or ``splu``."""
+        """Name as users write it, such as ``cholmod``."""
 
     @property
     def counts(self) -> SolverCounts:
         """What has been done so far with this solver."""
+
+    @property
+    def keeps_from(self) -> float:
+        """Operations of a factorization from which on it keeps what it finds of unknowns that last.
+
+        Infinite if it never does; see `LowerPattern.lasting`.
+        """
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern; counts one analysis."""

@@ -28,10 +28,12 @@ class FactorCost:
     Args:
         entries: of L.
         flops: multiplications and additions to find them.
+        lasting: part of these for the unknowns that last (`LowerPattern.lasting`).
     """
 
     entries: int
     flops: float
+    lasting: float = 0.0
 
 
 def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
@@ -50,7 +52,8 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     height = np.arange(lower.n)  # entries of a column above those of other nodes
     within = np.repeat(first + size, size) - height
     column = within + np.repeat(below, size)
-    return FactorCost(int(column.sum()), float((column.astype(np.float64) ** 2).sum()))
+    flops = column.astype(np.float64) ** 2
+    return FactorCost(int(column.sum()), float(flops.sum()), float(flops[: lower.lasting].sum()))
 
 
 def _node_columns(lower: LowerPattern, starts: Bools) -> list[Ints]:

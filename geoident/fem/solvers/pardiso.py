@@ -36,6 +36,7 @@ class PardisoSolver:
     """
 
     name = "pardiso"
+    keeps_from = float("inf")
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         library()

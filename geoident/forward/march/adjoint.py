@@ -149,11 +149,10 @@ class AdjointPlan:
         self.special = np.flatnonzero(self._special_points(seeds.rows))
         self.place = np.full(points.n_points, -1)
         self.place[self.special] = np.arange(len(self.special))
-        rows = np.arange(points.n_strain)[:, None] * points.n_points + self.special
         self.read = np.empty(0, np.int64)
         if seeds.rows.u is not None:
             self.read = np.unique(seeds.rows.u.indices)
-        self.strain = sp.csr_array(points.compatibility[rows.ravel()])
+        self.strain = points.compatibility(self.special)
         self.forces = sp.csr_array(self.strain.T)
 
     def _special_points(self, rows: LinearRows) -> Bools:
@@ -314,7 +313,7 @@ class AdjointMarch:
         rest[self._plan.read] += carried.u
         if self._structures.n_rows:
             rest -= self._structures.nodal_forces(task.moduli[:, :1] * carried.members)
-        dofs = task.system.pattern.dofs
+        dofs = task.system.dofs
         factor = factorize(task, self._systems, self._factors)
         right = rest[dofs]
         rest[:] = 0.0
@@ -337,7 +336,7 @@ class AdjointMarch:
     def _force_slopes(self, number: int) -> Floats:
         """df/dp (n_dofs, n) at the unknowns, of what acts and of released fractions; else zero."""
         trace = self._traces[number]
-        forces, dofs = np.zeros_like(trace.slopes), trace.task.system.pattern.dofs
+        forces, dofs = np.zeros_like(trace.slopes), trace.task.system.dofs
         forces[dofs] = trace.slopes[dofs]
         for group, support in trace.held.items():
             fraction = self._ordinary.number(trace.task.state.release[group]).columns[1:]
@@ -346,7 +345,7 @@ class AdjointMarch:
 
     def _hold(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
         """Adjoints of what is held; where the group leaves at this stage, of what made it."""
-        state, dofs = trace.task.state, trace.task.system.pattern.dofs
+        state, dofs = trace.task.state, trace.task.system.dofs
         pull = w[dofs] - carried.M[dofs]
         for group in trace.held:
             fraction = float(self._ordinary.number(state.release[group]).value)

@@ -163,7 +163,7 @@ class March:
         """
         system = self.systems[0]
         internal = self.systems.discretization.points.forces(stress, system.volume)
-        rest = np.abs(forces - internal)[system.pattern.dofs].max(axis=0, initial=0.0)
+        rest = np.abs(forces - internal)[system.dofs].max(axis=0, initial=0.0)
         scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
         return np.asarray(rest / np.where(scale > 0, scale, 1.0))
 

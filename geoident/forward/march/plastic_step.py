@@ -247,7 +247,7 @@ class PlasticSteps:
         return StageEquations(
             self.systems.discretization.points,
             volume=task.system.volume,
-            dofs=task.system.pattern.dofs,
+            dofs=task.system.dofs,
             grounds=grounds,
             stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],

@@ -375,7 +375,7 @@ def _advance(
         rest -= structures.nodal_forces(carried.members)
     du = np.zeros_like(rest)
     if factor is not None:
-        dofs = task.system.pattern.dofs
+        dofs = task.system.dofs
         du[dofs] = factor.solve(rest[dofs])
     strain, moduli = points.strain(du), task.elasticity()
     for material, mine in task.system.points_of.items():

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,10 +13,12 @@ import scipy.sparse as sp
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
-from geoident.fem.solvers.ordering import nested_dissection
+from geoident.fem.solvers.fronts.tree import elimination_flops
+from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
+    free_dofs,
     group_blocks,
     node_graph,
     stiffness_pattern,
@@ -48,7 +51,8 @@ class StageSystem:
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
         groups: indices of the present groups and keys of the structures that stand.
-        pattern: the stiffness pattern.
+        dofs: (n,) degree of freedom of each unknown, in elimination order.
+        make_pattern: makes the pattern, which is large and which not every command needs.
     """
 
     present: Bools
@@ -56,7 +60,13 @@ class StageSystem:
     volume: Floats
     points_of: Mapping[str, Index]
     groups: frozenset[int]
-    pattern: StiffnessPattern
+    dofs: Ints
+    make_pattern: Callable[[], StiffnessPattern]
+
+    @cached_property
+    def pattern(self) -> StiffnessPattern:
+        """The stiffness pattern."""
+        return self.make_pattern()
 
 
 class StageSystems:
@@ -73,9 +83,10 @@ class StageSystems:
         mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
         geometries, structures = discretization.geometries, Structures(on_mesh)
         self.discretization, self.structures = discretization, structures
-        self._mesh, self._sequence, self._solver = mesh, sequence, solver
+        self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
+        self._solver = solver
         self._fixed = fixed_dofs(on_mesh)
-        order = nested_dissection(mesh.points, *node_graph(mesh))
+        order, self._lasting = self._elimination_order()
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
@@ -84,6 +95,7 @@ class StageSystems:
             for g in discretization.points_of
         } | structures.blocks(rank)
         self._systems: dict[int, StageSystem] = {}
+        self._dofs: dict[frozenset[int], Ints] = {}
         self._patterns: dict[frozenset[int], StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
@@ -155,13 +167,48 @@ class StageSystems:
         """Where an unknown stands, for a message."""
         if unknown is None:
             return ""
-        node = system.pattern.dofs[unknown] // self._mesh.dim
+        node = system.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
 
     def describe_motion(self, u: Floats) -> str:
         """Where displacements (n_dofs,) are largest, for a message."""
         node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
         return f" near {format_point(self._mesh.points[node])}"
+
+    def _elimination_order(self) -> tuple[Ints, int]:
+        """The nodes in the order of elimination, and how many, the first, last through all stages.
+
+        They are put first only for a solver that keeps what it finds of them, and where that saves
+        more operations over all stages than the order costs.
+        """
+        mesh, graph = self._mesh, node_graph(self._mesh)
+        plain = nested_dissection(mesh.points, *graph)
+        changes = self._changing_nodes()
+        lasting = int(np.count_nonzero(~changes))
+        stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
+        if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
+            return plain, 0
+        _, whole = elimination_flops(*graph, plain, mesh.dim, 0)
+        if whole < self._solver.keeps_from:
+            return plain, 0
+        order = lasting_first(mesh.points, *graph, changes)
+        once, each = elimination_flops(*graph, order, mesh.dim, lasting)
+        return (order, lasting) if once + stages * each < stages * whole else (plain, 0)
+
+    def _changing_nodes(self) -> Bools:
+        """(n_nodes,) nodes of ground that changes or yields, and of structures."""
+        mesh, sequence, case = self._mesh, self._sequence, self._on_mesh.case
+        materials = case.materials
+        changes = np.zeros(len(sequence.groups), dtype=bool)
+        for g in range(len(sequence.groups)):
+            met = {state.materials.get(g) for state in sequence.states}
+            yields = any(name is not None and materials[name].yields for name in met)
+            changes[g] = len(met) > 1 or yields
+        found = nodes_in(mesh.blocks, changes[sequence.group_of])
+        nodes = np.zeros(mesh.n_nodes, dtype=bool)
+        nodes[found] = True
+        nodes[self.structures.nodes()] = True
+        return nodes
 
     def _prepare(self, number: int) -> StageSystem:
         sequence, state = self._sequence, self._sequence.states[number]
@@ -174,23 +221,35 @@ class StageSystems:
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
+        if groups not in self._dofs:
+            self._dofs[groups] = free_dofs(
+                [self._blocks[g] for g in groups],
+                node_of_rank=self._node_of_rank,
+                fixed=self._fixed,
+                dim=self._mesh.dim,
+            )[1]
+        volume = self.discretization.volume(here)
+        touched = _touched(self._mesh, here)
+        dofs, pattern = self._dofs[groups], partial(self._pattern, groups)
+        return StageSystem(present, touched, volume, points_of, groups, dofs, pattern)
+
+    def _pattern(self, groups: frozenset[int]) -> StiffnessPattern:
+        """The pattern of some groups and structures."""
         if groups not in self._patterns:
             self._patterns[groups] = stiffness_pattern(
                 {g: self._blocks[g] for g in groups},
                 node_of_rank=self._node_of_rank,
                 fixed=self._fixed,
                 dim=self._mesh.dim,
+                lasting=self._lasting,
             )
-        pattern = self._patterns[groups]
-        volume = self.discretization.volume(here)
-        touched = _touched(self._mesh, here)
-        return StageSystem(present, touched, volume, points_of, groups, pattern)
+        return self._patterns[groups]
 
     def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
-        digest = hashlib.sha256(lower.indptr.tobytes() + lower.indices.tobytes()).digest()
-        key = digest, spare
+        parts = [lower.indptr, lower.indices, *([] if lower.names is None else [lower.names])]
+        key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest(), spare
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]

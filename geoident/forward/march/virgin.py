@@ -23,7 +23,7 @@ of balance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,9 +206,12 @@ def _balance_faults(march: March, values: Values) -> list[Fault]:
     if found.part <= LOCAL_IMBALANCE:
         return []
     unit = "kN" if march.case.analysis is not Analysis.PLANE_STRAIN else "kN/m"
+    where = f"in '{found.group}'"
+    if found.across:
+        where = f"where {_listed(found.across)} meet,"
     message = (
-        f"the initial state is out of balance near {format_point(found.position)} in "
-        f"'{found.group}' by {100 * found.part:.2g} % of the local stress: {found.rest / 1e3:.3g} "
+        f"the initial state is out of balance near {format_point(found.position)} {where} "
+        f"by {100 * found.part:.2g} % of the local stress: {found.rest / 1e3:.3g} "
         f"of {found.size / 1e3:.3g} {unit}"
     )
     hint = (
@@ -216,8 +219,20 @@ def _balance_faults(march: March, values: Values) -> list[Fault]:
         "and in-situ stress agree, as 'model: geostatic' does; where slopes or dipping layers "
         f"remain, {ACCEPT[3:]}."
     )
+    hint = _meeting_hint(found.across) if found.across else hint
     path = ("in_situ",)
     return [march.case.source.fault(path, code="out-of-balance", message=message, hint=hint)]
+
+
+def _meeting_hint(groups: Sequence[str]) -> str:
+    """What to do where groups of different horizontal stress meet at a steep boundary."""
+    return (
+        "A steep boundary bears only one horizontal stress, that of both sides: give "
+        f"{_listed(groups)} the same horizontal stress there (one K0), or let them meet at a "
+        "horizontal boundary; where the ground is so, "
+        "take it knowingly: in_situ: {equilibrium: accept} brings the difference to equilibrium "
+        "before the first stage."
+    )
 
 
 @dataclass(frozen=True)
@@ -230,6 +245,8 @@ class LocalImbalance:
         size: the local forces, likewise.
         position: (dim,) m.
         group: there.
+        across: groups that meet there, if what is out of balance is that their horizontal stresses
+            differ; empty otherwise.
     """
 
     part: float
@@ -237,6 +254,7 @@ class LocalImbalance:
     size: float
     position: Floats
     group: str
+    across: tuple[str, ...] = ()
 
 
 def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
@@ -260,20 +278,49 @@ def local_imbalance(march: March, point: ParameterPoint) -> LocalImbalance:
         rest = rest + part
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)
     free = np.zeros(len(rest), dtype=bool)
-    free[system.pattern.dofs] = True
+    free[system.dofs] = True
     unheld = _at_corners(mesh, np.where(free, rest, 0.0).reshape(-1, mesh.dim))
     left, size = np.linalg.norm(unheld, axis=1), _at_corners(mesh, size[:, None])[:, 0]
     floor = max(_NOTHING * float(size.max(initial=0.0)), np.finfo(float).tiny)
     ratio = np.where(size > floor, left / np.maximum(size, floor), 0.0)
     worst = int(np.argmax(ratio))
     group = march.sequence.groups[march.sequence.group_of[owner[worst]]]
+    axis = int(np.argmax(np.abs(unheld[worst])))
     return LocalImbalance(
         float(ratio[worst]),
         unit * float(left[worst]),
         unit * float(size[worst]),
         mesh.points[worst],
         group,
+        _meeting(march, worst, stress, axis) if axis < mesh.dim - 1 else (),
     )
+
+
+def _meeting(march: March, node: int, stress: Floats, axis: int) -> tuple[str, ...]:
+    """The groups on both sides of a node along a horizontal axis, if their stresses differ there.
+
+    Horizontal stresses are compared in parts of the vertical ones, which differ by depth alone.
+    """
+    sequence, mesh = march.sequence, march.on_mesh.mesh
+    points, present = march.systems.discretization.points, sequence.present(0)
+    around = np.concatenate(
+        [
+            span.start + np.flatnonzero((block.nodes == node).any(axis=1))
+            for block, span in spans(mesh.blocks)
+        ]
+    )
+    near = np.isin(points.element, around[present[around]])
+    beside = points.position[near, axis] - mesh.points[node, axis]
+    group = sequence.group_of[points.element[near]]
+    found = np.unique(group)
+    if beside.min() > 0.0 or beside.max() < 0.0 or len(found) < 2:
+        return ()  # the edge of the ground, or one kind of it
+    sums = np.array([stress[:, near][:, group == one].sum(axis=1) for one in found])
+    up = mesh.dim - 1
+    along, vertical = sums[:, axis], sums[:, up]
+    ratio = along / np.where(vertical == 0.0, 1.0, vertical)
+    differ = np.ptp(ratio) > LOCAL_IMBALANCE * np.abs(ratio).max()
+    return tuple(sequence.groups[one] for one in found) if differ else ()
 
 
 def _at_corners(mesh: Mesh, forces: Floats) -> Floats:
@@ -403,6 +450,6 @@ def _weight(unit_weight: float) -> str:
     return f"{unit_weight / 1e3:.4g} kN/m3"
 
 
-def _listed(groups: list[str]) -> str:
+def _listed(groups: Sequence[str]) -> str:
     names = [f"'{name}'" for name in groups]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
@@ -61,7 +61,7 @@ def prior_conflicts(
     judged = [k for k, i in enumerate(of) if named[i] and covariance[i, i] > 0.0]
     if not judged:
         return ()
-    limit = norm.isf(0.5 * FALSE_ALARMS / len(judged))
+    limit = -float(ndtri(0.5 * FALSE_ALARMS / len(judged)))
     found = []
     for k in judged:
         moved = covariance @ rows[k]
@@ -100,7 +100,7 @@ def _conflict(found: PriorConflict, parameter: Parameter, reference: Floats) -> 
     value, low, high = (f"{in_unit(number, *unit):.3g}" for number in natural)
     mean, sd = (f"{in_unit(number, *unit):.3g}" for number in (prior.mean, prior.sd))
     word = shown_unit(*unit)
-    chance = 2.0 * norm.sf(abs(found.distance))
+    chance = 2.0 * float(ndtr(-abs(found.distance)))
     return (
         f"The prior of {parameter.name} ({mean} +- {sd} {word}".rstrip()
         + f") contradicts the readings: without it they give {value} {word}".rstrip()

@@ -2,8 +2,9 @@
 
 Values may be replaced by overrides: ``parameters.E.start=20 GPa``.
 
-Faults are shown in three rounds, each complete: the text and its sections; what refers to something
-else in the case or its readings; and later, elsewhere, what needs the mesh.
+Faults are shown in two rounds, each complete: the text, its sections, and what refers to something
+else in the case or its readings, as far as that can be said while sections are wrong; and later,
+elsewhere, what needs the mesh.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.temperature_file import with_temperatures
-from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.faults import add_schema_faults, paths_of
+from geoident.io.schema.partial import Rest, without
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import OVERRIDES, Faults, Places
 from geoident.io.text.text_file import STDIN, decode, read_bytes
@@ -92,7 +94,12 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
 
 
 def parse_case(
-    text: str, path: str, *, overrides: Sequence[str] = (), with_mesh: bool = True
+    text: str,
+    path: str,
+    *,
+    overrides: Sequence[str] = (),
+    with_mesh: bool = True,
+    with_texts: bool = True,
 ) -> LoadedCase:
     """Read the text of a case as if it stood in a file, which need not be there any more.
 
@@ -101,6 +108,7 @@ def parse_case(
         path: of that file, for the files that the case names; ``-`` for stdin.
         overrides: see `read_case`.
         with_mesh: whether the file of the mesh has to be there.
+        with_texts: whether the case is also wanted as YAML, `resolved` and `computed`.
 
     Raises:
         InputError: with all faults found.
@@ -111,7 +119,7 @@ def parse_case(
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
     places = with_measured(with_temperatures(places, folder), folder)
-    section = _validate(places)
+    section = _validate(places, folder)
     faults = Faults(places)
     mesh_path = None
     if section.mesh is not None and not with_mesh:
@@ -132,8 +140,10 @@ def parse_case(
     )
     faults.raise_any()
     chain = [method_name(options) for options in case.fit.methods]
-    resolved = _resolved_text(section, chain)
-    computed = _resolved_text(section.model_copy(update={"report": None}), chain)
+    plain = section.model_copy(update={"report": None})
+    resolved, computed = (
+        _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
+    )
     return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files), computed)
 
 
@@ -209,8 +219,12 @@ def _shown(path: str) -> str:
     return STDIN_NAME if path == STDIN else path
 
 
-def _validate(places: Places) -> CaseSection:
-    """The sections of a case, each right by itself."""
+def _validate(places: Places, folder: Path) -> CaseSection:
+    """The sections of a case, each right by itself.
+
+    Raises:
+        InputError: with what is wrong in them, and what else is, whatever these should have been.
+    """
     faults = Faults(places)
     known: dict[int, tuple[str, ...]] = {}
     try:
@@ -221,9 +235,27 @@ def _validate(places: Places) -> CaseSection:
         return CaseSection.model_validate(places.data, context=known)
     except ValidationError as error:
         if not faults.found:
-            add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+            errors = error.errors(include_url=False)
+            add_schema_faults(faults, errors, places.data, known)
+            faults.extend(_further(without(places, paths_of(errors, places.data)), folder))
         faults.raise_any()
         raise
+
+
+def _further(rest: Rest | None, folder: Path) -> list[Fault]:
+    """What is wrong in the rest of a case that has wrong entries."""
+    if rest is None:
+        return []
+    try:
+        section = CaseSection.model_validate(rest.places.data, context={})
+    except ValidationError:
+        return []  # what is left is no case
+    faults = Faults(rest.places)
+    if section.mesh is not None:
+        _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
+    check_references(section, faults)
+    read_all(section, partial(_find, folder, faults=faults), faults)
+    return rest.independent(faults.found)
 
 
 def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:

@@ -459,8 +459,7 @@ class _Check:
 
     ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
     ``owners`` channels to their gauges, ``measured_zeros`` channels to what was read at their zero
-    and subtracted; ``unknown`` holds files and the names in them that are no channels: each is said
-    once, not for every row.
+    and subtracted; ``hints`` what to write in place of a name that refers to nothing.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
@@ -477,7 +476,7 @@ class _Check:
         }
         self.seen: dict[tuple[str, str], Reading] = {}
         self.undated: set[tuple[str, str]] = set()
-        self.unknown: set[tuple[str, str]] = set()
+        self.hints: dict[tuple[str, str], str] = {}
         self.measured_zeros: dict[str, Reading] = {}
         self.dated: list[DatedReading] = []
 
@@ -487,7 +486,8 @@ class _Check:
             self._gauge(reading)
             self._stage(reading)
             self._drift(reading)
-            if not reading.bad:
+            known = reading.channel in self.zeros and (reading.stage or VIRGIN) in self.order
+            if known and not reading.bad:
                 self._twice(reading, alone=alone)
 
     def mapped(self, described: ReadingsFileSection, path: KeyPath) -> None:
@@ -531,19 +531,21 @@ class _Check:
         name = placed.channel
         if name in self.zeros:
             return
-        if not placed.key and (placed.location.file, name) in self.unknown:
-            return
-        self.unknown.add((placed.location.file, name))
+        hint = self.hints.get(("gauge", name))
+        if hint is None:
+            hint = self.hints["gauge", name] = self._gauge_hint(name)
+        self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)
+
+    def _gauge_hint(self, name: str) -> str:
+        """What to write in place of the name of a gauge that there is not."""
         gauge = self.section.gauges.get(name)
         if gauge is not None and gauge.kind == "extensometer":
             anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
-            hint = f"An extensometer has one reading per anchor: {anchors}."
-        elif gauge is not None:
+            return f"An extensometer has one reading per anchor: {anchors}."
+        if gauge is not None:
             channels = listing(gauge.channel_names(name))
-            hint = f"It has readings of its own for each of its channels: {channels}."
-        else:
-            hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
-        self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)
+            return f"It has readings of its own for each of its channels: {channels}."
+        return self.faults.did_you_mean(name, self.zeros, what="Gauges")
 
     def _stage(self, placed: Reading) -> None:
         """The stage exists, and is not before the zero of the gauge."""
@@ -554,7 +556,10 @@ class _Check:
             code, hint = "unknown-stage", "Readings stand at the end of stages."
         elif name not in self.order:
             message, code = f"there is no stage '{name}'", "unknown-stage"
-            hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
+            hint = self.hints.get(("stage", name), "")
+            if not hint:
+                hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
+                self.hints["stage", name] = hint
         elif self.order[name] < self.order.get(zero, 0):
             message = f"'{placed.channel}' is read at '{name}', before its zero at '{zero}'"
             code, hint = "before-zero", "Correct the stage of the reading or the gauge's 'zero'."

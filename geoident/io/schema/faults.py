@@ -61,6 +61,16 @@ def add_schema_faults(
         _add(faults, error, path, node, known, is_key=is_key)
 
 
+def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
+    """Where pydantic found something, as far as it stands in the file.
+
+    Args:
+        errors: what pydantic found.
+        data: what was read.
+    """
+    return [_resolve(error, data)[0] for error in errors]
+
+
 def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:
     """Path in the file, the node there, and whether the error is about the key itself.
 

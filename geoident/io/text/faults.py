@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.wording import did_you_mean
@@ -122,7 +122,59 @@ class Faults:
             InputError: with the faults in the order of the file.
         """
         if self.found:
-            raise InputError(shortened(sorted(self.found, key=_order)))
+            case = self.places.document.file
+            once = said_once(sorted(self.found, key=_order), case)
+            raise InputError(shortened(once))
+
+
+_FIRST = 5
+"""Rows that are named of a fault that a file of readings has in many."""
+_KIND = 10
+"""Faults of one kind in a file beside the case that are said in full."""
+
+
+def said_once(faults: list[Fault], case: str) -> list[Fault]:
+    """Faults with those that a file beside the case has row by row said once, with their rows.
+
+    A fault of the same words is one; of one kind in other words the first few are said.
+
+    Args:
+        faults: in the order of the files.
+        case: path of the case, whose own faults stay as they are.
+    """
+    together: dict[tuple[object, ...], list[Fault]] = {}
+    for fault in faults:
+        place = fault.location
+        alone = place.line == 0 or place.file in (case, OVERRIDES) or bool(fault.path)
+        key = (id(fault),) if alone else (place.file, place.sheet, fault.code, fault.message)
+        together.setdefault(key, []).append(fault)
+    kinds: dict[tuple[object, ...], list[list[Fault]]] = {}
+    for group in together.values():
+        first = group[0]
+        several = first.location.line and first.location.file not in (case, OVERRIDES)
+        kind = (first.location.file, first.location.sheet, first.code) if several else (id(first),)
+        kinds.setdefault(kind, []).append(group)
+    return [fault for kind in kinds.values() for fault in _few(kind)]
+
+
+def _few(groups: list[list[Fault]]) -> Iterator[Fault]:
+    """The first faults of one kind, and how many more there are."""
+    most = _KIND if len(groups) > _KIND + 1 else len(groups)
+    for group in groups[:most]:
+        rows = _rows_of(group)
+        more = f" (in {len(group)} rows: {rows})" if len(group) > 1 else ""
+        yield replace(group[0], message=f"{group[0].message}{more}")
+    rest = [fault for group in groups[most:] for fault in group]
+    if rest:
+        first = rest[0]
+        message = f"and {len(rest)} more of this kind, in the rows {_rows_of(rest)}"
+        yield Fault(first.code, message, "", first.location)
+
+
+def _rows_of(faults: list[Fault]) -> str:
+    rows = list(dict.fromkeys(fault.location.line for fault in faults))
+    named = ", ".join(map(str, rows[:_FIRST]))
+    return f"{named}, ..." if len(rows) > _FIRST else named
 
 
 def shortened(faults: list[Fault]) -> list[Fault]:

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geoident.identify.assessment.scores import bands_of, next_read
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import Backtest
+from geoident.model.results.bands import bands_of, next_read
 from geoident.model.results.result import NORMAL_95, Result
 from geoident.report.drawing.parameters.scale import logarithmic, set_scale
 from geoident.report.drawing.style import (

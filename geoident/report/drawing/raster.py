@@ -54,7 +54,9 @@ class Raster:
         """
         kept = np.flatnonzero(shown[self.triangle])
         image = np.full(self.shape[0] * self.shape[1], np.nan)
-        image[self.pixel[kept]] = (self.weights[kept] * values[self.corners[kept]]).sum(axis=1)
+        image[self.pixel[kept]] = np.einsum(
+            "ij,ij->i", self.weights[kept], values[self.corners[kept]]
+        )
         return image.reshape(self.shape)
 
     def flat(self, values: Any, shown: Bools) -> Floats:
@@ -108,16 +110,18 @@ def raster_of(xy: Floats, triangles: Ints, low: Floats, high: Floats, *, width: 
     )
 
 
-def show(axes: Any, raster: Raster, colours: Floats, **style: Any) -> None:
+def show(axes: Any, raster: Raster, colours: Any, **style: Any) -> None:
     """Put an image of colours (rows, columns, 4) in its place; NaN is nothing.
 
     Args:
         axes: where to draw.
         raster: of what.
-        colours: (rows, columns, 4) red, green, blue and opacity, 0 to 1.
+        colours: (rows, columns, 4) red, green, blue and opacity, 0 to 1, or bytes of them.
         style: of the image.
     """
-    rgba = np.round(255 * np.nan_to_num(colours)).astype(np.uint8)
+    rgba = colours
+    if colours.dtype != np.uint8:
+        rgba = np.round(255 * np.nan_to_num(colours)).astype(np.uint8)
     axes.imshow(
         rgba, extent=raster.extent, origin="lower", interpolation="none", aspect="equal", **style
     )

@@ -14,7 +14,7 @@ from geoident.model.case import Case
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.raster import PER_INCH, Raster, raster_of
-from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
+from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace, element_centres
 from geoident.report.drawing.style import short
 from geoident.report.text.case import axis_names
 
@@ -60,6 +60,7 @@ class Scene:
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
         self._rasters: dict[int, Raster] = {}
+        self._lines: dict[tuple[int, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
 
     @property
@@ -197,6 +198,9 @@ class Scene:
     def principal(self) -> Floats:
         """(n_states, n_elements, 3) principal stresses, ascending: compression first."""
         xx, yy, zz, xy, yz, xz = np.moveaxis(np.nan_to_num(self.fields.stress), -1, 0)
+        if not yz.any() and not xz.any():
+            middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+            return np.sort(np.stack([middle - half, middle + half, zz], axis=-1), axis=-1)
         rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
         tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
         return np.asarray(np.linalg.eigvalsh(tensor))
@@ -224,6 +228,16 @@ class Scene:
         """(k, dim) points of the gauges and centres of what is excavated or placed, m."""
         centres = element_centres(self.fields.mesh)[self.moved]
         return np.vstack([gauge_points(self.result.gauges), centres])
+
+    def lines(self, sheet: Sheet, state: int) -> tuple[Trace, Trace]:
+        """Where groups meet on a sheet in a state, and where the ground ends; found once."""
+        key = (id(sheet), state)
+        if key not in self._lines:
+            self._lines[key] = (
+                sheet.borders(self.borders_label(state)),
+                sheet.outline(self.fields.present[state]),
+            )
+        return self._lines[key]
 
     def borders_label(self, state: int) -> Ints:
         """Labels (n_elements,) for `Sheet.borders`: groups of what is present, -1 for the rest."""

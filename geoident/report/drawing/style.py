@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 
 from geoident.model.arrays import Floats
 from geoident.report.saving.figure_file import collector_paused, figure_file
+from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.side_by_side import side_by_side
 
 COMPUTED = "#1f4e79"
@@ -90,7 +91,7 @@ def drawing_style() -> Iterator[None]:
 
 def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    with collector_paused(), drawing_style():
+    with collector_paused(), drawing_style(), lean_axes():
         return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
 
 
@@ -138,11 +139,8 @@ def stage_ticks(axes: Axes, stages: tuple[str, ...], *, most: int = 14) -> None:
     """
     every = -(-len(stages) // most)
     places = range(0, len(stages), every)
-    axes.set_xticks(list(places), [short(stages[k], 14) for k in places])
-    axes.tick_params(axis="x", labelrotation=55)
-    for label in axes.get_xticklabels():
-        label.set_horizontalalignment("right")
-        label.set_rotation_mode("anchor")
+    names = [short(stages[k], 14) for k in places]
+    axes.set_xticks(list(places), names, rotation=55, ha="right", rotation_mode="anchor")
     axes.set_xlim(-0.4, len(stages) - 0.6)
 
 

@@ -10,12 +10,11 @@ import gc
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from geoident.report.saving.words import mark_halos, with_words
+from geoident.report.saving.svg_writer import SvgCanvas
+from geoident.report.saving.words import mark_halos
 
 _DPI = 150  # of what is drawn as pixels
 _POINTS = 72  # to the inch, the unit of an SVG
@@ -36,15 +35,13 @@ def figure_file(figure: Figure, suffix: str, *, title: str = "", description: st
         figure.savefig(buffer, format=suffix, dpi=_DPI, metadata={_DATES[suffix]: None})
         return buffer.getvalue()
     mark_halos(figure)
-    canvas: Any = FigureCanvasSVG(figure)
+    canvas = SvgCanvas(figure, _DPI)
     figure.dpi = _POINTS
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine("none")
-    figure.dpi = _DPI
-    canvas.print_svg(buffer, metadata={"Date": None})
-    return with_words(buffer.getvalue(), title=title, description=description)
+    return canvas.written(title, description)
 
 
 @contextmanager

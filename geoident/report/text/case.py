@@ -162,11 +162,15 @@ def _unit_of_gauge(gauges: GaugeTable, gauge: str, dimension: str | None) -> tup
     return "mm", "length"
 
 
+_LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+"""Of libyaml where that is there, ten times as fast."""
+
+
 @lru_cache(maxsize=8)
 def _case(text: str) -> dict[str, Any]:
     """The case as texts; empty if there is none that can be read."""
     try:
-        case = yaml.load(text, Loader=yaml.BaseLoader)
+        case = yaml.load(text, Loader=_LOADER)
     except (yaml.YAMLError, RecursionError):
         return {}
     return case if isinstance(case, dict) else {}

@@ -23,6 +23,7 @@ from geoident.report.text.backtest import csv_fit_rows, csv_rows
 from geoident.report.text.gauges import (
     by_distance,
     by_stage,
+    compared_with,
     each_reading,
     standardized,
     wide_diagnostics,
@@ -157,10 +158,10 @@ def _correlation(result: Result) -> CsvTable:
 
 
 def _gauges(result: Result) -> CsvTable:
-    table = result.gauges
-    residual, in_sd = table.measured - table.computed, standardized(result)
-    columns = [table.in_units(c) for c in (table.measured, table.computed, residual, table.sd)]
-    known = np.isfinite(table.measured) | np.isfinite(table.computed)
+    table, (computed, sd) = result.gauges, compared_with(result)
+    residual, in_sd = table.measured - computed, standardized(result)
+    columns = [table.in_units(c) for c in (table.measured, computed, residual, sd)]
+    known = np.isfinite(table.measured) | np.isfinite(computed)
     rows: list[CsvRow] = [
         (
             table.channels[i],
@@ -390,6 +391,48 @@ def _fields(result: Result) -> CsvTable:
     return CsvTable(header, tuple(rows))
 
 
+_WALL = ("pressure (MPa)", "wall_inwards (mm)", "plastic_radius (m)")
+
+
+def _wall(pressure: float, displacement: float, plastic_radius: float) -> CsvRow:
+    return float(pressure) / 1e6, 1e3 * float(displacement) + 0.0, float(plastic_radius)  # no -0
+
+
+def _opening(result: Result) -> CsvTable:
+    """The stages of a closed form; compression and motions inwards are positive."""
+    found = result.reaction
+    stages = () if found is None else zip(
+        found.stages, found.stage_pressure, found.stage_displacement, found.stage_plastic_radius,
+        strict=True,
+    )  # fmt: skip
+    radius = math.nan if found is None else found.radius
+    rows = tuple((stage, radius, *_wall(*numbers)) for stage, *numbers in stages)
+    return CsvTable(("stage", "radius (m)", *_WALL), rows)
+
+
+def _ground_reaction(result: Result) -> CsvTable:
+    """The wall under ever less pressure inside."""
+    found = result.reaction
+    curve = () if found is None else zip(
+        found.pressure, found.displacement, found.plastic_radius, strict=True
+    )  # fmt: skip
+    return CsvTable(_WALL, tuple(_wall(*numbers) for numbers in curve))
+
+
+def _opening_stresses(result: Result) -> CsvTable:
+    """Stresses around the opening, positive in compression."""
+    found = result.reaction
+    header = ("stage", "distance (m)", "radial_compression (MPa)", "hoop_compression (MPa)")
+    rows: list[CsvRow] = []
+    for j, stage in enumerate(() if found is None else found.stages):
+        assert found is not None
+        rows += [
+            (stage, float(r), float(radial) / 1e6, float(hoop) / 1e6)
+            for r, radial, hoop in zip(found.radii, found.radial[j], found.hoop[j], strict=True)
+        ]
+    return CsvTable(header, tuple(rows))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -399,6 +442,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "correlation": _correlation,
     "sensitivity": _sensitivity,
     "structures": _structures,
+    "opening": _opening,
+    "ground-reaction": _ground_reaction,
+    "opening-stresses": _opening_stresses,
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,

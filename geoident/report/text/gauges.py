@@ -10,7 +10,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import Channel, Reading
+from geoident.model.results.bands import told_before
 from geoident.model.results.result import Diagnostics, GaugeTable, Prediction, Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
@@ -124,15 +125,34 @@ def by_stage(shown: Bools) -> list[tuple[int, int]]:
     return [(i, j) for j, i in np.argwhere(shown.T).tolist()]
 
 
+def as_predicted(result: Result) -> Result:
+    """A backtest with its readings beside what the last fit before each has predicted.
+
+    A reading of a backtest is fitted in the end; what is told of it is how it was predicted.
+    Readings before the second fit are shown as they were fitted last. Other results stay as they
+    are.
+    """
+    if result.kind != "backtest" or result.backtest is None:
+        return result
+    return replace(result, prediction=told_before(result.backtest))
+
+
 def fit_title(result: Result) -> str:
-    """How many readings were used, and the misfit."""
+    """How many readings were used, and the misfit; of a backtest what they stand beside."""
+    if as_predicted(result) is not result:
+        return unit_title("Readings, each beside its prediction by the fit before", result.gauges)
     used = np.count_nonzero(result.gauges.used)
     phi = "" if math.isnan(result.objective) else f", misfit {number(result.objective)}"
     return unit_title("Readings", result.gauges, f"{used} used{phi}")
 
 
 def fit_table(result: Result) -> TextTable:
-    """Measured and computed readings, without those that stand among the predictions."""
+    """Measured and computed readings, without those that stand among the predictions.
+
+    Those of a backtest are all predictions, but for the first ones: `reading_table`.
+    """
+    if as_predicted(result) is not result:
+        return reading_table(result)
     gauges = result.gauges
     shown = np.isfinite(gauges.measured) & (gauges.used | ~_has_prediction(result))
     residual = standardized(result)
@@ -153,6 +173,12 @@ def _has_prediction(result: Result) -> Bools:
     if result.prediction is None:
         return np.zeros(result.gauges.computed.shape, dtype=bool)
     return np.asarray(np.isfinite(result.prediction.mean))
+
+
+def _told(result: Result) -> Bools:
+    """(n_channels, n_stages) a reading stands beside its prediction, not beside a fit."""
+    told = _has_prediction(result)
+    return told if result.kind == "backtest" else told & ~result.gauges.used
 
 
 def _with_note(gauges: GaugeTable, i: int, j: int, state: str) -> str:
@@ -207,19 +233,24 @@ def _mark(measured: float, low: float, high: float) -> str:
 
 def reading_table(result: Result) -> TextTable:
     """Every reading that is measured or predicted."""
+    result = as_predicted(result)
     shown = np.isfinite(result.gauges.measured) | _has_prediction(result)
     residual = standardized(result)
-    rows = [_reading_row(result, i, j, float(residual[i, j])) for i, j in by_stage(shown)]
+    told = _told(result)
+    rows = [
+        _reading_row(result, i, j, float(residual[i, j]), told=bool(told[i, j]))
+        for i, j in by_stage(shown)
+    ]
     header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
     return _reading_table(result.gauges, header, rows, "llrrrrrl")
 
 
-def _reading_row(result: Result, i: int, j: int, in_sd: float) -> list[str]:
+def _reading_row(result: Result, i: int, j: int, in_sd: float, *, told: bool) -> list[str]:
     gauges, prediction = result.gauges, result.prediction
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     state, band, determined = "used" if gauges.used[i, j] else "not used", "-", True
     said = reading_text(gauges, i, computed)
-    if prediction is not None and not gauges.used[i, j] and np.isfinite(prediction.mean[i, j]):
+    if prediction is not None and told:
         state, determined = "predicted", bool(np.isfinite(prediction.sd[i, j]))
         if determined:
             of = (prediction.mean, prediction.lower95, prediction.upper95)
@@ -243,14 +274,20 @@ def standardized(result: Result) -> Floats:
 
     In standard deviations of all errors that the fit assumed for the reading: its own, those that
     it shares with others and the model's; of these, without what the other readings tell of them
-    (theory 7). For a prediction in those of the prediction, which hold the parameters' too. Tables,
-    figures, outliers and their sentences all have these numbers; `in_sd_note` says so to people.
-    NaN where nothing was measured or the prediction is not determined.
+    (theory 7). For a prediction in those of the prediction, which hold the parameters' too; so for
+    all readings of a backtest (`as_predicted`), where those that no fit has predicted have none.
+    Tables, figures, outliers and their sentences all have these numbers; `in_sd_note` says so to
+    people. NaN where nothing was measured or the prediction is not determined.
     """
+    told = as_predicted(result)
+    if told is not result and told.prediction is not None:
+        with np.errstate(invalid="ignore"):
+            z = (told.gauges.measured - told.prediction.mean) / told.prediction.sd
+        return np.where(np.isfinite(told.prediction.sd), z, np.nan)
     table = result.gauges
     sd, computed = table.sd.copy(), table.computed.copy()
     if result.prediction is not None:
-        predicted = _has_prediction(result) & ~table.used
+        predicted = _told(result)
         sd[predicted] = result.prediction.sd[predicted]
         computed[predicted] = result.prediction.mean[predicted]
     known = np.isfinite(sd) & (sd > 0)
@@ -262,6 +299,25 @@ def standardized(result: Result) -> Floats:
     return np.asarray(found)
 
 
+def compared_with(result: Result) -> tuple[Floats, Floats]:
+    """What readings are compared with, and its standard deviations, (n_channels, n_stages) each.
+
+    What a fit computes, and the accuracies; of a backtest its predictions (`as_predicted`) and
+    their standard deviations, NaN where they are not determined. Readings before which there was
+    no fit stand beside what the last one computes, without standard deviation.
+    """
+    told = as_predicted(result)
+    if told is result or told.prediction is None:
+        return result.gauges.computed, result.gauges.sd
+    known = np.isfinite(told.prediction.sd)
+    first = ~np.isfinite(told.prediction.mean)
+    computed = np.where(known, told.prediction.mean, np.nan)
+    return (
+        np.where(first, result.gauges.computed, computed),
+        np.where(known, told.prediction.sd, np.nan),
+    )
+
+
 def _errors_shared(result: Result) -> bool:
     """Readings share errors, of zeros and surveys or of the model."""
     return any(result.gauges.errors) or result.model_error is not None
@@ -269,6 +325,11 @@ def _errors_shared(result: Result) -> bool:
 
 def in_sd_note(result: Result) -> str:
     """What the columns and axes "in sd" of a result are, in a sentence."""
+    if as_predicted(result) is not result:
+        return (
+            "in sd: reading less its prediction by the last fit before its stage, in standard "
+            "deviations of that prediction (of parameters, accuracy and model error together)."
+        )
     predicted = "" if result.prediction is None else "; of predictions, those of the prediction"
     if not _errors_shared(result):
         return f"in sd: residual in standard deviations of the accuracy{predicted}."
@@ -313,7 +374,10 @@ def outliers(result: Result) -> tuple[Outlier, ...]:
 
 
 def rms(result: Result) -> float:
-    """Root mean square of the standardized residuals that were used; about 1 for a good fit."""
+    """Root mean square of the standardized residuals that were used; about 1 for a good fit.
+
+    Of a backtest, of the predictions.
+    """
     used = standardized(result)[result.gauges.used]
     used = used[np.isfinite(used)]
     return float(np.sqrt(np.mean(used**2))) if used.size else np.nan

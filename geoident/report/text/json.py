@@ -16,6 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
+from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
@@ -23,6 +24,7 @@ from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.gauges import (
     by_stage,
+    compared_with,
     diagnostics_object,
     each_reading,
     moment_text,
@@ -97,7 +99,33 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
+        **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
+    }
+
+
+def opening_object(found: GroundReaction) -> dict[str, Any]:
+    """The closed form of an opening, SI; compression and motions inwards are positive.
+
+    Args:
+        found: its ground reaction curve, and its stages on their way along it.
+    """
+    curve = ("pressure", "displacement", "plastic_radius")
+    return {
+        "centre": found.centre,
+        "radius": found.radius,
+        "in_situ": dict(zip(("xx", "yy", "zz", "xy"), found.in_situ, strict=True)),
+        "critical": found.critical,
+        "curve": {name: getattr(found, name) for name in curve},
+        "stages": [
+            {"stage": stage, **{name: getattr(found, f"stage_{name}")[j] for name in curve}}
+            for j, stage in enumerate(found.stages)
+        ],
+        "stresses": {
+            "distance": found.radii,
+            "radial": dict(zip(found.stages, found.radial, strict=True)),
+            "hoop": dict(zip(found.stages, found.hoop, strict=True)),
+        },
     }
 
 
@@ -136,16 +164,19 @@ def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
 
 
 def gauges_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every reading that is measured or computed, stage by stage."""
-    gauges = result.gauges
-    known = np.isfinite(gauges.measured) | np.isfinite(gauges.computed)
+    """One object for every reading that is measured or computed, stage by stage.
+
+    In a backtest ``computed`` and ``sd`` are those of the prediction by the last fit before.
+    """
+    gauges, (computed, sd) = result.gauges, compared_with(result)
+    known = np.isfinite(gauges.measured) | np.isfinite(computed)
     return [
         {
             "gauge": gauges.channels[i],
             "stage": gauges.stages[j],
             "measured": gauges.measured[i, j],
-            "computed": gauges.computed[i, j],
-            "sd": gauges.sd[i, j],
+            "computed": computed[i, j],
+            "sd": sd[i, j],
             "used": bool(gauges.used[i, j]),
             "bad": bool(gauges.bad[i, j]),
             "unit": si_unit(gauges.dimensions[i]),

@@ -205,6 +205,12 @@ def _fit(result: Result) -> list[str]:
         return []
     far = sum(outlier.used for outlier in outliers(result))
     count = {0: "no reading exceeds", 1: "one reading exceeds"}.get(far, f"{far} readings exceed")
+    if result.kind == "backtest":
+        return [
+            f"The root mean square of the errors of the predictions of the next stage is "
+            f"{_size(spread)} of their standard deviations (about 1 if the bands are right); "
+            f"{count} {OUTLIER:g} standard deviations."
+        ]
     return [
         f"The root mean square of the residuals is {_size(spread)} of their standard deviations "
         f"(about 1 if {_what_is_assumed(result)}); "

@@ -2,8 +2,9 @@
 
 A reading of a mesh with edges h errs by about C h^q, so halving the edges changes it by
 (1 - 2^-q) of its error: the error is the change by 1 - 2^-q. The order q is that of the elements,
-or less where the ground has corners (`fem.singularity`). Where one refinement is too large for the
-memory or the patience, the error is taken from the jumps of the stress between elements.
+or less where the ground has corners (`fem.refinement.singularity`). Where one refinement is too
+large for the memory or the patience, the error is taken from the jumps of the stress between
+elements.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.fem.refinement import refined
-from geoident.fem.singularity import exponent, openings
+from geoident.fem.refinement.halving import refined
+from geoident.fem.refinement.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observation import reads_displacements

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from geoident.fem.solvers import AUTO, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
@@ -20,10 +21,10 @@ from geoident.model.methods import (
 )
 from geoident.model.results.summary import CostEstimate
 
-_FLOPS = {"cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
+_FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
 
-_BYTES = {"cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
+_BYTES = {"multifrontal": 9.5, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
 _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
@@ -44,7 +45,7 @@ def estimate_cost(
 
     Args:
         model: of the case.
-        solver: name of the sparse solver.
+        solver: name of the sparse solver, or ``auto``.
         columns: right-hand sides of a stage; None for one more than there are parameters.
         rough: every stage is taken for the one with most unknowns, which alone is counted.
     """
@@ -52,7 +53,13 @@ def estimate_cost(
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
-    flops, entries = steps * sum(c.flops for c in costs), sum(c.entries for c in costs)
+    # What lasts is factorized once for all stages.
+    once = max((c.lasting for c in costs), default=0.0)
+    flops = steps * (once + sum(c.flops - c.lasting for c in costs))
+    entries = sum(c.entries for c in costs)
+    if solver == AUTO:
+        most = max((c.flops for c in costs), default=0.0)
+        solver = picked(most, lasting=once > 0)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
@@ -151,4 +158,4 @@ def _stage_costs(model: StagedModel) -> list[FactorCost]:
 
 def _pattern_bytes(model: StagedModel, state: int) -> int:
     pattern = model.systems[state].pattern
-    return pattern.lower.indices.nbytes + sum(s.nbytes for s in pattern.slots.values())
+    return pattern.lower.indices.nbytes + sum(a.nbytes for a in pattern.above.values())

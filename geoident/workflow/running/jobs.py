@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import time
 from collections.abc import Sequence
@@ -22,7 +21,7 @@ from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
-from geoident.io.case.file import LoadedCase, files_of_text, parse_case, read_case
+from geoident.io.case.file import LoadedCase, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
@@ -136,26 +135,6 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
         case_sha256=hashes.case_sha256,
         readings_sha256=hashes.readings_sha256,
     )
-
-
-def files_of_result(result: Result, path: str) -> tuple[str, ...]:
-    """Paths of a result, of its case and of all files that the case names, as far as they exist.
-
-    Args:
-        result: holds the case.
-        path: of its file.
-    """
-    case = case_path(path, result.provenance.case_file)
-    texts = (result.case_text, result.case_resolved)
-    named = [name for text in texts for name in files_of_text(text, case)]
-    return tuple(dict.fromkeys((path, case, *(part for n in named for part in mesh_files(n)))))
-
-
-def case_path(output: Path | str, case_file: str) -> str:
-    """The case that a result was made from, as seen from here."""
-    if Path(case_file).is_absolute():
-        return case_file
-    return os.path.normpath(Path(output).parent / case_file)
 
 
 def _as_fitted(case: Case, result: Result, source: Source) -> Case:

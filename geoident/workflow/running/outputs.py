@@ -247,30 +247,5 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
     return None
 
 
-def write_text(text: str, path: str, *, force: bool, inputs: Sequence[str]) -> None:
-    """Write a text file, whole or not at all, and never over one of the inputs.
-
-    Args:
-        text: of the file.
-        path: of the file.
-        force: replace another file.
-        inputs: paths that are read, and so must not be written.
-    """
-    write_bytes(text.encode(), path, force=force, inputs=inputs)
-
-
-def write_bytes(content: bytes, path: str, *, force: bool, inputs: Sequence[str]) -> None:
-    """Write a binary file, whole or not at all, and never over one of the inputs.
-
-    Args:
-        content: of the file.
-        path: of the file.
-        force: replace another file.
-        inputs: paths that are read, and so must not be written.
-    """
-    with atomic_output(path, overwrite=force, inputs=inputs) as temporary:
-        Path(temporary).write_bytes(content)
-
-
 class _Probe(Exception):
     """Ends a trial of writing before anything is put in place."""

@@ -12,13 +12,14 @@ import numpy as np
 
 from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
-from geoident.identify.assessment.scores import Bands, Innovations, chance, next_read, scores
+from geoident.identify.assessment.scores import Innovations, chance, scores
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
+from geoident.model.results.bands import Bands, next_read
 from geoident.model.results.result import Counts, GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
 from geoident.workflow.estimating.estimate import Estimate, look, predicted

@@ -10,12 +10,13 @@ from scipy.special import fdtrc
 
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.findings import join
-from geoident.identify.assessment.scores import bands_of, changes
+from geoident.identify.assessment.scores import changes
 from geoident.identify.problem.problem import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.parameter import Parameter
 from geoident.model.results.backtest import Backtest, BacktestStep
+from geoident.model.results.bands import bands_of
 from geoident.model.results.result import GaugeTable
 from geoident.units import in_unit, shown_unit
 

@@ -5,15 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import binom, multivariate_normal, norm, t
 
-from geoident.identify.assessment.scores import (
-    Bands,
-    Innovations,
-    bands_of,
-    chance,
-    changes,
-    next_read,
-    scores,
-)
+from geoident.identify.assessment.scores import Innovations, chance, changes, scores
+from geoident.model.results.bands import Bands, bands_of, next_read
 
 HALF = 1.959963984540054
 

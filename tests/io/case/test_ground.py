@@ -125,7 +125,7 @@ def test_the_resolved_case_says_the_same(project, changed):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("elastic: «transverse, E: 3 GPa", ["'transverse'", "transversely-isotropic"]),
+        ("elastic: «transverse, E: $E_rock", ["'transverse'", "transversely-isotropic"]),
         (f"{STRATA}, G_np: «3, dip: 0 deg", ["no unit"]),
         (f"{STRATA}, G_np: 3 GPa, dip: «35", ["no unit", "angle"]),
         (f"{STRATA}, G_np: 3 GPa, dip: 0 deg, «G_pn: 3 GPa", ["'G_pn'"]),

@@ -117,9 +117,9 @@ def test_a_name_that_is_no_gauge_is_said_once_and_not_for_every_row(refused):
     text = "gauge,stage,value,unit\n" + "".join(rows)
     faults = refused("readings: {file: r.csv}", files={"r.csv": text})
     assert [fault.message for fault in faults] == [
-        "there is no gauge 'CV' to read",
-        "there is no gauge 'CV2' to read",
-        "there is no gauge 'EX1' to read",
+        "there is no gauge 'CV' to read (in 2 rows: 2, 5)",
+        "there is no gauge 'CV2' to read (in 2 rows: 3, 6)",
+        "there is no gauge 'EX1' to read (in 2 rows: 4, 7)",
     ]
     assert [fault.location.line for fault in faults] == [2, 3, 4]
 

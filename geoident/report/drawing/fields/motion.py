@@ -141,11 +141,10 @@ def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
                            width=scene.raster_width(window))  # fmt: skip
         image = raster.linear(size, scene.fields.present[state][sheet.element])
         shading = shade_image(axes, raster, image, scale)
-        ground = sheet.outline(scene.fields.present[state])
-        borders = sheet.borders(scene.borders_label(state))
-        add_lines(axes, sheet, ground.at(scene.fields.mesh.points), color=ACCENT, lw=0.8)
-        add_lines(axes, sheet, _moved(scene, borders, state, factor), color="black", lw=0.4)
-        add_lines(axes, sheet, _moved(scene, ground, state, factor), color="black", lw=1.0)
+        borders, ground = scene.lines(sheet, state)
+        add_lines(axes, scene, sheet, ground.at(scene.fields.mesh.points), color=ACCENT, lw=0.8)
+        add_lines(axes, scene, sheet, _moved(scene, borders, state, factor), color="black", lw=0.4)
+        add_lines(axes, scene, sheet, _moved(scene, ground, state, factor), color="black", lw=1.0)
         finish(axes, scene, sheet, window, state)
         axes.set_title(f"{axes.get_title(loc='left')}, x {factor:g}")
     if shading is not None:

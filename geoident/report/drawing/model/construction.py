@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Material
@@ -114,6 +113,8 @@ def _connected(mesh: Mesh, members: Ints) -> list[Ints]:
         corners = block.nodes[here, : CELLS[block.kind].n_corners]
         rows.append(np.repeat(here + span.start, corners.shape[1]))
         columns.append(corners.ravel())
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - for one figure
+
     row, column = np.concatenate(rows), np.concatenate(columns)
     n = mesh.n_elements
     graph = coo_array((np.ones(len(row)), (row, column + n)), shape=(n + mesh.n_nodes,) * 2)

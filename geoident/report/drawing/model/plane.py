@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.report.drawing.labels import HALO, place_labels
+from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.model.actions import LOAD, WATER, draw_supports, water_levels
 from geoident.report.drawing.model.construction import marked_places
 from geoident.report.drawing.model.drawn import Box, DrawnModel
@@ -152,15 +152,16 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
     there = model.made.material >= 0
     if _element_size(sheet, box) * width * 72 / (box[1][0] - box[0][0]) > _LEAST_ELEMENT:
         edges = sheet.edges(there).at(points)[:, :, across]
-        _lines(axes, _inside(edges, box), color=_MESH, lw=0.25, rasterized=True)
+        add_segments(axes, edges, box, color=_MESH, lw=0.25)
     zones = np.where(there, model.zones, -1)
     borders = sheet.borders(zones).at(points)[:, :, across]
-    _lines(axes, _inside(borders, box), color=_EDGE, lw=0.5)
+    add_segments(axes, borders, box, color=_EDGE, lw=0.5)
     dug = model.made.dug > 0
     if dug.any():
         around = sheet.borders(np.where(there, model.made.dug, -1)).at(points)[:, :, across]
-        _lines(axes, _inside(around, box), color="black", lw=1.0)
-    _lines(axes, _inside(sheet.outline(there).at(points)[:, :, across], box), color="black", lw=0.8)
+        add_segments(axes, around, box, color="black", lw=1.0)
+    outline = sheet.outline(there).at(points)[:, :, across]
+    add_segments(axes, outline, box, color="black", lw=0.8)
 
 
 def _element_size(sheet: Sheet, box: Box) -> float:
@@ -173,17 +174,6 @@ def _element_size(sheet: Sheet, box: Box) -> float:
     a, b, c = corners[here].swapaxes(0, 1)
     u, v = b - a, c - a
     return float(np.sqrt(np.median(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))))
-
-
-def _inside(ends: Floats, box: Box) -> Floats:
-    """Lines (k, 2, 2) that may be seen in a box."""
-    kept = (ends.max(axis=1) >= box[0]).all(axis=1) & (ends.min(axis=1) <= box[1]).all(axis=1)
-    return np.asarray(ends[kept])
-
-
-def _lines(axes: Axes, ends: Floats, **style: Any) -> None:
-    style = {"rasterized": len(ends) > 2000, "zorder": 2, "capstyle": "round", **style}
-    axes.add_collection(LineCollection(list(ends), **style), autolim=False)
 
 
 def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names: bool) -> None:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.ndimage import gaussian_filter
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
@@ -295,6 +294,8 @@ def _draw_pair(panel: Axes, axes: tuple[_Axis, _Axis], x: Floats, y: Floats, bin
         return
     border = ellipse(np.array([x.mean(), y.mean()]), np.cov(x, y), SHARES[-1])
     panel.plot(axes[0].shown(border[0]), axes[1].shown(border[1]), ":", color="black", lw=0.9)
+    from scipy.ndimage import gaussian_filter  # noqa: PLC0415 - half a second
+
     counts, xs, ys = np.histogram2d(x, y, bins=bins)
     counts = gaussian_filter(counts, 1.0)  # contours of draws, not of their noise
     ranked = np.sort(counts.ravel())[::-1]

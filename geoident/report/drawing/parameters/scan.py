@@ -6,21 +6,19 @@ grid, as that of a modulus and the stress over it, so stays one valley: drawn fr
 it falls into islands around those that happen to lie near its floor.
 """
 
+# ruff: noqa: PLC0415 - scipy takes half a second, which reports without a scan need not wait
+
 from __future__ import annotations
 
 from collections.abc import Set
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
-from scipy.interpolate import RectBivariateSpline, make_interp_spline
-from scipy.ndimage import binary_erosion
-from scipy.sparse import csr_array, identity, vstack
-from scipy.sparse.linalg import spsolve
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import Grid, ParameterTable, Result
@@ -36,6 +34,9 @@ from geoident.report.drawing.style import ACCENT, COMPUTED, FAINT, LENGTHS, SMAL
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import unit_of
 from geoident.units import in_unit
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
 
 SHARES = (0.68, 0.95)
 """Of the probability in a region."""
@@ -156,6 +157,8 @@ def _surface(grid: Grid, logs: Set[str]) -> _Surface:
     x, y = (axis[own] for axis, own in zip(scales, order, strict=True))
     known = np.isfinite(phi)
     degree = [min(_DEGREE, len(axis) - 1) for axis in (x, y)]
+    from scipy.interpolate import RectBivariateSpline
+
     spline = RectBivariateSpline(x, y, _filled(phi, known), kx=degree[0], ky=degree[1])
     return _Surface((x, y), _solved(known), spline, (log[0], log[1]))
 
@@ -170,6 +173,8 @@ def _away_from_holes(grid: Grid, surface: _Surface) -> _Surface:
 
     Unless the lowest point itself lies beside one.
     """
+    from scipy.ndimage import binary_erosion
+
     cells = binary_erosion(surface.cells, np.ones((3, 3), dtype=np.bool_), border_value=1)
     phi = np.where(np.isfinite(grid.objective), grid.objective, np.inf)
     scales = zip(grid.axes, surface.log, strict=True)
@@ -250,6 +255,9 @@ def _filled(phi: Floats, known: Bools) -> Floats:
     What is filled in makes the third differences along both axes least, so that it goes on as a
     square does: a step there would make a spline swing far around.
     """
+    from scipy.sparse import csr_array, identity, vstack
+    from scipy.sparse.linalg import spsolve
+
     if known.all():
         return phi
     numbers = np.arange(phi.size).reshape(phi.shape)
@@ -332,6 +340,8 @@ def _fine_line(at: Floats, phi: Floats, *, log: bool) -> tuple[Floats, Floats]:
         return at, phi
     nodes = scaled(at, log=log)
     fine = np.linspace(nodes[0], nodes[-1], 20 * _FINE)
+    from scipy.interpolate import make_interp_spline
+
     line = make_interp_spline(nodes, phi, k=_DEGREE)(fine)
     return unscaled(fine, log=log), np.maximum(line, 0.0)
 

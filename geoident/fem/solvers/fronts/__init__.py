@@ -1,0 +1,1 @@
+"""Our own sparse Cholesky factorization: the multifrontal method (Duff & Reid 1983, Liu 1992)."""

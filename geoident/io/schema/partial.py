@@ -1,0 +1,149 @@
+"""What can still be said of a case of which some entries are wrong by themselves.
+
+A case is judged entry by entry first: whether its keys and values are what the schema asks for.
+What takes several entries (names that refer to each other, the sequence of stages, readings) is
+judged afterwards. So that both come in one round, the wrong entries are left out of a copy, and of
+what is found in the rest only that is kept which does not depend on them.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from geoident.errors import Fault
+from geoident.io.text.faults import Places
+from geoident.io.text.yaml_reader import Node
+from geoident.model.case import KeyPath
+
+_NAMED = ("parameters", "materials", "groups", "supports", "loads", "structures", "gauges", "dates")
+"""Keys whose entries have names, of which a wrong one can be left out."""
+_NEEDED = ("materials", "groups")
+"""Those that must have an entry."""
+_KEPT = ("format", "analysis", "stages", *_NEEDED)
+"""Keys that a case cannot do without."""
+_IN_SEQUENCE = ("groups", "loads", "structures", "stages")
+_ASKS_FOR = {
+    "no-mesh": {"mesh", "fit"},
+    "no-gravity": {"gravity"},
+    "missing-dates": {"dates"},
+    "dates-order": {"dates"},
+}
+"""Code of a fault to the keys among whose wrong entries may be what it misses."""
+_ANY: dict[str, Node] = {
+    "elastic": "isotropic",
+    "E": "1 GPa",
+    "nu": "0.25",
+    "density": "2000 kg/m3",
+    "expansion": "1e-5 1/K",
+}
+"""In place of a wrong material, so that who refers to it is right."""
+_REFERENCE = re.compile(r"\$\{?([A-Za-z_]\w*)")
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A case without its wrong entries.
+
+    Args:
+        places: where its keys are written; its data lack the wrong entries.
+        keys: of the first level, in which something is left out.
+        names: of the entries that are left out, and all words in them.
+        used: parameters that these refer to.
+        empty: one of them holds none of what it should.
+    """
+
+    places: Places
+    keys: frozenset[str]
+    names: frozenset[str]
+    used: frozenset[str]
+    empty: bool
+
+    def independent(self, faults: Iterable[Fault]) -> list[Fault]:
+        """The faults that would be there with the entries put right, too.
+
+        Args:
+            faults: of what is left.
+        """
+        return [fault for fault in faults if self._stands(fault)]
+
+    def _stands(self, fault: Fault) -> bool:
+        names = (f"'{name}{end}" for name in self.names | self.used for end in ("'", "."))
+        if any(name in fault.message for name in names):
+            return False
+        if fault.code == "unused-parameter" and self.empty:
+            return False
+        if self.keys & _ASKS_FOR.get(fault.code, set()):
+            return False
+        in_stage = fault.path.startswith("stages") and not fault.code.startswith("duplicate-")
+        return not (in_stage and self.keys & {*_IN_SEQUENCE})
+
+
+def without(places: Places, faults: Iterable[KeyPath]) -> Rest | None:
+    """A case without the entries in which something is wrong; None if too little would be left.
+
+    Args:
+        places: of the case.
+        faults: paths of what is wrong.
+    """
+    if not isinstance(places.data, dict):
+        return None
+    data: dict[str, Node] = copy.deepcopy(places.data)
+    keys: set[str] = set()
+    names: set[str] = set()
+    gone: list[Node] = []
+    for path in sorted(set(faults), key=len, reverse=True):
+        if not path or not _take(data, path, names, gone):
+            return None
+        keys.add(str(path[0]))
+    if any(not data.get(key) for key in _NEEDED):
+        return None
+    names.update(_words(gone))
+    used = frozenset(_REFERENCE.findall(str(gone)))
+    empty = any(not isinstance(node, dict | list) for node in gone)
+    return Rest(replace(places, data=data), frozenset(keys), frozenset(names), used, empty)
+
+
+def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> bool:
+    """Take the entry that holds a fault out of the data; whether that can be done."""
+    key = str(path[0])
+    holder = data.get(key)
+    if key == "materials" and len(path) > 1 and isinstance(holder, dict):
+        gone.append(holder.get(str(path[1])))
+        holder[str(path[1])] = dict(_ANY)
+        return True
+    if key in _NAMED and len(path) > 1 and isinstance(holder, dict):
+        gone.append(holder.pop(str(path[1]), None))
+        names.add(str(path[1]))
+        return True
+    if key == "stages" and len(path) > 1 and isinstance(holder, list):
+        return _blank_stage(holder, path[1], gone)
+    if key in _KEPT:
+        return False
+    gone.append(data.pop(key, None))  # optional, or not known at all
+    return True
+
+
+def _words(node: Node) -> Iterator[str]:
+    """All keys and texts of a part of a case."""
+    if isinstance(node, dict):
+        yield from node
+        for part in node.values():
+            yield from _words(part)
+    elif isinstance(node, list):
+        for part in node:
+            yield from _words(part)
+    elif node is not None:
+        yield node
+
+
+def _blank_stage(stages: list[Node], number: str | int, gone: list[Node]) -> bool:
+    """Leave of a stage its name alone: others may refer to it, and are counted from it."""
+    stage = stages[int(number)] if isinstance(number, int) and number < len(stages) else None
+    if not isinstance(stage, dict) or not isinstance(stage.get("name"), str):
+        return False
+    gone.append({key: value for key, value in stage.items() if key != "name"})
+    stages[int(number)] = {"name": stage["name"]}
+    return True

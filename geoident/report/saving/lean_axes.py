@@ -1,0 +1,226 @@
+"""Axes that cost little: one tick drawn at all places, measured once for each place of the axes.
+
+matplotlib has five artists for each number along an axis, and asks for the room of all of them some
+seventeen times until a figure is laid out and drawn. Here an axis has one tick, its lines are drawn
+together, the room of a number is kept, and what was measured counts until the axes move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis, XAxis, YAxis
+from matplotlib.projections import register_projection
+from matplotlib.spines import Spine
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
+from matplotlib.transforms import Bbox
+
+from geoident.model.arrays import Floats
+
+_CLOSE = 1e-10  # of the length of an axis: a tick so far beyond its end is at its end
+
+
+class _LeanAxis(Axis):
+    """What an axis along x and one along y have in common."""
+
+    _key: Any = None
+    _ticks: tuple[tuple[Any, Floats, list[str]], ...] = ()
+    _boxes: tuple[list[Bbox], list[Bbox]] | None = None
+    _extents: dict[Any, Bbox]
+
+    def _measured(self: Any) -> None:
+        """Find ticks and forget what was measured, if the axes moved since."""
+        view = tuple(self.get_view_interval())
+        key = (view, self.axes.bbox.bounds, self.get_figure(root=True).dpi)
+        if key == self._key:
+            return
+        self._key, self._boxes, self._extents = key, None, {}
+        found = []
+        for major in (True, False):
+            ticker = self.major if major else self.minor
+            if isinstance(ticker.locator, NullLocator):
+                continue
+            places = self.get_majorticklocs() if major else self.get_minorticklocs()
+            if not len(places):
+                continue
+            tick = (self.get_major_ticks if major else self.get_minor_ticks)(1)[0]
+            labels = ticker.formatter.format_ticks(places)
+            there = self._inside(np.asarray(places, dtype=np.float64), view)
+            words = [label for label, kept in zip(labels, there, strict=True) if kept]
+            found.append((tick, np.asarray(places, dtype=np.float64)[there], words))
+        self._ticks = tuple(found)
+
+    def _inside(self: Any, places: Floats, view: tuple[float, float]) -> Any:
+        """Which places lie on the axis."""
+        transform = self.get_transform()
+        low, high = sorted(transform.transform(np.array(view)))
+        at, rim = transform.transform(places), _CLOSE * (high - low)
+        return (at >= low - rim) & (at <= high + rim)
+
+    def _update_ticks(self: Any) -> list[Any]:
+        """The ticks of which all others are copies."""
+        self._measured()
+        return [tick for tick, places, _ in self._ticks if len(places)]
+
+    def _get_ticklabel_bboxes(
+        self: Any, ticks: Any, renderer: Any
+    ) -> tuple[list[Bbox], list[Bbox]]:
+        """The room of the numbers on either side."""
+        self._measured()
+        if self._boxes is None:
+            first: list[Bbox] = []
+            second: list[Bbox] = []
+            for tick, places, words in self._ticks:
+                for label, boxes in ((tick.label1, first), (tick.label2, second)):
+                    if label.get_visible() and label.get_in_layout():
+                        boxes.extend(_rooms(label, self.axis_name, places, words, renderer))
+            self._boxes = first, second
+        return list(self._boxes[0]), list(self._boxes[1])
+
+    def get_tightbbox(
+        self: Any, renderer: Any = None, *, for_layout_only: bool = False
+    ) -> Bbox | None:
+        """The room of numbers, marks and name of the axis."""
+        if not self.get_visible() or (for_layout_only and not self.get_in_layout()):
+            return None
+        if renderer is None:
+            renderer = self.get_figure(root=True)._get_renderer()
+        self._measured()
+        key = (for_layout_only, self.label.get_text(), self.label.get_visible())
+        if key not in self._extents:
+            found = super().get_tightbbox(renderer, for_layout_only=for_layout_only)
+            boxes = [] if found is None else [found]
+            self._extents[key] = Bbox.union([*boxes, *self._marks()]) if boxes else None
+        found = self._extents[key]
+        return None if found is None else Bbox(found.get_points().copy())
+
+    def _marks(self: Any) -> list[Bbox]:
+        """The room of the marks outside of the axes."""
+        box = self.axes.bbox
+        outside = max(
+            (t.get_tick_padding() for t, places, _ in self._ticks if len(places)), default=0
+        )
+        reach = outside * self.get_figure(root=True).dpi / 72
+        if self.axis_name == "x":
+            return [Bbox([[box.x0, box.y0 - reach], [box.x1, box.y0]])]
+        return [Bbox([[box.x0 - reach, box.y0], [box.x0, box.y1]])]
+
+    def draw(self: Any, renderer: Any) -> None:
+        """Draw grid, marks, numbers and name."""
+        if not self.get_visible():
+            return
+        renderer.open_group("axis", gid=self.get_gid())
+        drawn = self._update_ticks()
+        boxes = self._get_ticklabel_bboxes(drawn, renderer)
+        for tick, places, words in self._ticks:
+            _draw_tick(tick, self.axis_name, places, words, renderer)
+        self._update_label_position(renderer)
+        self.label.draw(renderer)
+        self._update_offset_text_position(*boxes)
+        self.offsetText.set_text(self.major.formatter.get_offset())
+        self.offsetText.draw(renderer)
+        renderer.close_group("axis")
+        self.stale = False
+
+    def set_ticklabels(
+        self,
+        labels: Iterable[str | Text],
+        *,
+        minor: bool = False,
+        fontdict: dict[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> list[Text]:
+        """Words in place of numbers, where the places are given.
+
+        Args:
+            labels: one for each place.
+            minor: of the small ticks.
+            fontdict: style of the letters.
+            kwargs: style of the letters.
+        """
+        these: Any = self
+        if minor or not isinstance(these.get_major_locator(), FixedLocator):
+            return super().set_ticklabels(labels, minor=minor, fontdict=fontdict, **kwargs)
+        these.set_major_formatter(FixedFormatter([str(label) for label in labels]))
+        these.get_major_ticks(1)[0].label1.set(**(fontdict or {}), **kwargs)
+        self._key = None
+        return []
+
+
+def _rooms(
+    label: Any, name: str, places: Floats, words: Sequence[str], renderer: Any
+) -> list[Bbox]:
+    """The room of each of some words along an axis."""
+    found = []
+    for place, word in zip(places, words, strict=True):
+        if word:
+            _put(label, name, place, word)
+            found.append(label.get_window_extent(renderer))
+    return found
+
+
+def _put(label: Any, name: str, place: float, word: str) -> None:
+    (label.set_x if name == "x" else label.set_y)(place)
+    label.set_text(word)
+
+
+def _draw_tick(tick: Any, name: str, places: Floats, words: Sequence[str], renderer: Any) -> None:
+    """One tick at all places: its lines together, its words one by one."""
+    if not tick.get_visible() or not len(places):
+        return
+    if tick.gridline.get_visible():
+        along = np.repeat(places, 3)
+        along[2::3] = np.nan
+        across = np.tile([0.0, 1.0, np.nan], len(places))
+        tick.gridline.set_data(*((along, across) if name == "x" else (across, along)))
+        tick.gridline.draw(renderer)
+    for line, side in ((tick.tick1line, 0.0), (tick.tick2line, 1.0)):
+        if line.get_visible():
+            across = np.full(len(places), side)
+            line.set_data(*((places, across) if name == "x" else (across, places)))
+            line.draw(renderer)
+    for label in (tick.label1, tick.label2):
+        if label.get_visible():
+            for place, word in zip(places, words, strict=True):
+                _put(label, name, place, word)
+                label.draw(renderer)
+
+
+class _LeanX(_LeanAxis, XAxis):
+    """An axis along x."""
+
+
+class _LeanY(_LeanAxis, YAxis):
+    """An axis along y."""
+
+
+class _LeanAxes(Axes):
+    """Axes in the plane with lean ticks."""
+
+    def _init_axis(self) -> None:
+        these: Any = self
+        these.xaxis, these.yaxis = _LeanX(these, clear=False), _LeanY(these, clear=False)
+        these.spines.bottom.register_axis(these.xaxis)
+        these.spines.top.register_axis(these.xaxis)
+        these.spines.left.register_axis(these.yaxis)
+        these.spines.right.register_axis(these.yaxis)
+
+    def get_default_bbox_extra_artists(self) -> list[Artist]:
+        """What needs room beside the axes; their frame has it with the ticks."""
+        return [a for a in super().get_default_bbox_extra_artists() if not isinstance(a, Spine)]
+
+
+@contextmanager
+def lean_axes() -> Iterator[None]:
+    """Figures made inside have lean axes; those of a user's own code never."""
+    register_projection(_LeanAxes)
+    try:
+        yield
+    finally:
+        register_projection(Axes)

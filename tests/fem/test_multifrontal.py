@@ -1,0 +1,243 @@
+"""The multifrontal factorization: its fronts, what it keeps, and what threads may not change."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite, SolverCounts
+from geoident.fem.solvers.fronts import elimination, layout, tree
+from geoident.fem.solvers.fronts.graph import elimination_tree, node_graph
+from geoident.fem.solvers.multifrontal import MultifrontalSolver
+from geoident.fem.solvers.ordering import lasting_first, nested_dissection
+
+
+@pytest.fixture
+def fine(monkeypatch):
+    """Leaves, strips and blocks so small that a small matrix has many of each."""
+    monkeypatch.setattr(tree, "LEAF", 3)
+    monkeypatch.setattr(tree, "CALL", 20.0)
+    monkeypatch.setattr(tree, "PASS", 0.1)
+    monkeypatch.setattr(layout, "STRIP", 7)
+    monkeypatch.setattr(elimination, "BLOCK", 5)
+
+
+def grid(shape):
+    """Points of a grid and the graph of nodes that share a cell: (points, indptr, indices)."""
+    points = np.array(list(itertools.product(*map(range, shape))), dtype=float)
+    near = np.abs(points[:, None] - points[None]).max(axis=2) <= 1
+    graph = sp.csr_array(near)
+    return points, graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+
+
+def stiffness(indptr, indices, dofs, seed, scale=None):
+    """A positive definite matrix on a node graph, in dense form; scale multiplies each edge."""
+    rng = np.random.default_rng(seed)
+    n = len(indptr) - 1
+    matrix = np.zeros((n * dofs, n * dofs))
+    for i in range(n):
+        for j in indices[indptr[i] : indptr[i + 1]]:
+            if j < i:
+                half = rng.normal(size=(2 * dofs, 2 * dofs))
+                part = half @ half.T * (1.0 if scale is None else scale[i, j])
+                at = np.r_[i * dofs : (i + 1) * dofs, j * dofs : (j + 1) * dofs]
+                matrix[np.ix_(at, at)] += part
+    return matrix + np.eye(n * dofs) * 1e-2
+
+
+def lower(matrix, order, **more):
+    """Pattern and values of the lower triangle in an order."""
+    triangle = sp.csc_array(np.tril(matrix[np.ix_(order, order)]))
+    triangle.sort_indices()
+    arrays = (np.asarray(a, dtype=np.int64) for a in (triangle.indptr, triangle.indices))
+    return LowerPattern(*arrays, **more), triangle.data
+
+
+def spread(order, dofs):
+    return (np.asarray(order)[:, None] * dofs + np.arange(dofs)).ravel()
+
+
+def residual(matrix, order, solution, rhs):
+    full = np.empty_like(solution)
+    full[order] = solution
+    given = np.empty_like(rhs)
+    given[order] = rhs
+    scale = np.abs(matrix).sum(axis=1).max() * np.abs(solution).max() + np.abs(rhs).max()
+    return np.abs(matrix @ full - given).max() / scale
+
+
+@pytest.mark.parametrize("shape", [(9, 8), (5, 4, 4)])
+def test_the_elimination_tree_is_that_of_the_dense_factor(shape):
+    points, *graph = grid(shape)
+    matrix = stiffness(*graph, 1, 0)
+    pattern, _ = lower(matrix, nested_dissection(points, *graph))
+    factor = np.linalg.cholesky(matrix[np.ix_(o := nested_dissection(points, *graph), o)])
+    below = np.tril(np.abs(factor) > 1e-14, -1)
+    parent = [int(np.flatnonzero(column)[0]) if column.any() else -1 for column in below.T]
+    nodes = node_graph(pattern.indptr, pattern.indices, pattern.n)
+    assert nodes.n_eliminated <= pattern.n
+    found = elimination_tree(nodes)
+    firsts, lasts = nodes.starts[:-1], nodes.starts[1:] - 1
+    expected = [parent[last] for last in lasts]
+    assert [firsts[p] if p >= 0 else -1 for p in found] == expected
+
+
+@pytest.mark.parametrize("dofs", [1, 2, 3])
+@pytest.mark.parametrize("shape", [(12, 11), (6, 5, 4)])
+def test_many_small_fronts_give_the_solution_of_the_dense_matrix(fine, shape, dofs):
+    points, *graph = grid(shape)
+    matrix = stiffness(*graph, dofs, 1)
+    order = spread(nested_dissection(points, *graph), dofs)
+    pattern, values = lower(matrix, order)
+    rhs = np.random.default_rng(0).normal(size=(pattern.n, 5))
+    solution = MultifrontalSolver().analyse(pattern).factorize(values).solve(rhs)
+    assert residual(matrix, order, solution, rhs) < 1e-14
+
+
+@pytest.mark.parametrize("order", ["random", "backwards", "banded"])
+def test_any_order_is_taken(fine, order):
+    points, *graph = grid((10, 7))
+    matrix = stiffness(*graph, 2, 2)
+    n = len(points)
+    nodes = {
+        "random": np.random.default_rng(0).permutation(n),
+        "backwards": np.arange(n)[::-1],
+        "banded": np.arange(n),
+    }[order]
+    at = spread(nodes, 2)
+    pattern, values = lower(matrix, at)
+    rhs = np.ones((pattern.n, 2))
+    solution = MultifrontalSolver().analyse(pattern).factorize(values).solve(rhs)
+    assert residual(matrix, at, solution, rhs) < 1e-14
+
+
+def test_operations_are_about_those_of_the_exact_factor():
+    points, *graph = grid((7, 7, 7))
+    matrix = stiffness(*graph, 1, 0)
+    pattern, values = lower(matrix, order := nested_dissection(points, *graph))
+    counts = SolverCounts()
+    MultifrontalSolver(counts).analyse(pattern).factorize(values)
+    factor = np.abs(np.linalg.cholesky(matrix[np.ix_(order, order)])) > 1e-14
+    exact = float((factor.sum(axis=0).astype(float) ** 2).sum())
+    assert exact <= counts.flops < exact + 60 * tree.CALL
+
+
+def test_threads_do_not_change_a_bit(fine, monkeypatch):
+    points, *graph = grid((6, 6, 5))
+    matrix = stiffness(*graph, 3, 3)
+    pattern, values = lower(matrix, spread(nested_dissection(points, *graph), 3))
+    rhs = np.random.default_rng(0).normal(size=(pattern.n, 3))
+    found = []
+    for threads in ("1", "4", "4"):
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", threads)
+        found.append(MultifrontalSolver().analyse(pattern).factorize(values).solve(rhs))
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[1], found[2])
+
+
+class Staged:
+    """A grid of which some nodes change; `stage` is a pattern without some of those."""
+
+    def __init__(self, dofs=2):
+        self.points, *self.graph = grid((11, 9))
+        middle = np.abs(self.points - [5, 4]).max(axis=1)
+        self.changes, self.gone = middle <= 2, middle == 0
+        self.dofs = dofs
+        self.order = lasting_first(self.points, *self.graph, self.changes)
+
+    def stage(self, *, gone, seed=4, change=1.0, lasting=1.0):
+        """(dense matrix, its order, pattern, values)."""
+        n = len(self.points)
+        scale = np.full((n, n), lasting)
+        scale[np.ix_(self.changes, self.changes)] = lasting * change
+        matrix = stiffness(*self.graph, self.dofs, seed, scale) * 1.0
+        matrix += np.eye(len(matrix)) * 1e-2 * (lasting - 1.0)
+        order = self.order[~self.gone[self.order]] if gone else self.order
+        at = spread(order, self.dofs)
+        lasting_unknowns = self.dofs * int(np.count_nonzero(~self.changes))
+        pattern, values = lower(matrix, at, lasting=lasting_unknowns, names=at)
+        return matrix[np.ix_(at, at)], pattern, values
+
+
+def test_what_lasts_comes_first_and_its_border_last():
+    staged = Staged()
+    changes = staged.changes[staged.order]
+    n = int(np.count_nonzero(~changes))
+    assert not changes[:n].any()
+    assert changes[n:].all()
+    radius = np.abs(staged.points - [5, 4]).max(axis=1)[staged.order]
+    assert set(radius[n:-16]) == {0, 1}
+    assert set(radius[-16:]) == {2}
+
+
+def test_what_lasts_is_eliminated_once_for_all_stages(fine):
+    staged, counts = Staged(), SolverCounts()
+    solver = MultifrontalSolver(counts)
+    kept = [solver.analyse(staged.stage(gone=gone)[1]) for gone in (False, True)]
+    kept[0].factorize(staged.stage(gone=False)[2])
+    before = first = counts.flops
+    assert counts.kept_flops == 0
+    for change in (1.0, 3.0):
+        for analysis, gone in zip(kept, (False, True), strict=True):
+            matrix, pattern, values = staged.stage(gone=gone, change=change)
+            rhs = np.ones((pattern.n, 2))
+            solution = analysis.factorize(values).solve(rhs)
+            assert residual(matrix, np.arange(pattern.n), solution, rhs) < 1e-14
+    assert counts.flops - before < 4 * 0.5 * first
+    assert counts.kept_flops > 4 * 0.5 * first
+
+
+def test_what_lasts_may_change_by_a_factor_and_is_found_anew_otherwise(fine):
+    staged, counts = Staged(), SolverCounts()
+    solver = MultifrontalSolver(counts)
+    _, pattern, values = staged.stage(gone=False)
+    analysis = solver.analyse(pattern)
+    analysis.factorize(values)
+    whole = counts.flops
+    for more, kept in (({"lasting": 1.7}, True), ({"lasting": 1e-3}, True), ({"seed": 5}, False)):
+        before = counts.flops
+        matrix, _, values = staged.stage(gone=False, **more)
+        rhs = np.random.default_rng(1).normal(size=(pattern.n, 3))
+        solution = analysis.factorize(values).solve(rhs)
+        assert residual(matrix, np.arange(pattern.n), solution, rhs) < 1e-14
+        assert (counts.flops - before < whole) == kept
+
+
+def test_a_single_value_that_differs_is_seen(fine):
+    staged, counts = Staged(), SolverCounts()
+    _, pattern, values = staged.stage(gone=False)
+    analysis = MultifrontalSolver(counts).analyse(pattern)
+    analysis.factorize(values)
+    before = counts.flops
+    values[5] *= 1.0 + 1e-12
+    analysis.factorize(values)
+    assert counts.flops - before == before
+
+
+def test_an_indefinite_matrix_is_found_in_what_lasts_and_in_the_rest(fine):
+    staged = Staged()
+    matrix, pattern, values = staged.stage(gone=False)
+    solver = MultifrontalSolver()
+    analysis = solver.analyse(pattern)
+    for unknown in range(0, pattern.n, 7):
+        bad = values.copy()
+        bad[pattern.indptr[unknown]] *= 1e-3
+        with pytest.raises(NotPositiveDefinite) as caught:
+            analysis.factorize(bad)
+        assert caught.value.unknown is not None
+    rhs = np.ones((pattern.n, 1))
+    solution = analysis.factorize(values).solve(rhs)
+    assert residual(matrix, np.arange(pattern.n), solution, rhs) < 1e-14
+
+
+def test_memory_of_what_lasts_goes_with_its_last_analysis(fine):
+    staged, solver = Staged(), MultifrontalSolver()
+    _, pattern, values = staged.stage(gone=False)
+    analysis = solver.analyse(pattern)
+    factor = analysis.factorize(values)
+    assert len(solver._parts) == 1
+    del analysis, factor
+    assert len(solver._parts) == 0
