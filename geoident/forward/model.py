@@ -33,6 +33,8 @@ from geoident.forward.march.virgin import contradictions, overburden_notes, surf
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.protocols import Survey
+from geoident.forward.reduced.reduction import Reduction
+from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
@@ -41,7 +43,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.response import BilinearSystem, Condensed
+from geoident.model.response import BilinearSystem, CertifiedResponse, Condensed
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
@@ -417,6 +419,7 @@ class StagedResponse:
         self._places = ReadingPlaces.of(model.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
+        self.reduction: Reduction | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -438,7 +441,8 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        if self.adjoints.cost_less(len(self.names)):
+        kept = self.reduction is not None and self.reduction.obstacle is None
+        if not kept and self.adjoints.cost_less(len(self.names)):
             return self.by_adjoints(p)
         return self.by_tangents(p)
 
@@ -446,6 +450,74 @@ class StagedResponse:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
         table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
+
+    def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
+        """Keep what marches with derivatives find from now on, for a reduced model.
+
+        Args:
+            economical: only where it costs less than the marches that a search saves by it.
+            most: how many marches count at most, the newest.
+        """
+        model = self._model
+        if self.reduction is None and model.observation.not_linear(self._row) is None:
+            self.reduction = Reduction(
+                model.march, model.observation, self._last, most=most, economical=economical
+            )
+
+    def reduction_obstacle(self) -> str | None:
+        """Why there is no reduced model, a clause, or None if there may be one."""
+        not_linear = self._model.observation.not_linear(self._row)
+        if not_linear or self.reduction is None:
+            return not_linear
+        return self.reduction.obstacle
+
+    def march_again(self, visited: Sequence[Floats]) -> None:
+        """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
+
+        Those that were not made since they are kept are made now.
+        """
+        reduction = self.reduction
+        if reduction is None or reduction.obstacle is not None:
+            return
+        wanted = visited[-reduction.most :]
+        for p in wanted:
+            if not reduction.knows(p):
+                self.by_tangents(p)
+        reduction.order(wanted)
+
+    def leap(
+        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
+    ) -> Floats | None:
+        """What is found with the reduced model of the marches that were kept; None for none."""
+        found = self.reduced()
+        return None if found is None else find(found)
+
+    def reduced(
+        self, *, bounded: bool = False, reference: Floats | None = None
+    ) -> ReducedResponse | None:
+        """The reduced model of the marches that were kept; None where there is none.
+
+        Args:
+            bounded: with bounds of the errors of the readings; costs a march and its way back.
+            reference: (n,) parameters whose moduli measure; None for those of the last march.
+        """
+        model, reduction = self._model, self.reduction
+        made = None if reduction is None else reduction.model(reference)
+        if reduction is None or made is None:
+            return None
+        duals = None
+        if bounded:
+            run = model.at(made.reference, RunOptions(last=self._last, traced=True))
+            for _ in run.states():
+                pass
+            rows = model.observation.operator(self._row)
+            weights = model.observation.weights_of_states(self._row, self._state, self._last)
+            duals = reduction.duals(run, rows, weights)
+        values = model.values(made.reference)
+        added = model.instrument_errors.added(values, self.names, self._places)
+        return ReducedResponse(
+            made, model.observation, self._row, self._state, added, self.admissible, duals
+        )
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what all channels see at p (n,).
@@ -572,8 +644,16 @@ class StagedResponse:
         run = model.at(
             p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
         )
-        states = (MarchState(end, run.point, model.structures) for end in run.states())
-        observed = np.stack([model.observation.values(state) for state in states])
+        kept = self.reduction if derivatives and unit_forces is None else None
+        recorder = None if kept is None else kept.recorder(p)
+        seen = []
+        for end in run.states():
+            seen.append(model.observation.values(MarchState(end, run.point, model.structures)))
+            if recorder is not None:
+                recorder.add(end, run)
+        if kept is not None and recorder is not None:
+            kept.add(recorder.snapshot)
+        observed = np.stack(seen)
         self._activity = p.tobytes(), run.findings.activity
         change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
         self._increments = p.tobytes(), change

@@ -14,7 +14,7 @@ and lam the equations determine all other unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -48,6 +48,32 @@ class Response(Protocol):
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its exact Jacobian, (g, n)."""
+
+
+class CertifiedResponse(Response, Protocol):
+    """A model that stands for another one, with a bound of its error: a reduced model."""
+
+    def error(self, p: Floats) -> float:
+        """Bound of the error of its stresses at p (n,) in energy, relative to their own."""
+
+
+@runtime_checkable
+class HasReducedModel(Response, Protocol):
+    """A model that may have a reduced one, made of what it was evaluated at so far."""
+
+    def leap(
+        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
+    ) -> Floats | None:
+        """What is found with the reduced model (k,); None where there is none, or not yet.
+
+        At every parameter vector of which it was made it gives the same readings and derivatives
+        as the model itself, up to rounding.
+
+        Args:
+            p: (n,) where the search is.
+            key: tells this question from others that are asked there.
+            find: looks for it.
+        """
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Interrupted, Location
+from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.posterior.density import PosteriorDensity
@@ -34,7 +35,7 @@ from geoident.workflow.estimating.setup import (
     problem_of,
     problem_of_result,
 )
-from geoident.workflow.running.answers import Asked, KeptAnswers, here, in_processes
+from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -46,6 +47,7 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.readings import accuracies
+from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 
 EFFECTIVE = 1000
@@ -189,10 +191,10 @@ def sample(task: SampleTask, control: Control) -> Finished:
     with evaluation_log(job, control) as log:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)
-        with _answers(task, asked, log, control) as answers:
+        with _answers(task, asked, log, control) as (answers, led):
             density = PosteriorDensity(problem, answers)
             draws = _drawn(task, density, control)
-            found = _Found(task, setup, problem, density, draws, answers, asked.places)
+            found = _Found(task, setup, problem, density, draws, answers, asked.places, led)
             result = found.result()
         return write(result, job.place, job.found, inputs=task.files_read, force=job.request.force)
 
@@ -242,23 +244,54 @@ def build_elsewhere(path: str, solver: str) -> Asked:
 @contextmanager
 def _answers(
     task: SampleTask, asked: Asked, log: EvaluationLog, control: Control
-) -> Iterator[KeptAnswers]:
-    """The model as the sampler asks it."""
+) -> Iterator[tuple[KeptAnswers, ReducedAnswers | None]]:
+    """The model as the sampler asks it, and what helps it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
+    with _computed(request, asked) as compute:
+        led = _reduced(task.fit, asked, compute, control)
+        answers = KeptAnswers(led or compute, kept, control)
+        try:
+            yield answers, led
+        finally:
+            answers.keep(now=True)
+
+
+@contextmanager
+def _computed(request: SampleRequest, asked: Asked) -> Iterator[Compute]:
+    """The model's own answers."""
     if request.jobs == 1:
-        answers = KeptAnswers(here(asked), kept, control)
-        try:
-            yield answers
-        finally:
-            answers.keep(now=True)
+        yield here(asked)
         return
-    with in_processes(request.jobs, build_elsewhere, (request.result, request.solver)) as compute:
-        answers = KeptAnswers(compute, kept, control)
-        try:
-            yield answers
-        finally:
-            answers.keep(now=True)
+    where = request.result, request.solver
+    with in_processes(request.jobs, build_elsewhere, where) as compute:
+        yield compute
+
+
+def _reduced(
+    fit: Result, asked: Asked, compute: Compute, control: Control
+) -> ReducedAnswers | None:
+    """The same with the help of a reduced model, made around the fit; None where there is none."""
+    table, case = fit.parameters, asked.model.case
+    if not np.all(np.isfinite(table.covariance)) or not isinstance(asked.model, StagedModel):
+        return None
+    control.monitor.detail("making a reduced model")
+    used = fit.gauges.readings.sd[fit.gauges.readings.used]
+    accuracy = np.concatenate([used, accuracies(case)[tuple(asked.places.T)]])
+    training = _spread_around(table, case.parameters)
+    return reduced_answers(asked, table.values, training, accuracy, compute)
+
+
+def _spread_around(table: ParameterTable, parameters: Sequence[Parameter]) -> Floats:
+    """Some draws (k, n) of the approximation of the posterior at a fit, half again as wide."""
+    rng = np.random.default_rng(0)
+    p, n = table.values, len(table.values)
+    steps = 1.5 * rng.multivariate_normal(np.zeros(n), table.covariance, size=40, method="svd")
+    log = np.array([q.scale == "log" for q in parameters])
+    size = np.where(log, p, 1.0)
+    grown = p * np.exp(np.clip(steps / size, -3.0, 3.0))
+    ends = np.array([(q.lower, q.upper) for q in parameters])
+    return np.clip(np.where(log, grown, p + steps), ends[:, 0], ends[:, 1])
 
 
 def _watch(control: Control) -> SamplingWatch:
@@ -286,6 +319,7 @@ class _Found:
     draws: Draws
     answers: KeptAnswers
     places: Ints
+    led: ReducedAnswers | None
 
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
@@ -302,7 +336,7 @@ class _Found:
             method=f"{posterior.sampler} sampling",
             reason=reason,
             findings=(*_findings(table), *fit.findings),
-            notes=(*granted(fit, case.parameters), *case.notes),
+            notes=(*granted(fit, case.parameters), *self._led(), *case.notes),
             provenance=job_provenance(self.task.job),
             parameters=table,
             counts=self._counts(),
@@ -319,6 +353,10 @@ class _Found:
             sensitivity=None,
             grid=None,
         )
+
+    def _led(self) -> list[str]:
+        """How many evaluations are those of a reduced model."""
+        return [] if self.led is None else [self.led.note]
 
     def _posterior(self) -> PosteriorDraws:
         draws, problem = self.draws, self.problem

@@ -143,6 +143,18 @@ class Observation:
         at_stage, at_zero = self.weights[:, rows]
         return np.asarray(built_on[:, states] * at_stage + built_on[:, self.zero[rows]] * at_zero)
 
+    def weights_of_states(self, rows: Ints, states: Ints, last: int) -> Floats:
+        """How often some readings count what is seen of each state, (last + 1, g).
+
+        Args:
+            rows: (g,) channels.
+            states: (g,) states of their readings.
+            last: the last state.
+        """
+        at_stage, at_zero = self.weights[:, rows]
+        state = np.arange(last + 1)[:, None]
+        return np.asarray(at_stage * (state == states) + at_zero * (state == self.zero[rows]))
+
     def increments(self, observed: Floats, base: Ints) -> Floats:
         """What the step of each state changes in what channels see, (n_states, n_channels), SI.
 

@@ -14,6 +14,7 @@ A descent is put together from its parts, so that the search for strengths can r
 
     evaluation   what is known of a point x, noted in the history             `Evaluator`
     proposal     the step from a point, no longer than the trust radius       `gauss_newton_step`
+    leap         where there is a reduced model, the step to its minimum      `Leap`
     acceptance   which trials are taken, and the next radius                  `Acceptance`
     stopping     when nothing is left to do                                   `Stopping`
 
@@ -46,6 +47,7 @@ from geoident.identify.least_squares.acceptance import (
     IterateT,
     Step,
 )
+from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -62,6 +64,12 @@ from quadratic where residuals stay, gain a twentieth of the last one: each is a
 
 NEGLIGIBLE = 1e-6
 """A promised gain of a thousandth of a standard deviation, squared."""
+
+KEPT = 0.25
+"""Part of the gain that a leap promises which must be found for the next step to be one."""
+
+FAILED = 2
+"""Leaps of a descent that may promise too much."""
 
 _STALLED = (
     "No shorter step lowers the misfit, although the derivatives say so: the computed "
@@ -126,6 +134,7 @@ def gauss_newton_descent(
         lambda point, radius: gauss_newton_step(box, point, radius),
         Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options)),
         options.max_iterations,
+        Leap(discrepancy, box).propose,
     )
 
 
@@ -328,12 +337,14 @@ class Descent(Generic[IterateT]):
         propose: (point, radius) -> the best step no longer than the radius.
         stopping: when nothing is left to do.
         max_steps: at most.
+        leap: (point, radius) -> a step that is tried in place of the best one, or None for none.
     """
 
     evaluator: Evaluator[IterateT]
     propose: Callable[[IterateT, float], Step]
     stopping: Stopping
     max_steps: int
+    leap: Callable[[IterateT, float], Step | None] = lambda point, radius: None
 
     def run(
         self,
@@ -349,6 +360,7 @@ class Descent(Generic[IterateT]):
             leave: likewise, with what comes next.
         """
         judge, box = Acceptance(start), self.evaluator.box
+        failed, again = 0, True  # leaps that promised too much, and whether to leap next
         for number in range(self.max_steps):
             ending = self._ended(judge)
             if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
@@ -357,10 +369,17 @@ class Descent(Generic[IterateT]):
                 ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
             if ending is not None:
                 return ending
-            point, step = judge.point, self.propose(judge.point, judge.radius)
+            point, radius = judge.point, judge.radius
+            leap = self.leap(point, radius) if again and failed <= FAILED else None
+            step = leap or self.propose(point, judge.radius)
             x = box.reach(point.x, step.d)
             trial = self.evaluator.try_point(x)
             note = judge.judge(step, trial)
+            kept = trial is not None and point.phi - trial.phi >= KEPT * step.gain
+            again = leap is None or kept
+            if not again:
+                failed += 1
+                judge.radius = max(radius, judge.radius)  # it says nothing of the linearised model
             self.evaluator.record(x, trial, step.length, note)
             if note == "rejected" and self.stopping.negligible(self.propose(point, np.inf)):
                 return Ending(judge.best, "converged", _ROUNDING)

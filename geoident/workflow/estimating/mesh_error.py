@@ -401,7 +401,15 @@ def _plain(model: StagedModel) -> Case:
 
 
 def _patience(problem: Problem) -> int:
-    return max(problem.response.counts.evaluations, 1)
+    """As many evaluations as the search took, or as one takes without a reduced model.
+
+    What is said of the mesh must not depend on how few evaluations the way took.
+    """
+    return max(problem.response.counts.evaluations, _USUAL)
+
+
+_USUAL = 6
+"""Evaluations of a search by linearised steps."""
 
 
 def _of_used(

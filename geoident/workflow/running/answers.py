@@ -54,6 +54,7 @@ class Asked:
 
     Attributes:
         places: (m, 2) numbers of channels and stages of all that can be read.
+        everything: the response in the used readings and in all that can be read.
     """
 
     def __init__(self, model: CaseModel, case: Case, readings: ReadingTable) -> None:
@@ -65,7 +66,7 @@ class Asked:
         later = [(case.channels[i].name, case.stages[j].name) for i, j in self.places.tolist()]
         self._split = len(pairs)
         self._used = model.response(pairs, times)
-        self._all = model.response([*pairs, *later], [*times, *(None for _ in later)])
+        self.everything = model.response([*pairs, *later], [*times, *(None for _ in later)])
 
     def answer(self, p: Floats) -> Answer:
         """What the model says at p (n,), SI."""
@@ -73,7 +74,7 @@ class Asked:
         if self._used.admissible(p) is not None:
             return Answer(None, nothing)
         try:
-            v = self._all.readings(p)
+            v = self.everything.readings(p)
             return Answer(v[: self._split], v[self._split :])
         except ModelError:
             pass

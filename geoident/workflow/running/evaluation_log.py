@@ -11,10 +11,10 @@ largest count that any process saw is kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -27,7 +27,12 @@ from geoident.identify.problem.problem import (
     YieldSystem,
 )
 from geoident.model.arrays import Bools, Floats
-from geoident.model.response import BilinearSystem, Condensed
+from geoident.model.response import (
+    BilinearSystem,
+    CertifiedResponse,
+    Condensed,
+    HasReducedModel,
+)
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
@@ -72,6 +77,14 @@ def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> N
     other.add("evaluate", p, {**some, "increments": increments, "cost": np.zeros(4)})
 
 
+@runtime_checkable
+class KeepsMarches(HasReducedModel, Protocol):
+    """A model whose reduced one is made of marches."""
+
+    def march_again(self, visited: Sequence[Floats]) -> None:
+        """Have it made of the marches at some parameter vectors (n,), in that order."""
+
+
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
     """All that the identifiers may ask of the staged model."""
 
@@ -92,6 +105,7 @@ class Remembered:
         self._counts = inner.counts
         self._seen: set[tuple[str, bytes]] = set()
         self._metric = ""  # of the first condensation
+        self._visited: list[Floats] = []  # where it was evaluated with derivatives
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,6 +143,8 @@ class Remembered:
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
         known = self._known("evaluate", p, lambda: self._evaluate(p))
+        if not any(np.array_equal(p, other) for other in self._visited):
+            self._visited.append(p.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
 
     def increments(self, p: Floats) -> Floats:
@@ -140,6 +156,33 @@ class Remembered:
         if known is None or "increments" not in known:
             known = self._compute("increments", p, lambda: self._seen_at(p))
         return np.array(known["increments"])
+
+    def leap(
+        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
+    ) -> Floats | None:
+        """What is found with the reduced model, (k,); None where there is none. Logged.
+
+        What marches leave for the reduced model is not: a run that goes on makes the marches again
+        that the next question needs. They do not count, since they do not in a run that was never
+        interrupted.
+
+        Args:
+            p: (n,) where the search is.
+            key: tells this question from others that are asked there.
+            find: looks for it.
+        """
+        inner = self._inner
+        if not isinstance(inner, HasReducedModel):
+            return None
+        kind = f"leap {key.hex()[:16]}"
+        known = self._log.find(kind, p)
+        if known is None:
+            if isinstance(inner, KeepsMarches):
+                inner.march_again(self._visited)
+            found = inner.leap(p, key, find)
+            known = {"found": np.zeros(0) if found is None else found}
+            self._log.add(kind, p, known)
+        return np.array(known["found"]) if known["found"].size else None
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for readings that are the same in the whole run.

@@ -1,0 +1,39 @@
+"""Which cases the reduced model covers, and which not and why (theory 11).
+
+Covered: elastic ground of every symmetry, with ratios and angles of its axes among the parameters;
+excavation, installation, changes of material; independent load cases; in-situ stress, weights,
+loads and water whose forces are polynomials of degree two in the parameters; readings that are
+motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from geoident.forward.march.march import March
+
+
+def reduction_obstacle(march: March) -> str | None:
+    """Why the march of a case has no reduced model, a clause, or None if it may have one.
+
+    Whether its loads have the form that is needed is found by trying, see `loads.load_form`.
+    """
+    return next(_obstacles(march), None)
+
+
+def _obstacles(march: March) -> Iterator[str]:
+    case = march.case
+    if not case.parameters:
+        yield "nothing is sought"
+    for name in march.sequence.materials:
+        if case.materials[name].yields:
+            yield f"{name} yields: its stresses are not linear in the displacements"
+    for field in march.on_mesh.fields:
+        yield f"{field.constant} of {field.material} is a field"
+    if march.systems.structures.parts:
+        yield "structures stand in the ground"
+    for stage in case.stages:
+        if stage.release:
+            yield f"the stage '{stage.name}' releases stress in part"
+        if stage.temperature:
+            yield f"the stage '{stage.name}' changes temperatures"

@@ -1,0 +1,172 @@
+"""In-situ stress and forces as a sum of few fixed ones (theory 11).
+
+    sigma_0(p) = sum_k psi_k(p) sigma_k ,   f_j(p) = sum_k psi_k(p) f_j,k
+
+with psi linear combinations of monomials of degree two at most in the parameters (a unit weight
+times a K0 is one). Which monomials is found by trying: what is given at as many parameter vectors
+as there are monomials must give what is found at others, or the case has no such form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
+from geoident.forward.march.march import March
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import ParameterPoint
+
+_SAME = 1e-10
+"""Relative difference that is rounding."""
+
+_CHECKS = 3
+"""Parameter vectors at which a form is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadForm:
+    """Loads of all states.
+
+    Args:
+        scale: (n,) sizes of the parameters.
+        exponents: (k, n) of the monomials, of p / scale.
+        mix: (r, k) psi of the monomials.
+        stress: (s, n_points, r) in-situ stress, Pa.
+        forces: of every state, (n_dofs, r), N.
+        settles: whether the virgin ground moves to balance them.
+    """
+
+    scale: Floats
+    exponents: Ints
+    mix: Floats
+    stress: Floats
+    forces: tuple[Floats, ...]
+    settles: bool
+
+    def coordinates(self, values: Floats) -> tuple[Floats, Floats]:
+        """Psi (b, r) at parameter vectors (b, n), and its derivatives (b, r, n)."""
+        x = values / self.scale
+        slopes = np.zeros((len(x), len(self.exponents), x.shape[1]))
+        for h in np.flatnonzero(self.exponents.any(axis=0)):
+            lower = self.exponents.copy()
+            lower[:, h] = np.maximum(lower[:, h] - 1, 0)
+            slopes[:, :, h] = self.exponents[:, h] * monomials(x, lower) / self.scale[h]
+        return monomials(x, self.exponents) @ self.mix.T, np.einsum("rk,bkn->brn", self.mix, slopes)
+
+
+def monomials(x: Floats, exponents: Ints) -> Floats:
+    """Products (b, k) of powers of x (b, n) by exponents (k, n)."""
+    return np.asarray(np.prod(x[:, None, :] ** exponents, axis=2))
+
+
+def load_form(march: March, names: Sequence[str], samples: Floats, last: int) -> LoadForm | None:
+    """The form of the loads of a case up to a state; None where they have none.
+
+    Args:
+        march: of the case.
+        names: of the n parameters.
+        samples: (b, n) parameter vectors spread over the domain, 2 n + 8 at least.
+        last: the last state.
+    """
+    scale = np.abs(samples).max(axis=0)
+    scale[scale == 0.0] = 1.0
+    loads = _Loads(march, names, last)
+    moves = loads.moved_by(samples[:2])
+    for exponents in _forms(moves):
+        count = len(exponents)
+        if count + _CHECKS > len(samples):
+            return None
+        given = np.stack([loads.at(p) for p in samples[: count + _CHECKS]])
+        design = monomials(samples[: count + _CHECKS] / scale, exponents)
+        fields = np.asarray(np.linalg.lstsq(design[:count], given[:count], rcond=None)[0])
+        missed = np.abs(design[count:] @ fields - given[count:]).max(initial=0.0)
+        if missed <= _SAME * max(1.0, np.abs(given).max()):
+            return _shortened(loads, fields, exponents, scale, samples)
+    return None
+
+
+def _forms(moves: Bools) -> Iterator[Ints]:
+    """Exponents (k, n): constant and linear, with products of two, with squares."""
+    n, some = len(moves), np.flatnonzero(moves)
+    unit = np.eye(n, dtype=np.int64)
+    linear = [np.zeros(n, dtype=np.int64), *(unit[h] for h in some)]
+    pairs = [unit[h] + unit[k] for h, k in combinations(some, 2)]
+    yield np.stack(linear)
+    if pairs:
+        yield np.stack([*linear, *pairs])
+    if len(some):
+        yield np.stack([*linear, *pairs, *(2 * unit[h] for h in some)])
+
+
+class _Loads:
+    """In-situ stress and forces of some states as one vector, each part by its size."""
+
+    def __init__(self, march: March, names: Sequence[str], last: int) -> None:
+        self.march, self.names, self.last = march, tuple(names), last
+        self._sizes: list[float] = []
+        self._known: dict[bytes, Floats] = {}
+
+    def _parts(self, p: Floats, *, slopes: bool = False) -> list[Floats]:
+        values = dict(zip(self.names, map(float, p), strict=True))
+        point = ParameterPoint(values, self.names if slopes else ())
+        march = self.march
+        stress = march.in_situ.columns(point)
+        stress[:, ~march.systems[0].present] = 0.0
+        forces = (march.actions.forces(n, point) for n in range(self.last + 1))
+        return [stress.reshape(-1, point.n_columns), *forces]
+
+    def moved_by(self, samples: Floats) -> Bools:
+        """(n,) parameters by which any of them has a derivative."""
+        found = [
+            np.any(part[:, 1:] != 0.0, axis=0)
+            for p in samples
+            for part in self._parts(p, slopes=True)
+        ]
+        return np.asarray(np.any(found, axis=0))
+
+    def at(self, p: Floats) -> Floats:
+        """All parts at parameters (n,)."""
+        if p.tobytes() not in self._known:
+            self._known[p.tobytes()] = self._made(p)
+        return self._known[p.tobytes()]
+
+    def _made(self, p: Floats) -> Floats:
+        parts = [part[:, 0] for part in self._parts(p)]
+        if not self._sizes:
+            sizes = [float(np.abs(part).max(initial=0.0)) for part in parts]
+            self._sizes = [size or 1.0 for size in sizes]
+        scaled = (part / size for part, size in zip(parts, self._sizes, strict=True))
+        return np.concatenate(list(scaled))
+
+    def split(self, fields: Floats) -> tuple[Floats, tuple[Floats, ...]]:
+        """Stress (s, n_points, r) and forces (n_dofs, r) of vectors (r, ...)."""
+        points = self.march.systems.discretization.points
+        n_stress = points.n_strain * points.n_points
+        n_dofs = self.march.systems.discretization.n_dofs
+        stress = (self._sizes[0] * fields[:, :n_stress]).T
+        forces = []
+        for n, size in enumerate(self._sizes[1:]):
+            first = n_stress + n * n_dofs
+            forces.append(np.ascontiguousarray((size * fields[:, first : first + n_dofs]).T))
+        shape = (points.n_strain, points.n_points, len(fields))
+        return np.ascontiguousarray(stress).reshape(shape), tuple(forces)
+
+
+def _shortened(
+    loads: _Loads, fields: Floats, exponents: Ints, scale: Floats, samples: Floats
+) -> LoadForm:
+    """The form by as many fields as are independent."""
+    left, size, rows = np.linalg.svd(fields, full_matrices=False)
+    kept = size > 1e-12 * max(float(size[0]), 1e-300)
+    stress, forces = loads.split(rows[kept])
+    mix = (left[:, kept] * size[kept]).T
+    march, settles = loads.march, False
+    form = LoadForm(scale, exponents, mix, stress, forces, settles)
+    psi, _ = form.coordinates(samples[:_CHECKS])
+    of_samples = march.imbalance(stress @ psi.T, forces[0] @ psi.T)
+    settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)
+    return LoadForm(scale, exponents, mix, stress, forces, settles)

@@ -1,0 +1,258 @@
+"""The reduced model: all states at many parameter vectors, with a bound of the error in energy.
+
+With q_j the coordinates of u_j, the equations of a state are those of the march (theory 2), tested
+with the basis of the state:
+
+    sum_m sum_r theta_mr(p) [ M_jj q_j + sum_l M_jl q_l ] = F_j psi(p)
+
+The march with the stress sigma~ that they leave out of balance, rho_j = f_j - C^T V sigma~_j, is
+the true one under other forces. With s the error of the stress, every stage adds a part that is in
+equilibrium with rho_j and takes away what is a strain of the stage from what it carried,
+
+    s_j = (1 - P) s_base + E C K_j^-1 rho_j ,
+
+and the two are orthogonal in the complementary energy, |s|^2 = sum V s^T E^-1 s. So
+
+    |s_j|^2  <=  kappa_j |s_base|^2 + |rho_j|^2_{K_j^-1}
+
+where kappa is 1, or the largest eigenvalue of the moduli before a change of material against those
+after it: excavation takes energy away, and what is placed brings none. |rho_j| is at most the
+distance of sigma~_j from any stress in equilibrium (see `projection`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.forward.reduced.loads import LoadForm
+from geoident.forward.reduced.moduli import MaterialSpan, relative_eigenvalues
+from geoident.forward.reduced.projection import ReducedStage, Term
+from geoident.model.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Moduli and loads at parameter vectors (b).
+
+    Args:
+        moduli: material to its coordinates (b, r).
+        slopes: likewise (b, r, n).
+        loads: psi (b, r).
+        load_slopes: (b, r, n).
+    """
+
+    moduli: Mapping[str, Floats]
+    slopes: Mapping[str, Floats]
+    loads: Floats
+    load_slopes: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStates:
+    """All states at parameter vectors (b).
+
+    Args:
+        at: moduli and loads there.
+        states: of every state, q (b, N) with derivatives, (b, N, 1 + n), or (b, N, 1) without.
+    """
+
+    at: Coordinates
+    states: tuple[Floats, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyBounds:
+    """Bounds at parameter vectors (b).
+
+    Args:
+        residual: (n_states, b) of |rho_j| in K_j^-1.
+        stress: (n_states, b) of the error of the stress in complementary energy.
+        size: (n_states, b) energy of the displacements themselves, to compare with.
+        moduli: material to the eigenvalues (b, s) of its moduli against the reference.
+    """
+
+    residual: Floats
+    stress: Floats
+    size: Floats
+    moduli: Mapping[str, Floats]
+
+    @property
+    def relative(self) -> Floats:
+        """(b,) largest error relative to the largest energy of a state."""
+        whole = self.size.max(axis=0, initial=0.0)
+        return np.asarray(self.stress.max(axis=0) / np.where(whole > 0.0, whole, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """The march on the space of few states.
+
+    Args:
+        names: of the n parameters.
+        reference: (n,) parameters whose moduli measure.
+        spans: of every material.
+        loads: their form.
+        stages: of all states.
+    """
+
+    names: tuple[str, ...]
+    reference: Floats
+    spans: Mapping[str, MaterialSpan]
+    loads: LoadForm
+    stages: tuple[ReducedStage, ...]
+
+    def coordinates(self, values: Floats) -> Coordinates:
+        """Moduli and loads at parameter vectors (b, n)."""
+        found = {name: span.coordinates(values) for name, span in self.spans.items()}
+        psi, slopes = self.loads.coordinates(values)
+        return Coordinates(
+            {name: c for name, (c, _) in found.items()},
+            {name: dc for name, (_, dc) in found.items()},
+            psi,
+            slopes,
+        )
+
+    def states(self, values: Floats, *, derivatives: bool = True) -> ReducedStates:
+        """All states at parameter vectors (b, n).
+
+        Raises:
+            ValueError: moduli leave the span of those that were seen.
+        """
+        at = self.coordinates(values)
+        found: list[Floats] = []
+        for number, stage in enumerate(self.stages):
+            found.append(self._solve(stage, number, at, found, derivatives=derivatives))
+        return ReducedStates(at, tuple(found))
+
+    def _solve(
+        self,
+        stage: ReducedStage,
+        number: int,
+        at: Coordinates,
+        before: Sequence[Floats],
+        *,
+        derivatives: bool,
+    ) -> Floats:
+        """Q (b, N, 1 + n or 1) of a state."""
+        b, n = len(at.loads), len(self.names)
+        q = np.zeros((b, stage.size, 1 + n if derivatives else 1))
+        if not stage.size:
+            return q
+        right = at.loads @ stage.load.T
+        K = np.zeros((b, stage.size, stage.size))
+        for (state, material), matrices in stage.matrices.items():
+            c = at.moduli[material]
+            if state == number:
+                K += np.tensordot(c, matrices, axes=1)
+            else:
+                right -= _product(matrices, c, before[state][..., 0])
+        q[..., 0] = np.linalg.solve(K, right[..., None])[..., 0]
+        if not derivatives:
+            return q
+        rest = np.einsum("ir,brn->bin", stage.load, at.load_slopes)
+        for (state, material), matrices in stage.matrices.items():
+            own = q if state == number else before[state]
+            parts = np.tensordot(own[..., 0], matrices, axes=(1, 2))  # (b, r, N)
+            rest -= np.einsum("bri,brn->bin", parts, at.slopes[material])
+            if state != number:
+                turned = np.tensordot(own[..., 1:], matrices, axes=(1, 2))  # (b, n, r, N)
+                rest -= np.einsum("bnri,br->bin", turned, at.moduli[material])
+        q[..., 1:] = np.linalg.solve(K, rest)
+        return q
+
+    def observed(self, found: ReducedStates) -> Floats:
+        """What all channels see, (n_states, n_channels, b, 1 + n or 1)."""
+        seen = [
+            np.tensordot(stage.observed, q, axes=(1, 1))
+            for stage, q in zip(self.stages, found.states, strict=True)
+        ]
+        return np.stack(seen)
+
+    def bounds(self, found: ReducedStates) -> EnergyBounds:
+        """Bounds of the error in energy."""
+        at = found.at
+        moduli = {name: self._eigenvalues(name, at) for name in self.spans}
+        b = len(at.loads)
+        residual, stress, size = (np.zeros((len(self.stages), b)) for _ in range(3))
+        for number, stage in enumerate(self.stages):
+            squared = self._residual(stage, at, found, moduli)
+            residual[number] = np.sqrt(squared)
+            if number:
+                carried = stress[stage.base] ** 2 * self.growth(stage, at)
+                squared = squared + carried
+            stress[number] = np.sqrt(squared)
+            q = found.states[number][..., 0]
+            for (state, material), matrices in stage.matrices.items():
+                if state == number:
+                    size[number] += np.sum(q * _product(matrices, at.moduli[material], q), axis=1)
+        return EnergyBounds(residual, stress, np.sqrt(np.maximum(size, 0.0)), moduli)
+
+    def _eigenvalues(self, name: str, at: Coordinates) -> Floats:
+        span = self.spans[name]
+        c, b = at.moduli[name], len(at.loads)
+        if span.fixed is not None:
+            return np.ones((b, span.basis.shape[1]))
+        reference, _ = span.coordinates(self.reference[None])
+        return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))
+
+    def growth(self, stage: ReducedStage, at: Coordinates) -> Floats | float:
+        """Kappa (b,)."""
+        growth: Floats | float = 1.0
+        for before, after in stage.changes:
+            matrices = (self.spans[m].matrix(at.moduli[m]) for m in (before, after))
+            old, new = matrices
+            root = np.linalg.inv(np.linalg.cholesky(new))
+            largest = np.linalg.eigvalsh(root @ old @ root.swapaxes(1, 2))[:, -1]
+            growth = np.maximum(growth, largest)
+        return growth
+
+    def _residual(
+        self,
+        stage: ReducedStage,
+        at: Coordinates,
+        found: ReducedStates,
+        moduli: Mapping[str, Floats],
+    ) -> Floats:
+        """Bound (b,) of |rho|^2: the least distance of the two stresses."""
+        if not stage.residuals:
+            return np.zeros(len(at.loads))
+        apart = []
+        for zone in stage.residuals:
+            y = at.loads @ zone.loads.T
+            for (state, material), columns in zone.terms.items():
+                q = found.states[state][..., 0]
+                y -= _product_columns(columns, at.moduli[material], q)
+            apart.append(y)
+        weight = {name: 1.0 / values[:, 0] for name, values in moduli.items()}
+        h = np.zeros((len(at.loads), 0))
+        if stage.residuals[0].rest.shape[1]:
+            normal = sum(weight[m][:, None, None] * N for m, N in stage.normal.items())
+            pull = sum(
+                weight[z.material][:, None] * (y @ z.rest)
+                for z, y in zip(stage.residuals, apart, strict=True)
+            )
+            h = -np.linalg.solve(normal, np.asarray(pull)[..., None])[..., 0]
+        total = np.zeros(len(at.loads))
+        for zone, y in zip(stage.residuals, apart, strict=True):
+            left = y + h @ zone.rest.T
+            total += weight[zone.material] * np.sum(left**2, axis=1)
+        return total
+
+
+def _product(matrices: Floats, c: Floats, q: Floats) -> Floats:
+    """Sum_r c_r M_r q (b, N) of matrices (r, N, M), c (b, r) and q (b, M)."""
+    parts = np.tensordot(q, matrices, axes=(1, 2))  # (b, r, N)
+    return np.asarray(np.einsum("brn,br->bn", parts, c))
+
+
+def _product_columns(columns: Floats, c: Floats, q: Floats) -> Floats:
+    """(b, k) of columns (k, r, N)."""
+    return np.asarray(
+        np.einsum("br,bn->brn", c, q).reshape(len(q), -1) @ columns.reshape(len(columns), -1).T
+    )
+
+
+__all__ = ["Coordinates", "EnergyBounds", "ReducedModel", "ReducedStates", "Term"]

@@ -1,0 +1,160 @@
+"""Moduli as a sum of few fixed matrices, and how far they are from those of a reference.
+
+The matrices E(p) (s, s) of a material over the domain of its parameters lie in a space of few
+dimensions: one where only a Young's modulus is sought, two for isotropy, five for strata, at most
+s (s + 1) / 2. Whatever the map from p to E is (ratios, angles), E is linear in its coordinates
+there, so stiffness matrices are sums of stored ones. Coordinates that do not give E back are
+noticed.
+
+The smallest and largest eigenvalues of E(p) against E at the reference bound the stiffness from
+below and above, point by point: for isotropic ground they are ratios of bulk and shear moduli, the
+min-theta bound of theory 11; they hold for every symmetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.forward.ground.elasticity import elasticity
+from geoident.model.arrays import Floats
+from geoident.model.case import Material
+from geoident.model.dual import ParameterPoint
+from geoident.model.ground import Isotropic, numbers_of
+from geoident.model.parameter import Scalar
+
+_RANK = 1e-12
+"""Singular value, relative to the largest, below which matrices span no further direction."""
+
+OUTSIDE = 1e-10
+"""Part of E that its coordinates may miss; beyond, it is not in the span."""
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialSpan:
+    """The moduli of one material.
+
+    Args:
+        material: the material.
+        names: of all n parameters.
+        section: the model is a plane section.
+        basis: (r, s, s) orthonormal matrices.
+        fixed: (r,) coordinates where no parameter moves them, else None.
+    """
+
+    material: Material
+    names: tuple[str, ...]
+    section: bool
+    basis: Floats
+    fixed: Floats | None
+
+    @property
+    def rank(self) -> int:
+        """Number r of matrices."""
+        return len(self.basis)
+
+    def coordinates(self, values: Floats) -> tuple[Floats, Floats]:
+        """Coordinates (b, r) at parameter vectors (b, n), and their derivatives (b, r, n).
+
+        Raises:
+            ValueError: the moduli at one of them are not in the span.
+        """
+        if self.fixed is not None:
+            shape = (len(values), self.rank)
+            return np.broadcast_to(self.fixed, shape), np.zeros((*shape, len(self.names)))
+        elastic = self.material.elastic
+        if isinstance(elastic, Isotropic):
+            found = _isotropic(elastic, self.names, values, self.basis)
+        else:
+            matrices = [moduli_at(self.material, self.names, p, self.section) for p in values]
+            columns = np.stack([m[: self._s, : self._s] for m in matrices])
+            found = np.einsum("rij,bijk->brk", self.basis, columns)
+            back = np.einsum("rij,br->bij", self.basis, found[..., 0])
+            missed = np.abs(back - columns[..., 0]).max()
+            if missed > OUTSIDE * np.abs(columns[..., 0]).max():
+                msg = f"the moduli of {self.material.name} leave the span of those that were seen"
+                raise ValueError(msg)
+        return found[..., 0], found[..., 1:]
+
+    @property
+    def _s(self) -> int:
+        return int(self.basis.shape[1])
+
+    def matrix(self, coordinates: Floats) -> Floats:
+        """E (..., s, s) of coordinates (..., r)."""
+        return np.tensordot(coordinates, self.basis, axes=1)
+
+
+def moduli_at(material: Material, names: Sequence[str], values: Floats, section: bool) -> Floats:
+    """E (6, 6, 1 + n) of a material at parameters (n,)."""
+    point = ParameterPoint(dict(zip(names, map(float, values), strict=True)), names)
+    return elasticity(material.elastic, point, section=section).columns
+
+
+def span_of(
+    material: Material, names: tuple[str, ...], samples: Floats, n_strain: int
+) -> MaterialSpan:
+    """The span of the moduli of a material.
+
+    Args:
+        material: the material.
+        names: of the n parameters.
+        samples: (b, n) parameter vectors in the domain, more than s (s + 1) / 2.
+        n_strain: number s of strain components.
+    """
+    section, s = n_strain < 6, n_strain
+    scalars = numbers_of(material.elastic).values()
+    moved = any(scalar.parameter in names for scalar in scalars)
+    if not moved:
+        samples = samples[:1]
+    found = [moduli_at(material, names, p, section)[:s, :s, 0].ravel() for p in samples]
+    matrix = np.stack([row / np.linalg.norm(row) for row in found])
+    _, size, rows = np.linalg.svd(matrix, full_matrices=False)
+    basis = rows[size > _RANK * size[0]].reshape(-1, s, s)
+    fixed = None if moved else np.einsum("rij,ij->r", basis, found[0].reshape(s, s))
+    return MaterialSpan(material, names, section, basis, fixed)
+
+
+def _isotropic(elastic: Isotropic, names: Sequence[str], values: Floats, basis: Floats) -> Floats:
+    """Coordinates (b, r, 1 + n) of isotropic moduli, all at once."""
+    s = basis.shape[1]
+    volumetric, shear = np.zeros((s, s)), np.diag([2.0] * 3 + [1.0] * (s - 3))
+    volumetric[:3, :3] = 1.0
+    places = {name: k for k, name in enumerate(names)}
+
+    def number(scalar: Scalar) -> tuple[Floats, int | None]:
+        k = None if scalar.parameter is None else places.get(scalar.parameter)
+        return (
+            np.full(len(values), scalar.factor) if k is None else scalar.factor * values[:, k]
+        ), k
+
+    if elastic.E is not None and elastic.nu is not None:
+        (E, at_one), (nu, at_other) = number(elastic.E), number(elastic.nu)
+        down = (1.0 + nu) * (1.0 - 2.0 * nu)
+        lame, mu = E * nu / down, E / (2.0 * (1.0 + nu))
+        by_one = nu / down, 1.0 / (2.0 * (1.0 + nu))
+        by_other = E * (1.0 + 2.0 * nu**2) / down**2, -mu / (1.0 + nu)
+        factors = elastic.E.factor, elastic.nu.factor
+    else:
+        assert elastic.K is not None
+        assert elastic.G is not None
+        (K, at_one), (mu, at_other) = number(elastic.K), number(elastic.G)
+        lame, one, none = K - 2.0 * mu / 3.0, np.ones_like(K), np.zeros_like(K)
+        by_one, by_other = (one, none), (-2.0 / 3.0 * one, one)
+        factors = elastic.K.factor, elastic.G.factor
+    parts = np.zeros((len(values), 2, 1 + len(names)))
+    parts[:, 0, 0], parts[:, 1, 0] = lame, mu
+    for at, slopes, factor in ((at_one, by_one, factors[0]), (at_other, by_other, factors[1])):
+        if at is not None:
+            parts[:, 0, 1 + at] += factor * slopes[0]
+            parts[:, 1, 1 + at] += factor * slopes[1]
+    units = np.einsum("rij,kij->rk", basis, np.stack([volumetric, shear]))
+    return np.asarray(np.einsum("rk,bkn->brn", units, parts))
+
+
+def relative_eigenvalues(matrices: Floats, reference: Floats) -> Floats:
+    """Eigenvalues (b, s), ascending, of matrices (b, s, s) against a positive definite one."""
+    root = np.linalg.inv(np.linalg.cholesky(reference))
+    return np.asarray(np.linalg.eigvalsh(root @ matrices @ root.T))

@@ -1,0 +1,320 @@
+"""From snapshots to the reduced model: bases, projected matrices, and what the bounds need.
+
+For every state j the displacements of the snapshots and their derivatives, by the parameters in
+their sizes, span the space of u_j; a basis of it is made orthonormal in the energy of the moduli at
+the reference. The stresses of the snapshots are in equilibrium with their loads, so
+
+    sigma^(p) = sum_i c_i sigma_i ,     sum_i c_i psi(p_i) = psi(p)
+
+is in equilibrium with the loads at p: a part P psi(p), and any of the self-equilibrated rest H.
+By the theorem of Prager and Synge its distance in complementary energy from the stress of the
+reduced model is at least the error of that.
+
+All this needs is one pass over the strain points. With E = L L^T at the reference, the columns
+
+    sqrt(V) L^-1 [ sigma_i - sigma_0 ,  J_r C u_l ]
+
+of a zone (the stresses of the snapshots less those of the virgin state, and the stresses of the
+displacements by every matrix J_r of its moduli) have one triangular factor R. Products of
+columns are those of R, and so are differences of nearly equal stresses before they are squared. No
+stiffness matrix is made, and nothing is factorized but R.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+
+from geoident.forward.march.march import March
+from geoident.forward.reduced.loads import LoadForm
+from geoident.forward.reduced.moduli import MaterialSpan
+from geoident.forward.reduced.snapshots import Snapshot
+from geoident.forward.reduced.zones import Zone
+from geoident.forward.stages import Index
+from geoident.model.arrays import Floats, Ints
+
+DEPENDENT = 1e-10
+"""A column of which less is new, relative to its size, spans no further direction."""
+
+SMALL = 1e-2
+"""Columns smaller than this part of the largest are not brought to its size: they may be noise."""
+
+_ROWS = 256
+"""Rows of a block that is factorized at once."""
+
+_POINTS = 1024
+"""Strain points of which columns are made at once: they stay near the processor."""
+
+Term = tuple[int, str]
+"""State and material: E_material C u_state is part of the stress of a zone."""
+
+
+@dataclass(frozen=True, eq=False)
+class ZoneResidual:
+    """The difference of the two stresses in a zone, as columns of a triangular factor.
+
+    Args:
+        material: of which the zone is made: its moduli measure.
+        loads: (k, r) P less the in-situ stress.
+        rest: (k, h) H.
+        terms: (k, r_m, N_l) the stresses of the reduced model.
+    """
+
+    material: str
+    loads: Floats
+    rest: Floats
+    terms: Mapping[Term, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStage:
+    """One state of the reduced model.
+
+    Args:
+        base: the state on which it builds.
+        observed: (n_channels, N) what the channels see of the displacements of its basis.
+        matrices: sum V eps(U)^T J_r eps(U_l), (r_m, N, N_l), by state and material.
+        load: (N, r) work of the loads.
+        residuals: of every zone.
+        normal: by material, H^T H (h, h) in its measure.
+        changes: materials that changed in it: before and after.
+    """
+
+    base: int
+    observed: Floats
+    matrices: Mapping[Term, Floats]
+    load: Floats
+    residuals: tuple[ZoneResidual, ...]
+    normal: Mapping[str, Floats]
+    changes: tuple[tuple[str, str], ...]
+
+    @property
+    def size(self) -> int:
+        """Number N of unknowns."""
+        return len(self.load)
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """R of the columns of a zone: of the snapshots' stresses (k, M), and by term (k, r_m, M)."""
+
+    zone: Zone
+    stress: Floats
+    terms: Mapping[Term, Floats]
+
+
+class Projection:
+    """Makes the stages of a reduced model from snapshots.
+
+    Args:
+        march: of the case.
+        zones: of every state.
+        spans: of every material.
+        loads: in-situ stress and forces.
+        snapshots: at least one.
+        reference: (n,) parameters whose moduli measure.
+    """
+
+    def __init__(
+        self,
+        march: March,
+        zones: Sequence[Sequence[Zone]],
+        spans: Mapping[str, MaterialSpan],
+        loads: LoadForm,
+        snapshots: Sequence[Snapshot],
+        reference: Floats,
+    ) -> None:
+        self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
+        self._snapshots = snapshots
+        self._points = march.systems.discretization.points
+        self._at_reference = {n: s.coordinates(reference[None])[0][0] for n, s in spans.items()}
+        self._inverse_root = {
+            name: np.linalg.inv(np.linalg.cholesky(span.matrix(self._at_reference[name])))
+            for name, span in spans.items()
+        }
+        self.turn: dict[int, Floats] = {}  # what makes the basis of a state of its columns
+        self.particular = np.zeros((0, 0))  # (M, r) columns with loads of one psi each
+
+    def stages(self) -> tuple[ReducedStage, ...] | None:
+        """All states; None where the loads of the snapshots do not yet span those of the case."""
+        combination = self._combination()
+        if combination is None:
+            return None
+        self.particular = combination[0]
+        first = 0 if self._loads.settles else 1
+        states = range(self._snapshots[0].last + 1)
+        return tuple(
+            self._stage(state, *combination) if state >= first else self._nothing(state)
+            for state in states
+        )
+
+    def reference_matrix(self, material: str) -> Floats:
+        """E (s, s) of a material at the reference."""
+        return self._spans[material].matrix(self._at_reference[material])
+
+    def _combination(self) -> tuple[Floats, Floats] | None:
+        """(M, r) and (M, h): what makes columns with loads of one psi each, and without loads."""
+        psi = np.hstack([snapshot.psi for snapshot in self._snapshots])
+        if not len(psi):
+            return np.zeros((psi.shape[1], 0)), np.eye(psi.shape[1])
+        size = np.abs(psi).max(axis=1, initial=0.0)[:, None]
+        left, values, right = np.linalg.svd(psi / np.where(size > 0.0, size, 1.0))
+        rank = int(np.sum(values > 1e-9 * values[0]))
+        if rank < len(psi):
+            return None
+        particular = (right[:rank].T / values) @ left.T / size.T
+        return particular, right[rank:].T
+
+    def _nothing(self, state: int) -> ReducedStage:
+        base, seen = self._march.sequence.states[state].base, self._snapshots[0].observed[state]
+        r = self._loads.stress.shape[-1]
+        empty = np.zeros((len(seen), 0))
+        return ReducedStage(base, empty, {}, np.zeros((0, r)), (), {}, ())
+
+    def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
+        factors = [self._factor(zone, state) for zone in self._zones[state]]
+        strains = [self._energy(factor, state) for factor in factors]
+        # what settles is known as a small difference of stresses
+        least = DEPENDENT if state else 1e3 * DEPENDENT
+        turn = self.turn[state] = orthonormal_columns(np.concatenate(strains), least)
+        rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
+        load = np.zeros((turn.shape[1], particular.shape[1]))
+        matrices: dict[Term, Floats] = {}
+        residuals = []
+        normal: dict[str, Floats] = {}
+        for factor, strain in zip(factors, strains, strict=True):
+            test = (strain @ turn).T
+            terms = {
+                (other, name): columns @ self.turn[other]
+                for (other, name), columns in factor.terms.items()
+            }
+            for key, columns in terms.items():
+                product = np.tensordot(test, columns, axes=1).swapaxes(0, 1)
+                matrices[key] = matrices[key] + product if key in matrices else product
+            own = factor.stress @ particular
+            load += test @ own
+            made = _residual(factor.zone.material, own, factor.stress @ rest, terms)
+            residuals.append(made)
+            square = made.rest.T @ made.rest
+            normal[made.material] = normal.get(made.material, 0.0) + square
+        observed = np.hstack([s.observed[state] for s in self._snapshots]) @ turn
+        changes = {(z.before, z.material) for z in self._zones[state] if z.before != z.material}
+        base = self._march.sequence.states[state].base
+        return ReducedStage(
+            base, observed, matrices, load, tuple(residuals), normal, tuple(sorted(changes))
+        )
+
+    def _energy(self, factor: _Factor, state: int) -> Floats:
+        """Columns (k, M) whose squares are the energy of the strains of a state in a zone."""
+        material = factor.zone.material
+        columns = factor.terms[state, material]
+        return np.asarray(np.einsum("r,krm->km", self._at_reference[material], columns))
+
+    def _factor(self, zone: Zone, state: int) -> _Factor:
+        """R of a zone in a state."""
+        parts = [part for part in parts_of(zone) if part[0] or self._loads.settles]
+        signs: dict[Term, float] = {}
+        for other, material, sign in parts:
+            signs[other, material] = signs.get((other, material), 0.0) + sign
+        ranks = [self._spans[name].rank for _, name in signs]
+        count = sum(s.columns for s in self._snapshots)
+        blocks = []
+        for points in _runs_of(zone.points):
+            columns = [s.stress[state][:, points] for s in self._snapshots]
+            if zone.history.virgin is not None:
+                in_situ = self._loads.stress[:, points]
+                columns = [
+                    c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)
+                ]
+            for (other, name), sign in signs.items():
+                strain = np.concatenate(
+                    [s.strain[other][:, points] for s in self._snapshots], axis=-1
+                )
+                columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
+            joined = np.concatenate(columns, axis=-1)
+            joined = np.tensordot(self._inverse_root[zone.material], joined, axes=1)
+            joined *= np.sqrt(self._points.volume[points])[:, None]
+            blocks.append(triangular_factor(joined.reshape(-1, joined.shape[-1])))
+        found = triangular_factor(np.concatenate(blocks))
+        terms, place = {}, count
+        for key, rank in zip(signs, ranks, strict=True):
+            columns_of = found[:, place : place + rank * count]
+            terms[key] = columns_of.reshape(len(found), rank, count)
+            place += rank * count
+        return _Factor(zone, found[:, :count], terms)
+
+
+def _residual(
+    material: str, loads: Floats, rest: Floats, terms: Mapping[Term, Floats]
+) -> ZoneResidual:
+    """The same columns with a factor of as many rows as there are of them."""
+    flat = [loads, rest, *(columns.reshape(len(columns), -1) for columns in terms.values())]
+    factor = _triangle(np.hstack(flat))
+    pieces = np.split(factor, np.cumsum([part.shape[1] for part in flat])[:-1], axis=1)
+    shaped = {
+        key: piece.reshape(len(factor), *columns.shape[1:])
+        for (key, columns), piece in zip(terms.items(), pieces[2:], strict=True)
+    }
+    return ZoneResidual(material, pieces[0], pieces[1], shaped)
+
+
+def parts_of(zone: Zone) -> list[tuple[int, str, float]]:
+    """States whose displacements are part of the stress of a zone, with material and sign.
+
+    Of the virgin state it is the motion that balanced it.
+    """
+    found: list[tuple[int, str, float]] = []
+    if zone.history.virgin is not None:
+        found.append((0, zone.history.virgin, 1.0))
+    for segment in zone.history.segments:
+        found.append((segment.end, segment.material, 1.0))
+        if segment.start is not None:
+            found.append((segment.start, segment.material, -1.0))
+    return found
+
+
+def _runs_of(points: Ints) -> Iterator[Index]:
+    """Points (q,) some at a time, as slices where they stand together."""
+    for first in range(0, len(points), _POINTS):
+        some = points[first : first + _POINTS]
+        whole = int(some[-1]) - int(some[0]) + 1 == len(some)
+        yield slice(int(some[0]), int(some[-1]) + 1) if whole else some
+
+
+def orthonormal_columns(matrix: Floats, least: float = DEPENDENT) -> Floats:
+    """(M, N) that makes orthonormal columns of (k, M) ones.
+
+    Args:
+        matrix: (k, M).
+        least: a column of which less is new, relative to its size, is left out.
+    """
+    size = np.linalg.norm(matrix, axis=0)
+    if not size.any():
+        return np.zeros((matrix.shape[1], 0))
+    scale = np.maximum(size, SMALL * size.max())
+    factor, order = sla.qr(matrix / scale, mode="r", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(factor)) > least))
+    turn = np.zeros((matrix.shape[1], rank))
+    turn[order[:rank]] = sla.solve_triangular(factor[:rank, :rank], np.eye(rank))
+    turn /= scale[:, None]
+    # once more: what was nearly dependent is not yet orthogonal
+    again = _triangle(matrix @ turn)
+    return np.asarray(np.linalg.solve(again.T, turn.T).T)
+
+
+def triangular_factor(matrix: Floats) -> Floats:
+    """R of Q R of a matrix (k, M) with many rows: of blocks that stay near the processor."""
+    rows = max(_ROWS, 2 * matrix.shape[1])
+    while len(matrix) > 2 * rows:
+        whole = len(matrix) // rows * rows
+        factors = _triangle(matrix[:whole].reshape(-1, rows, matrix.shape[1]))
+        matrix = np.concatenate([factors.reshape(-1, matrix.shape[1]), matrix[whole:]])
+    return _triangle(matrix)
+
+
+def _triangle(matrices: Floats) -> Floats:
+    """R of matrices (..., k, M)."""
+    return np.asarray(np.linalg.qr(matrices, mode="r"))

@@ -1,0 +1,185 @@
+"""Takes the columns of a reduced model from a march while it runs, and adds second derivatives.
+
+While the factorization of a stage is there, further columns cost a solution each. Where the moduli
+depend on h, and the loads do not, the second derivative of the equations of a state by h and k is
+
+    C^T V ( E C u_hk + E_h C u_k + E_k C u_h + E_hk C u ) = 0      (sums over segments understood)
+
+so with the first derivatives, which are there, u_hk follows. The part E_hk, zero where moduli are
+linear in h, is left out: what is in the bracket is a stress in equilibrium with no load all the
+same, and the space that these columns add is what counts. With them the model of one march is right
+to second order in the moduli, whatever the loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.march.march import March, Run
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.reduced.loads import LoadForm
+from geoident.forward.reduced.moduli import MaterialSpan
+from geoident.forward.reduced.projection import parts_of
+from geoident.forward.reduced.snapshots import Snapshot, settling_strain
+from geoident.forward.reduced.zones import Zone
+from geoident.model.arrays import Floats
+
+_NOISE = 1e-9
+"""Stress of settling, relative to the virgin one, that is rounding."""
+
+MOST_SECOND = 12
+"""Second derivatives that are taken at most."""
+
+
+class Recorder:
+    """Records one march with derivatives.
+
+    Args:
+        march: of the case.
+        observation: its gauges.
+        zones: of every state.
+        spans: of every material.
+        loads: in-situ stress and forces.
+        p: (n,) parameters of the march.
+        second: whether second derivatives are added.
+    """
+
+    def __init__(
+        self,
+        march: March,
+        observation: Observation,
+        zones: Sequence[Sequence[Zone]],
+        spans: Mapping[str, MaterialSpan],
+        loads: LoadForm,
+        p: Floats,
+        *,
+        second: bool,
+    ) -> None:
+        self._march, self._observation = march, observation
+        self._zones, self._spans, self._loads = zones, spans, loads
+        self._points = march.systems.discretization.points
+        self._scale = np.concatenate([[1.0], loads.scale])
+        psi, slopes = loads.coordinates(p[None])
+        self._psi = np.hstack([psi[0][:, None], slopes[0]])
+        found = {name: span.coordinates(p[None]) for name, span in spans.items()}
+        self._moduli = {name: c[0] for name, (c, _) in found.items()}
+        self._slopes = {name: dc[0] for name, (_, dc) in found.items()}
+        wanted = second and not loads.settles
+        self._pairs = self._second()[:MOST_SECOND] if wanted else []
+        none = np.zeros((len(self._psi), len(self._pairs)))
+        self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]))
+
+    def add(self, end: StageEnd, run: Run) -> None:
+        """Record a state.
+
+        Args:
+            end: the state.
+            run: the march, at this state.
+        """
+        strain = self._settled(end) if end.state == 0 else self._points.strain(end.u)
+        kept = self.snapshot
+        strain, stress = strain * self._scale, end.stress * self._scale
+        seen = self._seen(end.u) * self._scale
+        if self._pairs:
+            u, strain, stress = self._with_second(end, run, strain, stress)
+            seen = np.hstack([seen, self._seen(u)])
+        kept.strain.append(strain)
+        kept.stress.append(stress)
+        kept.observed.append(seen)
+
+    def _second(self) -> list[tuple[int, int]]:
+        """Pairs of parameters whose second derivatives are wanted: h moves moduli and no load."""
+        n = len(self._loads.scale)
+        moves = [any(slope[:, h].any() for slope in self._slopes.values()) for h in range(n)]
+        free = ~np.any(self._loads.exponents, axis=0)
+        first = [h for h in range(n) if moves[h] and free[h]]
+        return [(h, k) for h in first for k in range(n) if k not in first or k >= h]
+
+    def _with_second(
+        self, end: StageEnd, run: Run, strain: Floats, stress: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Displacements of the second derivatives, and strain and stress with theirs.
+
+        Args:
+            end: the state.
+            run: the march there.
+            strain: (s, n_points, 1 + n) of the state and its scaled derivatives.
+            stress: likewise.
+        """
+        count, number = len(self._pairs), end.state
+        system = self._march.systems[number]
+        u = np.zeros((len(end.u), count))
+        more = np.zeros((*strain.shape[:2], count))
+        if number == 0:
+            return u, np.dstack([strain, more]), np.dstack([stress, more])
+        before = [*self.snapshot.strain, strain]
+        known = self._known(number, before)
+        factor, dofs = run.factors.find(self._march.sequence.states[number]), system.pattern.dofs
+        if factor is not None:
+            u[dofs] = -factor.solve(self._points.forces(known, system.volume)[dofs])
+        more = self._points.strain(u)
+        for zone in self._zones[number]:
+            E, mine = self._matrix(zone.material), zone.points
+            known[:, mine] += np.tensordot(E, more[:, mine], axes=1)
+        return u, np.dstack([strain, more]), np.dstack([stress, known])
+
+    def _known(self, number: int, strains: Sequence[Floats]) -> Floats:
+        """What is in the bracket before the state's own u_hk is known (s, n_points, pairs)."""
+        count, columns = len(self._pairs), len(self._scale)
+        found = np.zeros((*strains[number].shape[:2], count))
+        for zone in self._zones[number]:
+            mine = zone.points
+            for state, material, sign in parts_of(zone):
+                if state == 0:
+                    continue
+                eps = strains[state][:, mine]
+                if state != number:
+                    found[:, mine] += np.tensordot(
+                        sign * self._matrix(material), eps[..., columns:], axes=1
+                    )
+                for place, (h, k) in enumerate(self._pairs):
+                    for one, other in ((h, k), (k, h)):
+                        slope = self._slope(material, one)
+                        if slope is not None:
+                            found[:, mine, place] += (sign * slope) @ eps[..., 1 + other]
+        return found
+
+    def _matrix(self, material: str) -> Floats:
+        """E (s, s)."""
+        return self._spans[material].matrix(self._moduli[material])
+
+    def _slope(self, material: str, h: int) -> Floats | None:
+        """Derivative (s, s) of E by a parameter in its size; None where there is none."""
+        slope = self._slopes[material][:, h] * self._scale[1 + h]
+        return self._spans[material].matrix(slope) if slope.any() else None
+
+    def _seen(self, u: Floats) -> Floats:
+        """What channels that read motions see of displacements (n_dofs, k), (n_channels, k)."""
+        table = np.full((len(self._observation.channels), u.shape[1]), np.nan)
+        for rows, observable in self._observation.parts:
+            if observable.rows is not None:
+                table[rows] = observable.rows @ u
+        return table
+
+    def _settled(self, end: StageEnd) -> Floats:
+        """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress."""
+        found = np.zeros_like(end.stress)
+        if not self._loads.settles:
+            return found
+        given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
+        for zone in self._zones[0]:
+            span, mine = self._spans[zone.material], zone.points
+            slopes = np.tensordot(self._slopes[zone.material], span.basis, axes=(0, 0))
+            found[:, mine] = settling_strain(
+                end.stress[:, mine],
+                given[:, mine],
+                span.matrix(self._moduli[zone.material]),
+                np.moveaxis(slopes, 0, -1),
+            )
+            stress = np.tensordot(span.matrix(self._moduli[zone.material]), found[:, mine], axes=1)
+            size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0) * self._scale)
+        found[..., size <= _NOISE * np.abs(end.stress[..., 0]).max()] = 0.0
+        return found

@@ -1,0 +1,126 @@
+"""Readings by the reduced model: one more `Response`, with a bound of its error.
+
+The bounds hold against the march in exact arithmetic. `ROUNDING` is added to those of readings for
+what the march and this model round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from geoident.errors import ModelError
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.reduced.duals import ReadingDuals
+from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
+from geoident.model.arrays import Floats, Ints
+from geoident.model.results.result import Counts
+
+ROUNDING = 1e-10
+"""Part of the largest reading that may be rounding."""
+
+
+class ReducedResponse:
+    """Readings of some channels at some states by a reduced model.
+
+    Args:
+        reduced: the model.
+        observation: the gauges.
+        rows: (g,) channels.
+        states: (g,) states of their readings.
+        added: what instruments add to them and its derivatives (g, 1 + n) at the reference;
+            linear in the parameters.
+        admissible: says why parameters (n,) are outside the domain, or None.
+        duals: adjoints of the readings, where their errors are to be bounded.
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        observation: Observation,
+        rows: Ints,
+        states: Ints,
+        added: Floats,
+        admissible: Callable[[Floats], str | None],
+        duals: ReadingDuals | None = None,
+    ) -> None:
+        self.model, self._observation = reduced, observation
+        self._rows, self._states, self._added = rows, states, added
+        self._admissible, self._duals = admissible, duals
+        self._evaluations = 0
+        self._last: tuple[bytes, ReducedStates] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+        return self.model.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far: it factorizes nothing."""
+        return Counts(self._evaluations, 0, 0, 0)
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        return self._admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,)."""
+        return self.evaluate(p)[0]
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        found = self._at(p)
+        table = self._table(found, p[None])[:, 0]
+        return table[:, 0], table[:, 1:]
+
+    def error(self, p: Floats) -> float:
+        """Bound of the error of the stresses at p (n,) in energy, relative to what moves."""
+        return float(self.model.bounds(self._at(p)).relative[0])
+
+    def many(self, values: Floats) -> tuple[Floats, EnergyBounds]:
+        """Readings (b, g) at parameter vectors (b, n), and bounds of the errors in energy."""
+        self._evaluations += len(values)
+        found = self.model.states(values, derivatives=False)
+        table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
+        return table, self.model.bounds(found)
+
+    def certified(self, values: Floats) -> tuple[Floats, Floats]:
+        """Readings (b, g) at parameter vectors (b, n), and bounds (b, g) of their errors, SI.
+
+        Raises:
+            ValueError: it was made without adjoints.
+        """
+        if self._duals is None:
+            msg = "the reduced model has no adjoints of these readings"
+            raise ValueError(msg)
+        self._evaluations += len(values)
+        found = self.model.states(values, derivatives=False)
+        table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
+        left = self._duals.bounds(found, self.model.bounds(found))
+        rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
+        return table, left.error + np.abs(left.correction) + rounding[:, None]
+
+    def _at(self, p: Floats) -> ReducedStates:
+        if self._last is None or self._last[0] != p.tobytes():
+            self._evaluations += 1
+            try:
+                found = self.model.states(p[None])
+            except (ValueError, np.linalg.LinAlgError) as error:
+                msg = f"the reduced model has no answer: {error}"
+                raise ModelError(msg) from error
+            self._last = p.tobytes(), found
+        return self._last[1]
+
+    def _table(self, found: ReducedStates, values: Floats) -> Floats:
+        """Readings (g, b, 1 + n or 1)."""
+        seen = self.model.observed(found)
+        flat = seen.reshape(*seen.shape[:2], -1)
+        table = self._observation.readings(flat, self._rows, self._states)
+        table = table.reshape(len(self._rows), *seen.shape[2:])
+        slopes = self._added[:, 1:]
+        table[..., 0] += self._added[:, :1] + slopes @ (values - self.model.reference).T
+        if table.shape[2] > 1:
+            table[..., 1:] += slopes[:, None]
+        return np.asarray(table)

@@ -1,0 +1,105 @@
+"""Of what the stress of every strain point is made: the history of the ground (theory 11).
+
+With u_j the displacements of the end of state j, counted as the march counts them, the stress at a
+point of an elastic case is
+
+    sigma_j = sigma_0 + E_0 C d_0 + sum_k E_k C (u_end(k) - u_start(k))
+
+over the *segments* of its history: from where it was placed, or its material changed, to where that
+ended or to now. sigma_0 and d_0, the in-situ stress and the motion that balances it, belong to
+ground that has been there since the virgin state. Points of one history make a zone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.forward.stages import CaseOnMesh, numbers
+from geoident.model.arrays import Ints
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Strain that met one material.
+
+    Args:
+        material: its name.
+        start: state whose displacements it counts from; None for none.
+        end: state at whose displacements it ends.
+    """
+
+    material: str
+    start: int | None
+    end: int
+
+
+@dataclass(frozen=True)
+class History:
+    """What a group went through.
+
+    Args:
+        virgin: its material in the virgin state, if it has been there since then, else None.
+        segments: in their order.
+    """
+
+    virgin: str | None
+    segments: tuple[Segment, ...]
+
+    def went_on(self, material: str, base: int, state: int) -> History:
+        """The same one state later, of the same material or of another."""
+        before = self.segments[-1:]
+        if before and before[0].material == material:
+            return replace(self, segments=(*self.segments[:-1], replace(before[0], end=state)))
+        return replace(self, segments=(*self.segments, Segment(material, base or None, state)))
+
+
+@dataclass(frozen=True)
+class Zone:
+    """Strain points of one history.
+
+    Args:
+        points: (q,) their numbers, ascending.
+        material: of which they are now.
+        before: of which they were in the state on which this one builds; the same where they
+            were placed since.
+        history: what they went through.
+    """
+
+    points: Ints
+    material: str
+    before: str
+    history: History
+
+
+def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
+    """The zones of every state."""
+    sequence, discretization = on_mesh.sequence, on_mesh.discretization
+    n_points = discretization.points.n_points
+    of_state: list[dict[int, History]] = []
+    found = []
+    for number, state in enumerate(sequence.states):
+        before = {} if number == 0 else of_state[state.base]
+        histories: dict[int, History] = {}
+        for group, material in state.materials.items():
+            if number == 0:
+                histories[group] = History(material, ())
+            elif group in state.placed or group not in before:
+                new = Segment(material, state.base or None, number)
+                histories[group] = History(None, (new,))
+            else:
+                histories[group] = before[group].went_on(material, state.base, number)
+        of_state.append(histories)
+        made_of = sequence.states[state.base].materials
+        kinds: dict[tuple[str, str, History], list[int]] = {}
+        for group, history in histories.items():
+            material = state.materials[group]
+            old = material if group in state.placed else made_of.get(group, material)
+            kinds.setdefault((material, old, history), []).append(group)
+        zones = []
+        for (material, old, history), groups in kinds.items():
+            mine = [numbers(discretization.points_of[group], n_points) for group in groups]
+            zones.append(Zone(np.sort(np.concatenate(mine)), material, old, history))
+        found.append(tuple(zones))
+    return tuple(found)

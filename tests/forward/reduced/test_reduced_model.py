@@ -1,0 +1,202 @@
+"""The reduced model: exact where it was made, and never further off than it says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from support.reduced import (
+    PAIRS_PLANE,
+    PAIRS_SOLID,
+    plane,
+    settling,
+    solid,
+    spread,
+    strata,
+)
+
+from geoident.forward.march.march import RunOptions
+from geoident.forward.reduced.moduli import relative_eigenvalues, span_of
+from geoident.model.case import Stage
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Parameter, Scalar
+
+CASES = {
+    "plane": (plane, PAIRS_PLANE),
+    "solid": (solid, PAIRS_SOLID),
+    "strata": (strata, PAIRS_PLANE),
+    "settling": (settling, PAIRS_PLANE),
+}
+
+
+@cache
+def made(name: str):
+    """A model, its response, its reduced model of three marches, and where they were."""
+    build, pairs = CASES[name]
+    staged = build()
+    response = staged.response(pairs)
+    response.keep_marches(economical=False)
+    start = np.array([q.start for q in staged.case.parameters])
+    points = [*spread(staged, 2, seed=4, part=0.6), start]
+    for p in points:
+        response.evaluate(p)
+    return staged, response, response.reduced(bounded=True), points
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
+    staged, _, reduced, points = made(name)
+    for p in points:
+        v, J = staged.response(CASES[name][1]).by_tangents(p)
+        w, K = reduced.evaluate(p)
+        np.testing.assert_allclose(w, v, atol=1e-8 * np.abs(v).max())
+        scale = np.abs(J).max(axis=0)
+        np.testing.assert_allclose(K / scale, J / scale, atol=1e-6)
+        assert reduced.error(p) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "ratio"),
+    [("plane", 1000, 100), ("solid", 1000, 100), ("strata", 40, 1000), ("settling", 40, 1000)],
+)
+def test_no_reading_is_further_off_than_its_bound(name, count, ratio):
+    """All over the bounds, up to a hundredfold ratio of moduli."""
+    staged, response, reduced, _ = made(name)
+    values = spread(staged, count, seed=1)
+    found, bound = reduced.certified(values)
+    error = np.abs(found - np.array([response.readings(p) for p in values]))
+    assert np.all(error <= bound)
+    assert np.median(bound / np.maximum(error, 1e-300)) < ratio
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_error_of_the_stresses_is_below_its_bound(name):
+    """In complementary energy, where the stress of the march is at hand."""
+    staged, response, reduced, _ = made(name)
+    points, model = staged.discretization.points, reduced.model
+    reduction = response.reduction
+    for p in spread(staged, 5, seed=2):
+        states = model.states(p[None])
+        bounds = model.bounds(states)
+        run = staged.at(p, RunOptions(derivatives=False))
+        for end in run.states():
+            number, squared, whole = end.state, 0.0, 0.0
+            for zone, stress in reduction.stresses(model, states, number):
+                mine = zone.points
+                span = model.spans[zone.material]
+                E = span.matrix(span.coordinates(p[None])[0][0])
+                gap = end.stress[:, mine, 0] - stress
+                squared += np.sum(points.volume[mine] * gap * np.linalg.solve(E, gap))
+                moved = end.stress[:, mine, 0]
+                whole += np.sum(points.volume[mine] * moved * np.linalg.solve(E, moved))
+            bound = bounds.stress[number, 0]
+            assert np.sqrt(squared) <= bound + 1e-9 * np.sqrt(whole)
+
+
+def test_a_bound_of_a_few_percent_is_not_far_above_the_error_in_energy():
+    """Prager and Synge: the reduced stress and the best equilibrated one lie on both sides."""
+    staged, _, reduced, _ = made("plane")
+    values = spread(staged, 30, seed=3)
+    states = reduced.model.states(values)
+    relative = reduced.model.bounds(states).relative
+    assert np.median(relative) < 0.05
+
+
+def test_many_at_once_are_as_one_by_one():
+    staged, _, reduced, _ = made("plane")
+    values = spread(staged, 7, seed=5)
+    together, _ = reduced.many(values)
+    one_by_one = np.array([reduced.readings(p) for p in values])
+    np.testing.assert_allclose(together, one_by_one, rtol=1e-12, atol=1e-15)
+
+
+def test_derivatives_are_those_of_its_readings():
+    staged, _, reduced, _ = made("strata")
+    p = spread(staged, 1, seed=6)[0]
+    _, J = reduced.evaluate(p)
+    for h, step in enumerate(1e-6 * np.abs(p)):
+        ahead, behind = p.copy(), p.copy()
+        ahead[h] += step
+        behind[h] -= step
+        slope = (reduced.readings(ahead) - reduced.readings(behind)) / (2 * step)
+        np.testing.assert_allclose(J[:, h], slope, rtol=1e-4, atol=1e-5 * np.abs(J[:, h]).max())
+
+
+def test_one_march_is_right_to_second_order_in_the_moduli():
+    """At twice the step the error is eight times as large; by first derivatives, four times."""
+    staged = plane()
+    response = staged.response(PAIRS_PLANE)
+    response.keep_marches(economical=False)
+    p = np.array([q.start for q in staged.case.parameters])
+    response.evaluate(p)
+    reduced = response.reduced()
+    errors = []
+    for step in (0.1, 0.2):
+        q = p * np.exp(np.array([step, -step, 0.0, step, -step]))
+        errors.append(np.abs(reduced.readings(q) - response.readings(q)).max())
+    assert errors[1] / errors[0] > 6.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"stages": (Stage("heading", excavate=("heading",), release={"heading": Scalar(0.4)}),
+                     Stage("lined"), Stage("test"), Stage("bench"))}, "releases stress in part"),
+        ({"parameters": ()}, "nothing is sought"),
+    ],
+)  # fmt: skip
+def test_what_is_not_covered_says_why(changes, why):
+    parameters = plane().case.parameters
+    fixed = {}
+    if not changes.get("parameters", parameters):
+        fixed = {
+            "materials": {
+                name: replace(m, elastic=replace(m.elastic, E=Scalar(8e9), nu=Scalar(0.2)))
+                for name, m in plane().case.materials.items()
+            },
+            "in_situ": HeimStress(vertical=Scalar(5e6), K0=Scalar(1.0)),
+        }
+    response = plane(**{**fixed, **changes}).response([("side", "heading")])
+    response.keep_marches()
+    assert why in response.reduction_obstacle()
+    assert response.reduced() is None
+
+
+def test_loads_that_are_no_polynomials_are_refused_and_the_full_model_answers():
+    """An azimuth of the horizontal stress: cosines."""
+    azimuth = Parameter("azimuth", 0.5, 0.0, 1.5)
+    staged = solid(
+        parameters=(*solid().case.parameters, azimuth),
+        in_situ=HeimStress(
+            vertical=Scalar(1.0, "sv"),
+            K0=Scalar(1.0, "K0"),
+            K0_across=Scalar(0.5, "K0"),
+            azimuth=Scalar(1.0, "azimuth"),
+        ),
+    )
+    response = staged.response(PAIRS_SOLID)
+    response.keep_marches(economical=False)
+    response.evaluate(np.array([q.start for q in staged.case.parameters]))
+    assert response.reduced() is None
+    assert "polynomials" in response.reduction_obstacle()
+
+
+def test_a_mesh_too_small_for_it_has_none():
+    staged = plane(n=4)
+    response = staged.response([("side", "heading")])
+    response.keep_marches()
+    response.evaluate(np.array([q.start for q in staged.case.parameters]))
+    assert response.reduced() is None
+    assert "costs more" in response.reduction_obstacle()
+
+
+def test_moduli_of_one_material_span_few_directions_and_bound_each_other():
+    for staged, expected in ((plane(), {"rock": 2, "shotcrete": 1}), (strata(), {"rock": 10})):
+        names = tuple(q.name for q in staged.case.parameters)
+        samples = spread(staged, 30, seed=8)
+        for name, rank in expected.items():
+            assert span_of(staged.case.materials[name], names, samples, 4).rank <= rank
+    E = np.diag([3.0, 2.0, 1.0])
+    np.testing.assert_allclose(relative_eigenvalues(2.0 * E[None], E), [[2.0, 2.0, 2.0]])

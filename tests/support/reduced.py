@@ -1,0 +1,142 @@
+"""Small staged cases that have a reduced model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.forward.model import StagedModel
+from geoident.model.actions import Pressure
+from geoident.model.arrays import Floats
+from geoident.model.case import Material, Stage
+from geoident.model.ground import Attitude, Isotropic, TransverselyIsotropic
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Parameter, Scalar
+
+from .cases import displacement, material, model, rollers
+from .meshes import box, regroup
+
+MODULI = (
+    Parameter("E", 8e9, 2e9, 3e10, "log"),
+    Parameter("E_lining", 1e10, 3e9, 4e10, "log"),
+)
+STRESS = (Parameter("sv", 5e6, 2e6, 1e7), Parameter("K0", 1.0, 0.4, 2.0))
+HEIM = HeimStress(vertical=Scalar(1.0, "sv"), K0=Scalar(1.0, "K0"))
+
+
+def _between(axis: int, low: float, high: float):
+    return lambda c: (c[:, axis] > low) & (c[:, axis] < high)
+
+
+def _all(*tests):
+    return lambda c: np.all([test(c) for test in tests], axis=0)
+
+
+def plane(kind: str = "quad4", n: int = 12, **changes) -> StagedModel:
+    """A heading and a bench, lined after them; the lining hardens; a load case on the side.
+
+    Five parameters: two moduli, a Poisson's ratio, the stress and K0.
+    """
+    mesh = regroup(
+        box(kind, (n, n), size=(12.0, 12.0), distortion=0.05),
+        heading=_all(_between(0, 0, 3), _between(1, 6, 8)),
+        bench=_all(_between(0, 0, 3), _between(1, 4, 6)),
+        lining=_all(_between(0, 3, 4), _between(1, 6, 8)),
+    )
+    stages = (
+        Stage("heading", excavate=("heading", "lining")),
+        Stage("lined", install={"lining": "young"}),
+        Stage("test", loads={"plate": Pressure("y1", Scalar(2e5))}, independent=True),
+        Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}),
+    )
+    settings = {
+        "parameters": (*MODULI, Parameter("nu", 0.25, 0.1, 0.4), *STRESS),
+        "materials": {
+            "rock": material("rock", Scalar(1.0, "E"), Scalar(1.0, "nu"), 2500.0),
+            "young": material("young", Scalar(0.3, "E_lining"), 0.2, 2500.0),
+            "shotcrete": material("shotcrete", Scalar(1.0, "E_lining"), 0.2, 2500.0),
+        },
+        "groups": dict.fromkeys(("rock", "heading", "bench", "lining"), "rock"),
+        "supports": rollers(2),
+        "in_situ": HEIM,
+        "stages": stages,
+        "channels": (
+            displacement("roof", (1.0, 9.0), (0.0, 1.0), zero="heading"),
+            displacement("wall", (4.0, 7.0), (1.0, 0.0), zero="heading"),
+            displacement("side", (8.0, 5.0), (1.0, 0.0)),
+            displacement("top", (2.0, 12.0), (0.0, 1.0)),
+        ),
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+def solid(kind: str = "tet4", n: int = 4, **changes) -> StagedModel:
+    """Two rounds of a drift, lined one behind; moduli and stress are sought."""
+    mesh = regroup(
+        box(kind, (n, n, n), size=(8.0, 8.0, 8.0), distortion=0.05),
+        first=_all(_between(0, 0, 2), _between(1, 0, 4), _between(2, 4, 6)),
+        second=_all(_between(0, 0, 2), _between(1, 4, 8), _between(2, 4, 6)),
+        lining=_all(_between(0, 2, 4), _between(1, 0, 4), _between(2, 4, 6)),
+    )
+    settings = {
+        "parameters": (*MODULI, *STRESS),
+        "materials": {
+            "rock": material("rock", Scalar(1.0, "E"), 0.25),
+            "shotcrete": material("shotcrete", Scalar(1.0, "E_lining"), 0.2),
+        },
+        "groups": dict.fromkeys(("rock", "first", "second", "lining"), "rock"),
+        "supports": rollers(3),
+        "in_situ": HEIM,
+        "stages": (
+            Stage("first", excavate=("first", "lining")),
+            Stage("lined", excavate=("second",), install={"lining": "shotcrete"}),
+        ),
+        "channels": (
+            displacement("roof", (1.0, 4.0, 7.0), (0.0, 0.0, 1.0)),
+            displacement("wall", (4.5, 2.0, 5.0), (1.0, 0.0, 0.0), zero="first"),
+            displacement("far", (7.0, 7.0, 3.0), (1.0, 0.0, 0.0)),
+        ),
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+def strata() -> StagedModel:
+    """The plane case in strata whose moduli and dip are sought."""
+    elastic = TransverselyIsotropic(
+        Scalar(1.0, "E"), Scalar(0.2), Scalar(0.4, "E"), Scalar(0.1), Scalar(0.2, "E_lining"),
+        Attitude(Scalar(1.0, "dip"), Scalar(np.pi / 2), Scalar(0.0)),
+    )  # fmt: skip
+    return plane(
+        parameters=(*MODULI, Parameter("dip", 0.6, -1.2, 1.2), *STRESS),
+        materials={
+            "rock": Material("rock", elastic, Scalar(0.0)),
+            "young": Material("young", Isotropic(E=Scalar(3e9), nu=Scalar(0.2))),
+            "shotcrete": Material("shotcrete", Isotropic(E=Scalar(1e10), nu=Scalar(0.2))),
+        },
+    )
+
+
+def settling() -> StagedModel:
+    """The plane case under gravity, whose in-situ stress is out of balance until it settles."""
+    return plane(gravity=(0.0, -9.81))
+
+
+PAIRS_PLANE = [
+    ("roof", "lined"), ("roof", "bench"), ("wall", "lined"), ("wall", "bench"), ("side", "heading"),
+    ("side", "bench"), ("top", "heading"), ("top", "test"), ("top", "bench"),
+]  # fmt: skip
+PAIRS_SOLID = [
+    ("roof", "first"), ("roof", "lined"), ("wall", "lined"), ("far", "first"), ("far", "lined"),
+]  # fmt: skip
+
+
+def spread(staged: StagedModel, count: int, seed: int = 0, part: float = 1.0) -> Floats:
+    """Random parameter vectors (count, n) inside a part of the bounds, evenly in their scales."""
+    random = np.random.default_rng(seed)
+    found = []
+    for q in staged.case.parameters:
+        x = 0.5 + part * (random.random(count) - 0.5)
+        if q.scale == "log":
+            found.append(q.lower * (q.upper / q.lower) ** x)
+        else:
+            found.append(q.lower + (q.upper - q.lower) * x)
+    return np.array(found).T
