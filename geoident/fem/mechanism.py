@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from geoident.fem.faces import FaceTable
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh, spans
+from geoident.model.mesh import Mesh, nodes_in, spans
 
 _NULL = 1e-13  # relative to the largest eigenvalue of the Gram matrix; rounding is 1e-16 of it
 
@@ -103,12 +103,16 @@ def _pieces(table: FaceTable, present: Bools) -> Ints:
 
 def _piece_nodes(mesh: Mesh, present: Bools, piece: Ints) -> Ints:
     """(n, 2) pairs (piece, node), each once."""
+    if piece.max() == 0:  # as nearly always: no need to sort
+        nodes = nodes_in(mesh.blocks, present)
+        return np.stack([np.zeros_like(nodes), nodes], axis=1)
     pairs = []
     for block, span in spans(mesh.blocks):
         kept = present[span]
         pieces = np.repeat(piece[span][kept], block.nodes.shape[1])
         pairs.append((pieces << 32) | block.nodes[kept].ravel())
-    keys = np.unique(np.concatenate(pairs))
+    keys = np.sort(np.concatenate(pairs))
+    keys = keys[np.concatenate([[True], keys[1:] != keys[:-1]])]
     return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
 
 

@@ -38,6 +38,9 @@ _BESIDE = (0.05, 0.03)
 _LINEAR = 0.5
 """Parts of its height by which an element may differ from its linear map about the centre."""
 
+_STRAIGHT = 1e-4
+"""Distance of nodes from their places in the linear map, in parts of the size, that is none."""
+
 _AT_A_TIME = 200_000
 """Pairs of places and elements whose arrays are held together."""
 
@@ -160,12 +163,13 @@ def _lies_deep(kind: str, points: Floats, nodes: Ints, row: Ints, place: Floats)
     own, which = np.unique(row, return_inverse=True)
     x = points[nodes[own]]
     middle = reference.shapes(centre)[0] @ x
-    back = np.linalg.inv(np.einsum("nai,aj->nij", x, reference.gradients(centre)[0]))
-    xi = centre + np.einsum("nij,nj->ni", back[which], place - middle[which])
-    if reference.n_nodes == reference.dim + 1:
-        return _depth(reference, xi) >= DEEP
-    near = np.flatnonzero(_depth(reference, xi) >= -_LINEAR)
-    deep = np.zeros(len(row), dtype=np.bool_)
+    slopes = np.einsum("nai,aj->nij", x, reference.gradients(centre)[0])
+    xi = centre + np.einsum("nij,nj->ni", np.linalg.inv(slopes)[which], place - middle[which])
+    depth = _depth(reference, xi)
+    straight = middle[:, None] + np.einsum("nij,aj->nai", slopes, reference.nodes - centre)
+    bent = np.abs(x - straight).max(axis=(1, 2)) > _STRAIGHT * np.ptp(x, axis=1).max(axis=1)
+    deep = np.asarray(~bent[which] & (depth >= DEEP))
+    near = np.flatnonzero(bent[which] & (depth >= -_LINEAR))
     deep[near] = (
         _depth(reference, reference_coordinates(reference, x[which[near]], place[near])) >= DEEP
     )

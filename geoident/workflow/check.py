@@ -27,6 +27,7 @@ from geoident.model.results.summary import (
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
+from geoident.workflow.running.plausible import plausible_notes
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.scoring.ladder import require_sound
 
@@ -90,7 +91,8 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     virgin = staged.virgin_notes() if staged else ()
     solves = _right_hand_sides(model, readings)
     costs = () if solves is None else (_field_cost(model, *solves),)
-    notes = (*case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
+    doubtful = plausible_notes(case)
+    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     return CaseSummary(
         case=inputs.path,

@@ -28,7 +28,7 @@ CAVERN = (20.0, 40.0, 20.0)
 GROWTH = 0.18
 """Growth of the elements with the distance from the cavern, m per m."""
 
-MESH_OF_TRUTH = 60_000
+MESH_OF_TRUTH = 120_000
 """Unknowns of the mesh by which the readings are made."""
 
 TRUTH = {
@@ -172,13 +172,13 @@ def _gauges() -> dict[str, object]:
             "kind": "extensometer",
             "head": _metres(head),
             "anchors": {name: _metres(place) for name, place in anchors(wall).items()},
-            "accuracy": "0.05 mm",
+            "accuracy": "0.2 mm",
         }
         for wall, head in heads().items()
     }
     for one, other in (("crown", "floor"), ("wall-left", "wall-right"), ("end-front", "end-back")):
         between = [_metres(heads()[one]), _metres(heads()[other])]
-        gauge = {"kind": "convergence", "between": between, "accuracy": "0.1 mm"}
+        gauge = {"kind": "convergence", "between": between, "accuracy": "0.3 mm"}
         gauges[f"C-{one}-{other}"] = gauge
     gauges["overcoring"] = {
         "kind": "stress",

@@ -91,8 +91,9 @@ def test_sensitivities_are_those_of_the_model(fitted, run):
 
     def simulated(value):
         told = run("simulate", "case.yaml", "--set", f"parameters.E.start={value:.15g} GPa",
-                   "--set", f"parameters.K0.start={K0:.15g}")  # fmt: skip
-        return {(r["gauge"], r["stage"]): float(r["value"]) for r in rows(told.stdout)}
+                   "--set", f"parameters.K0.start={K0:.15g}", "--json")  # fmt: skip
+        found = json.loads(told.stdout)["readings"]  # with all digits, m
+        return {(r["gauge"], r["stage"]): 1e3 * r["value"] for r in found}
 
     above, below = simulated(E + h), simulated(E - h)
     slopes = {(r["gauge"], r["stage"]): float(r["value"]) for r in table if r["parameter"] == "E"}

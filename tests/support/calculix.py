@@ -10,13 +10,18 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geoident.fem.elements import reference_element
+from geoident.fem.solvers import pick_solver
 from geoident.forward.actions.supports import fixed_dofs
-from geoident.forward.model import StagedModel
+from geoident.forward.model import StagedModel, staged_model
+from geoident.io.case.file import read_case
+from geoident.io.mesh.file import read_mesh
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Anisotropic, Elastic, Orthotropic, constants
 from support.cases import in_situ_stress
@@ -27,35 +32,71 @@ TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
 TYPES |= {"tri3": "CAX3", "tri6": "CAX6", "quad4": "CAX4", "quad8": "CAX8"}
 
 
-def write_first_stage(staged: StagedModel, path: Path) -> None:
-    """Write the first stage of a solid or axisymmetric model, at the start values.
+def write_first_stage(
+    staged: StagedModel,
+    path: Path,
+    *,
+    values: Mapping[str, float] | None = None,
+    solver: str = "",
+    removal: bool = False,
+) -> None:
+    """Write the first stage of a solid or axisymmetric model.
 
     An axisymmetric model has no in-situ stress: CalculiX turns its elements into wedges of two
     degrees, whose integration points are not ours.
+
+    Args:
+        staged: the model.
+        path: of the input.
+        values: of its parameters, SI; None for the start values.
+        solver: of CalculiX, such as ``ITERATIVE CHOLESKY``; empty for its own choice.
+        removal: the virgin state first, in a step of its own; the next one takes away what leaves.
     """
-    dim = staged.mesh.dim
-    state = staged.sequence.states[1]
-    values = {p.name: p.start for p in staged.case.parameters}
-    present = staged.sequence.present(1)
+    values = {p.name: p.start for p in staged.case.parameters} | dict(values or {})
+    before = 0 if removal else 1
+    state, present = staged.sequence.states[before], staged.sequence.present(before)
     with path.open("w") as out:
-        out.write("*NODE, NSET=ALL\n")
-        used = np.unique(np.concatenate([b.nodes.ravel() for b in staged.mesh.blocks]))
-        for n in used:
-            out.write(f"{n + 1}," + ",".join(f"{x:.12e}" for x in staged.mesh.points[n]) + "\n")
-        _write_elements(staged, present, out)
+        _write_nodes(staged, out)
+        _write_elements(staged, present, before, out)
         for group, material in state.materials.items():
             _write_material(group, staged.case.materials[material].elastic, values, out)
+        fixed, touched = fixed_dofs(staged.on_mesh), staged.systems[before].touched
+        dim = staged.mesh.dim
         out.write("*BOUNDARY\n")
-        touched = staged.systems[1].touched
-        for dof in np.flatnonzero(fixed_dofs(staged.on_mesh) & touched):
+        for dof in np.flatnonzero(fixed & touched):
             out.write(f"{dof // dim + 1},{dof % dim + 1},{dof % dim + 1}\n")
         if staged.case.in_situ is not None:
             _write_initial_stress(staged, values, present, out)
-        out.write("*STEP\n*STATIC\n*CLOAD\n")
-        forces = staged.actions.forces(1, ParameterPoint(values, ()))[:, 0]
-        for dof in np.flatnonzero((forces != 0) & touched):
-            out.write(f"{dof // dim + 1},{dof % dim + 1},{forces[dof]:.12e}\n")
-        out.write("*NODE PRINT, NSET=ALL\nU\n*END STEP\n")
+        for number in range(before, 2):
+            _write_step(staged, number, values, solver, removal, out)
+
+
+def write_file(case: str, path: Path, **options: Any) -> None:
+    """The same of a case that stands in a file; options as for `write_first_stage`."""
+    loaded = read_case(case)
+    mesh = read_mesh(loaded.mesh_path, dim=loaded.case.analysis.dim)
+    write_first_stage(staged_model(mesh, loaded.case, solver=pick_solver()), path, **options)
+
+
+def _write_nodes(staged: StagedModel, out) -> None:
+    out.write("*NODE, NSET=ALL\n")
+    used = np.unique(np.concatenate([b.nodes.ravel() for b in staged.mesh.blocks]))
+    for n in used:
+        out.write(f"{n + 1}," + ",".join(f"{x:.12e}" for x in staged.mesh.points[n]) + "\n")
+
+
+def _write_step(staged, number: int, values, solver: str, removal: bool, out) -> None:
+    """The virgin state, 0, or the first stage, 1; with ``removal`` what leaves leaves in it."""
+    dim, touched = staged.mesh.dim, staged.systems[number].touched
+    out.write(f"*STEP\n*STATIC{', SOLVER=' + solver if solver else ''}\n")
+    if removal and number == 1:
+        out.write("*MODEL CHANGE, TYPE=ELEMENT, REMOVE\n")
+        out.writelines(f"G{group}\n" for group in sorted(staged.sequence.states[1].leaving))
+    out.write("*CLOAD, OP=NEW\n")
+    forces = staged.actions.forces(number, ParameterPoint(values, ()))[:, 0]
+    for dof in np.flatnonzero((forces != 0) & touched):
+        out.write(f"{dof // dim + 1},{dof % dim + 1},{forces[dof]:.12e}\n")
+    out.write("*NODE PRINT, NSET=ALL\nU\n*END STEP\n")
 
 
 def solve(path: Path, *, threads: int) -> np.ndarray:
@@ -70,7 +111,7 @@ def solve(path: Path, *, threads: int) -> np.ndarray:
     return np.array([[float(x) for x in row] for row in rows if len(row) == 4])
 
 
-def _write_material(group: int, elastic: Elastic, values: dict[str, float], out) -> None:
+def _write_material(group: int, elastic: Elastic, values: Mapping[str, float], out) -> None:
     """E and nu; nine constants with the axes, which CalculiX turns itself; or the 21 entries."""
     numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
     section = f"*SOLID SECTION, ELSET=G{group}, MATERIAL=M{group}"
@@ -99,10 +140,10 @@ def _write_eight(numbers: list[float], out) -> None:
         out.write(",".join(f"{x!r}" for x in numbers[first : first + 8]) + "\n")
 
 
-def _write_elements(staged: StagedModel, present: np.ndarray, out) -> None:
+def _write_elements(staged: StagedModel, present: np.ndarray, state: int, out) -> None:
     first = 0
     for block in staged.mesh.blocks:
-        for group in staged.sequence.states[1].materials:
+        for group in staged.sequence.states[state].materials:
             mine = np.flatnonzero(
                 (staged.sequence.group_of[first : first + len(block)] == group)
                 & present[first : first + len(block)]

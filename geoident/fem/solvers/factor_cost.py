@@ -48,7 +48,7 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     starts = np.concatenate([[True], node[1:] != node[:-1]])
     first = np.flatnonzero(starts)
     size = np.diff(np.append(first, lower.n))
-    below = _rows_below(_node_columns(lower, starts), size)
+    below = _rows_below(*_node_columns(lower, starts, first), size)
     height = np.arange(lower.n)  # entries of a column above those of other nodes
     within = np.repeat(first + size, size) - height
     column = within + np.repeat(below, size)
@@ -56,35 +56,61 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     return FactorCost(int(column.sum()), float(flops.sum()), float(flops[: lower.lasting].sum()))
 
 
-def _node_columns(lower: LowerPattern, starts: Bools) -> list[Ints]:
-    """Nodes below each node in its first column; starts (n,) are the first unknowns of nodes."""
+def _node_columns(lower: LowerPattern, starts: Bools, first: Ints) -> tuple[Ints, Ints]:
+    """Nodes below each node in its first column: starts of the columns, and the nodes.
+
+    Args:
+        lower: the pattern.
+        starts: (n,) the first unknowns of nodes.
+        first: (n_nodes,) the same by number.
+    """
     node_of = np.cumsum(starts) - 1
-    column = np.repeat(np.arange(lower.n), np.diff(lower.indptr))
-    mine = starts[column]
-    above, nodes = node_of[column[mine]], node_of[lower.indices[mine]]
+    counts = lower.indptr[first + 1] - lower.indptr[first]
+    above = np.repeat(np.arange(len(first)), counts)
+    before = np.cumsum(counts) - counts
+    nodes = node_of[lower.indices[np.arange(len(above)) + (lower.indptr[first] - before)[above]]]
     fresh = nodes > above
     fresh[1:] &= (nodes[1:] != nodes[:-1]) | (above[1:] != above[:-1])
-    above, nodes = above[fresh], nodes[fresh]
-    ends = np.searchsorted(above, np.arange(1, int(node_of[-1]) + 1))
-    return np.split(nodes, ends)
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(above[fresh], minlength=len(first)))])
+    return indptr, nodes[fresh]
 
 
-def _rows_below(columns: list[Ints], size: Ints) -> Ints:
-    """(n_nodes,) entries of L below the block of each node, in one column."""
-    n = len(columns)
-    below = np.zeros(n, dtype=np.int64)
-    seen = np.full(n, -1, dtype=np.int64)
+def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
+    """(n_nodes,) entries of L below the block of each node, in one column.
+
+    Most nodes follow one other, and have no neighbour that it does not have: then only the other
+    itself is less, and its rows need not be looked through again.
+    """
+    n = len(indptr) - 1
+    below = [0] * n
+    sizes, ends = size.tolist(), indptr.tolist()
+    seen = np.full(n, -1, dtype=np.int64)  # the last for which a node was among the rows
     waiting: list[list[Ints]] = [[] for _ in range(n)]
+    marked, last = -1, nodes[:0]  # of which all rows of the node before are marked; these rows
     for k in range(n):
-        seen[k] = k
-        parts = []
-        for found in (columns[k], *waiting[k]):
-            new = found[seen[found] != k]
-            seen[new] = k
-            parts.append(new)
+        own, parts = nodes[ends[k] : ends[k + 1]], waiting[k]
         waiting[k] = []
-        struct = np.concatenate(parts) if len(parts) > 1 else parts[0]
-        if len(struct):
-            below[k] = size[struct].sum()
-            waiting[struct.min()].append(struct)
-    return below
+        if len(parts) == 1 and parts[0] is last:
+            new = own[seen[own] != marked]
+            rows, count = parts[0][1:], below[k - 1] - sizes[k]
+            if len(new):
+                seen[new] = marked
+                rows, count = np.sort(np.concatenate([rows, new])), count + int(size[new].sum())
+        else:
+            rows, marked = _union(k, own, parts, seen), k
+            count = int(size[rows].sum())
+        below[k], last = count, rows
+        if len(rows):
+            waiting[int(rows[0])].append(rows)
+    return np.array(below, dtype=np.int64)
+
+
+def _union(k: int, own: Ints, parts: list[Ints], seen: Ints) -> Ints:
+    """Rows below node k, ascending: its neighbours and the rows of those that it follows."""
+    seen[k] = k
+    found = []
+    for part in (own, *parts):
+        new = part[seen[part] != k]
+        seen[new] = k
+        found.append(new)
+    return found[0] if len(found) == 1 else np.sort(np.concatenate(found))

@@ -75,6 +75,16 @@ _STALLED = (
     "No shorter step lowers the misfit, although the derivatives say so: the computed "
     "readings are not smooth here; go on with the method simplex."
 )
+AT_KINK = 1e-3
+"""A promised gain that is not worth looking for where the readings are not smooth.
+
+The misfit rises by 1 within a standard deviation: what is promised lies within 0.03 of one.
+"""
+
+_KINKED = (
+    "No shorter step lowers the misfit: the computed readings have a kink here, beyond which the "
+    "derivatives promise {:.1g} less at most, nothing beside the 1 of a standard deviation."
+)
 _FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
 _GIVEN_UP = "The descent was stopped: it did not come near the best point."
 _ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
@@ -395,6 +405,10 @@ class Descent(Generic[IterateT]):
         closed = judge.radius <= self.stopping.tolerance
         if closed and self.stopping.flat(judge.best):
             return Ending(judge.best, "converged", _FLAT)
+        if closed:
+            promised = self.propose(judge.best, np.inf).gain
+            if promised <= AT_KINK:
+                return Ending(judge.best, "converged", _KINKED.format(promised))
         if closed or self.evaluator.history.stop is not None:
             return Ending(judge.best, "not-converged", _STALLED)
         return None

@@ -84,6 +84,11 @@ _STALLED = (
     "max_evaluations, or go on with the method simplex."
 )
 
+_AT_KINK = (
+    "The search ended at a kink of the response, where points begin or cease to yield; the slopes "
+    "to all its sides say that nothing near is better."
+)
+
 
 def _tried(descents: int) -> str:
     """What further descents have shown, a sentence with a space before it; empty without any."""
@@ -420,4 +425,4 @@ class ImplicitSearch:
             )
         if proof.kind == NONE:
             return "not-converged", _STALLED
-        return "converged", f"{best.reason}{_tried(self.tried)}"
+        return "converged", f"{_AT_KINK if best.left else best.reason}{_tried(self.tried)}"

@@ -263,6 +263,8 @@ class _LongReader:
         missing = [self.table.layout.header(k) for k in self.required if k not in self.keys]
         if missing:
             hint = f"The first line names the columns: {','.join(REQUIRED)}[,accuracy]."
+            if missing == [self.table.layout.header("unit")]:
+                hint += " One unit for all may stand in the case: readings: {file: ..., unit: mm}."
             message = f"columns missing in the header: {listing(missing)}"
             self.table.refuse((number, 1), "bad-header", message, hint)
 

@@ -131,7 +131,10 @@ def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     key = str(path[-1])
     holder = _node_at(faults.places.data, path[:-1])
     hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
-    if key[:1].isdigit():
+    name, colon, value = key.partition(":")
+    if colon and name and value:
+        hint = f"Write a space after the colon: '{shorten(name)}: {shorten(value)}'."
+    elif key[:1].isdigit():
         hint = "If there is a comma in a number before it, write a decimal point."
     faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
 

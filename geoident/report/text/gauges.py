@@ -31,8 +31,14 @@ MOST_INFLUENTIAL = 5
 """Readings in the table of influence."""
 
 
+_FINER = 1e5
+"""Times an accuracy is larger than the last digit of a simulated reading."""
+
+
 def readings_csv(readings: Sequence[Reading], channels: Sequence[Channel]) -> str:
     """Readings as a case reads them: ``gauge,stage,value,unit``; no value, an empty cell.
+
+    The last digit is 1e-5 of the accuracy of the gauge, or less.
 
     Args:
         readings: of the channels.
@@ -43,15 +49,27 @@ def readings_csv(readings: Sequence[Reading], channels: Sequence[Channel]) -> st
     gauge,stage,value,unit
     CV,bench 1,12.3,mm
     """
-    units = {channel.name: (channel.unit, channel.dimension) for channel in channels}
+    known = {channel.name: channel for channel in channels}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["gauge", "stage", "value", "unit"])
     for reading in readings:
-        unit = units[reading.channel]
-        value = "" if reading.value is None else f"{in_unit(reading.value, *unit):.12g}"
+        channel = known[reading.channel]
+        unit = channel.unit, channel.dimension
+        value = "" if reading.value is None else _plain(in_unit(reading.value, *unit), channel)
         writer.writerow([reading.channel, reading.stage, value, shown_unit(*unit)])
     return text.getvalue()
+
+
+def _plain(value: float, channel: Channel) -> str:
+    """A value in the unit of its channel, with the digits that its accuracy warrants and more."""
+    step = abs(in_unit(channel.accuracy, channel.unit, channel.dimension)) / _FINER
+    if not (math.isfinite(step) and step > 0.0):
+        return f"{value:.12g}"
+    places = max(0, math.ceil(-math.log10(step) - 1e-9))
+    text = f"{value:.{places}f}"
+    shown = text.rstrip("0").rstrip(".") if places else text
+    return "0" if shown == "-0" else shown
 
 
 def reading_text(gauges: GaugeTable, row: int, value: float) -> str:

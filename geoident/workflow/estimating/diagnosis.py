@@ -14,6 +14,7 @@ from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
+from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -319,6 +320,54 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     return (
         f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
         f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
+    )
+
+
+_CLEAR = 5.0
+"""Accuracies from which on what a gauge reads has a clear sign."""
+_MOVES = 0.05
+"""Part of the largest computed reading of its dimension from which on a gauge has a clear sign.
+
+Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
+"""
+_AGAINST = -0.5
+"""Correlation of measured and computed readings of a gauge, about zero, that is against."""
+
+
+def opposite_findings(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
+    """A sentence for gauges that read the opposite of what is computed.
+
+    A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
+    bound would take it up without a word.
+
+    Args:
+        gauges: measured and computed.
+        case: with the accuracies as stated: estimated ones grow with what is looked for here.
+    """
+    stated = {channel.name: channel.accuracy for channel in case.channels}
+    accuracy = np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
+    used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
+    measured = np.where(used, gauges.measured, 0.0) / accuracy
+    computed = np.where(used, gauges.computed, 0.0)
+    dimensions = np.array(gauges.dimensions)
+    largest = {one: np.abs(computed[dimensions == one]).max(initial=0.0) for one in dimensions}
+    turned, count = [], 0
+    for name in dict.fromkeys(gauges.gauges):
+        rows = np.array([own == name for own in gauges.gauges])
+        read, said = measured[rows], (computed / accuracy)[rows]
+        clear = np.linalg.norm(read) > _CLEAR
+        moves = np.abs(computed[rows]).max() > _MOVES * largest[dimensions[rows][0]]
+        size = float(np.linalg.norm(read) * np.linalg.norm(said))
+        if clear and moves and float((read * said).sum()) < _AGAINST * size:
+            turned.append(name)
+            count += int(used[rows].sum())
+    if count < 2:
+        return ()
+    return (
+        f"The readings of {listing(turned)} run against the model: measured and computed have "
+        "opposite signs. Distances are positive where they grow, settlements downwards (page "
+        "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
+        "If the signs are right, the model moves the wrong way.",
     )
 
 

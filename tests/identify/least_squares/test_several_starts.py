@@ -123,3 +123,20 @@ def test_convex_problems_cost_what_one_descent_costs(make_problem):
     q = [Parameter(f"x{i}", 1.0, -9.0, 9.0) for i in range(3)]
     problem = make_problem(lambda p: A @ p, q, rng.normal(size=6), 0.1)
     assert len(run(problem).iterations) == len(run(problem, starts=1).iterations)
+
+
+@pytest.mark.parametrize(("bend", "status"), [(0.1, "converged"), (3.0, "not-converged")])
+def test_a_kink_that_hides_next_to_nothing_is_the_answer(make_problem, bend, status):
+    """At x = 1 the second reading bends: the slopes to both sides promise bend^2 / 100 or so."""
+
+    def function(p):
+        side = p[0] - 1.0
+        return np.array([10.0 * side, bend * (side if side.real > 0.0 else -side)])
+
+    problem = make_problem(function, [Parameter("x", 0.3, -4.0, 4.0)], [0, -1.0], 1)
+    found = run(problem, starts=1)
+    np.testing.assert_allclose(found.values, [1.0], atol=0.05)
+    assert found.status == status
+    promised = bend**2 / (100.0 + bend**2)
+    said = f"promise {promised:.1g} less" if status == "converged" else "not smooth here"
+    assert said in found.reason

@@ -1,0 +1,101 @@
+"""Numbers of a case that no engineer meets: mostly a wrong unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from geoident.io.case.gauges.accuracy import TYPICAL
+from geoident.model.case import Case
+from geoident.model.gauges import named_channels
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Scalar, Values
+from geoident.units import in_unit, shown_unit
+
+_OFTEN = 100.0
+"""Times an accuracy may be the usual one, or this part of it, without a word."""
+_SOFTEST, _STIFFEST = 5e4, 1e12
+"""Pa: below a modulus of peat, above one of diamond."""
+_LARGEST_K0 = 10.0
+_DEEPEST = 3e8
+"""Pa: the weight of 12 km of rock."""
+
+
+def plausible_notes(case: Case) -> tuple[str, ...]:
+    """Sentences about accuracies, moduli and stresses of sizes that nobody meets.
+
+    Args:
+        case: its parameters count at their start values.
+    """
+    values = {parameter.name: parameter.start for parameter in case.parameters}
+    return (*_accuracies(case), *_moduli(case, values), *_stresses(case, values))
+
+
+def _accuracies(case: Case) -> Iterator[str]:
+    """One sentence for all channels of a kind that have the same accuracy."""
+    alike: dict[tuple[str, float], list[str]] = {}
+    for channel in case.channels:
+        usual = TYPICAL.get(channel.kind)
+        if usual is None or channel.errors is not None:
+            continue
+        if not usual.reading / _OFTEN < channel.accuracy < usual.reading * _OFTEN:
+            alike.setdefault((channel.kind, channel.accuracy), []).append(channel.name)
+    for (kind, accuracy), names in alike.items():
+        one = next(channel for channel in case.channels if channel.name == names[0])
+        unit = TYPICAL[kind].unit
+        said, usual_said = (
+            f"{in_unit(size, unit, one.dimension):.3g} {shown_unit(unit, one.dimension)}"
+            for size in (accuracy, TYPICAL[kind].reading)
+        )
+        yield (
+            f"the accuracy of {named_channels(names)} is {said}; gauges of the kind {kind} have "
+            f"about {usual_said}: check its unit"
+        )
+
+
+def _moduli(case: Case, values: Values) -> Iterator[str]:
+    for name, material in case.materials.items():
+        for constant, scalar in _numbers(material.elastic):
+            size = scalar.value(values)
+            if constant[:1] not in "EGK" or _SOFTEST <= size <= _STIFFEST:
+                continue
+            like = "softer than any ground" if size < _SOFTEST else "stiffer than any ground"
+            yield f"{constant} of '{name}' is {_stress(size)}, {like}: check its unit"
+
+
+def _stresses(case: Case, values: Values) -> Iterator[str]:
+    models = [case.in_situ, *case.in_situ_of.values()]
+    for model in models:
+        K0 = getattr(model, "K0", None)
+        ratios = [K0] if isinstance(K0, Scalar) else [*K0.values()] if K0 else []
+        largest = max((scalar.value(values) for scalar in ratios), default=0.0)
+        if largest > _LARGEST_K0:
+            yield (
+                f"K0 is {largest:.3g}: the horizontal stress is {largest:.3g} times the vertical "
+                "one; per cent need their sign, '80 %'"
+            )
+        if isinstance(model, HeimStress) and model.vertical is not None:
+            pressure = model.vertical.value(values)
+            if pressure > _DEEPEST:
+                yield (
+                    f"the vertical in-situ stress is {_stress(pressure)}, more than 12 km of rock "
+                    "weigh: check its unit"
+                )
+
+
+def _numbers(record: Any) -> Iterator[tuple[str, Scalar]]:
+    """Numbers of a record with the names of its fields."""
+    if not is_dataclass(record):
+        return
+    for entry in fields(record):
+        value = getattr(record, entry.name)
+        if isinstance(value, Scalar):
+            yield entry.name, value
+
+
+def _stress(size: float) -> str:
+    for factor, unit in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")):
+        if abs(size) >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size:.3g} Pa"

@@ -1,0 +1,66 @@
+"""Mistakes that a case may hold without being wrong: units and signs that nobody meant."""
+
+import json
+
+import pytest
+from support.commands import run_command
+from support.trench import CASE, READINGS, write_case
+
+from geoident.workflow.check import check
+
+
+@pytest.fixture
+def notes(tmp_path):
+    """What `check` notes of the trench with changes."""
+
+    def read(*changes):
+        path = write_case(tmp_path)
+        text = CASE
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path.write_text(text)
+        return " | ".join(check(str(path)).summary.notes)
+
+    return read
+
+
+def test_an_ordinary_case_is_not_doubted(notes):
+    assert "check its unit" not in notes()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("point: [1 m, 4 m], accuracy: 0.01 mm", "point: [1 m, 4 m], accuracy: 0.1 m",
+         "the accuracy of S is 100 mm; gauges of the kind settlement have about 0.3 mm"),
+        ("{start: 2 GPa, bounds: [0.1 GPa, 50 GPa]", "{start: 2 kPa, bounds: [0.1 kPa, 50 kPa]",
+         "E of 'rock' is 2 kPa, softer than any ground: check its unit"),
+        ("K0: {start: 1.0, bounds: [0.2, 4]}", "K0: {start: 100, bounds: [20, 400]}",
+         "K0 is 100: the horizontal stress is 100 times the vertical one; per cent need"),
+        ("vertical: 1 MPa", "vertical: 1 GPa",
+         "the vertical in-situ stress is 1 GPa, more than 12 km of rock weigh: check its unit"),
+    ],
+)  # fmt: skip
+def test_a_unit_that_nobody_meant_is_noted(notes, old, new, said):
+    assert said in notes((old, new))
+
+
+def findings(tmp_path, readings):
+    path = write_case(tmp_path)
+    (tmp_path / "readings.csv").write_text(readings)
+    told = run_command("fit", str(path), "--json", "-q", "--force")
+    return " | ".join(json.loads(told.stdout)["findings"])
+
+
+def test_readings_with_the_other_sign_are_found(tmp_path):
+    said = findings(tmp_path, READINGS)
+    assert "opposite signs" not in said
+    header, *rows = READINGS.splitlines()
+    cells = [row.split(",") for row in rows]
+    rows = [f"{gauge},{stage},{-float(value)},{unit}" for gauge, stage, value, unit in cells]
+    turned = "\n".join([header, *rows]) + "\n"
+    said = findings(tmp_path, turned)
+    assert "The readings of CV, S" in said
+    assert "run against the model: measured and computed have opposite signs" in said
+    assert "'sign: -1'" in said
