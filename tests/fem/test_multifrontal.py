@@ -241,3 +241,140 @@ def test_memory_of_what_lasts_goes_with_its_last_analysis(fine):
     assert len(solver._parts) == 1
     del analysis, factor
     assert len(solver._parts) == 0
+
+
+def mechanism(n, hold):
+    """A chain of n springs, held at one end by a spring of a given stiffness."""
+    matrix = np.diag(np.full(n, 2.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    matrix[-1, -1], matrix[0, 0] = 1.0, 1.0 + hold
+    return matrix
+
+
+def in_single(matrix):
+    """(analysis in single precision, values) of a matrix in its own order."""
+    pattern, values = lower(matrix, np.arange(len(matrix)))
+    return MultifrontalSolver(single=True).analyse(pattern), values
+
+
+def test_single_precision_is_refined_to_double_in_few_steps():
+    points, *graph = grid((6, 6, 6))
+    matrix = stiffness(*graph, 3, 0)
+    order = spread(nested_dissection(points, *graph), 3)
+    pattern, values = lower(matrix, order)
+    solver = MultifrontalSolver(single=True)
+    analysis = solver.analyse(pattern)
+    rhs = np.random.default_rng(0).normal(size=(pattern.n, 70))
+    solution = analysis.factorize(values).solve(rhs)
+    assert analysis.single
+    assert residual(matrix, order, solution, rhs) < 2e-15
+    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
+    np.testing.assert_allclose(solution, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
+    assert 70 <= solver.counts.refinements <= 4 * 70
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e6, 1e12])
+def test_units_and_stiff_inclusions_do_not_hurt_single_precision(ratio):
+    points, *graph = grid((6, 5, 5))
+    scale = np.ones((len(points),) * 2)
+    inside = np.abs(points - 2).max(axis=1) <= 1
+    scale[np.ix_(inside, inside)] = ratio
+    matrix = stiffness(*graph, 3, 0, scale) * 1e10
+    order = spread(nested_dissection(points, *graph), 3)
+    pattern, values = lower(matrix, order)
+    rhs = np.random.default_rng(0).normal(size=(pattern.n, 2))
+    solution = MultifrontalSolver(single=True).analyse(pattern).factorize(values).solve(rhs)
+    assert residual(matrix, order, solution, rhs) < 1e-14
+
+
+@pytest.mark.parametrize("hold", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_a_body_that_is_barely_held_is_solved_in_double_where_single_is_not_enough(hold):
+    matrix = mechanism(50, hold)
+    analysis, values = in_single(matrix)
+    rhs = np.ones((50, 1))
+    solution = analysis.factorize(values).solve(rhs)
+    exact = MultifrontalSolver(single=False).analyse(analysis.pattern).factorize(values).solve(rhs)
+    assert analysis.single == (hold > 1e-5)
+    assert residual(matrix, np.arange(50), solution, rhs) < 1e-14
+    np.testing.assert_allclose(solution, exact, rtol=1e-3 * 1e-12 / hold + 1e-9)
+
+
+@pytest.mark.parametrize("hold", [0.0, -1e-9, -1e-7, -1e-4])
+def test_a_body_that_is_not_held_or_pushed_away_is_refused_in_single_precision(hold):
+    for n in (10, 50, 300):
+        analysis, values = in_single(mechanism(n, hold))
+        with pytest.raises(NotPositiveDefinite):
+            analysis.factorize(values)
+
+
+def test_an_indefinite_matrix_is_refused_in_single_precision_wherever_it_is():
+    points, *graph = grid((5, 5, 4))
+    matrix = stiffness(*graph, 2, 7)
+    least = np.linalg.eigvalsh(matrix)[0]
+    order = spread(nested_dissection(points, *graph), 2)
+    for unknown in range(0, len(matrix), 9):
+        bad = matrix.copy()
+        # The entry at which the smallest eigenvalue is just below zero.
+        bad[unknown, unknown] -= (1.0 + 1e-9) / np.linalg.inv(matrix)[unknown, unknown]
+        assert np.linalg.eigvalsh(bad)[0] < least
+        pattern, values = lower(bad, order)
+        with pytest.raises(NotPositiveDefinite):
+            MultifrontalSolver(single=True).analyse(pattern).factorize(values)
+
+
+def test_single_precision_keeps_what_lasts_too(fine):
+    staged, counts = Staged(), SolverCounts()
+    solver = MultifrontalSolver(counts, single=True)
+    for gone, factor in ((False, 1.0), (True, 1.0), (True, 2.3), (False, 2.3)):
+        matrix, pattern, values = staged.stage(gone=gone, lasting=factor, change=1.0)
+        if factor == 1.0 and not gone:
+            analyses = {g: solver.analyse(staged.stage(gone=g)[1]) for g in (False, True)}
+        rhs = np.random.default_rng(0).normal(size=(pattern.n, 2))
+        solution = analyses[gone].factorize(values).solve(rhs)
+        assert residual(matrix, np.arange(pattern.n), solution, rhs) < 1e-14
+    assert counts.kept_flops > counts.flops / 3
+    assert counts.refinements > 0
+
+
+def test_nearly_incompressible_ground_is_solved(fine):
+    """Bulk against shear modulus as at nu = 0.4999: an element's K = B B^T + 5000 b b^T."""
+    points, *graph = grid((5, 4, 4))
+    rng = np.random.default_rng(0)
+    matrix = stiffness(*graph, 3, 0)
+    n = len(matrix)
+    for i in range(len(points)):
+        near = graph[1][graph[0][i] : graph[0][i + 1]]
+        at = spread(near, 3)
+        b = rng.normal(size=len(at))
+        matrix[np.ix_(at, at)] += 5e3 * np.outer(b, b) * (len(near) == 27)
+    order = spread(nested_dissection(points, *graph), 3)
+    rhs = rng.normal(size=(n, 2))
+    for single in (False, True):
+        full = sp.csc_array(np.tril(matrix[np.ix_(order, order)]))
+        full.sort_indices()
+        arrays = (np.asarray(a, dtype=np.int64) for a in (full.indptr, full.indices))
+        analysis = MultifrontalSolver(single=single).analyse(LowerPattern(*arrays))
+        solution = analysis.factorize(full.data).solve(rhs)
+        assert residual(matrix, order, solution, rhs) < 1e-14
+
+
+def test_memory_is_used_again_and_given_back():
+    points, *graph = grid((6, 6, 5))
+    pattern, values = lower(stiffness(*graph, 2, 0), spread(nested_dissection(points, *graph), 2))
+    solver = MultifrontalSolver(single=False)
+    analysis = solver.analyse(pattern)
+    first = analysis.factorize(values)
+    rhs = np.ones((pattern.n, 1))
+    before = first.solve(rhs)
+    second = analysis.factorize(2.0 * values)
+    with pytest.raises(RuntimeError):
+        first.solve(rhs)
+    np.testing.assert_allclose(second.solve(rhs), 0.5 * before, rtol=1e-12)
+    spare = solver._memory._spare
+    assert len(spare) == 2
+    del first
+    spare = solver._memory._spare
+    assert len(spare) == 3
+    kept = {id(block) for block in spare}
+    third = analysis.factorize(3.0 * values)
+    np.testing.assert_allclose(third.solve(rhs), before / 3.0, rtol=1e-12)
+    assert {id(block) for block in solver._memory._spare} < kept

@@ -24,12 +24,15 @@ from geoident.fem.solvers import (
     splu,
 )
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite
+from geoident.fem.solvers.multifrontal import MultifrontalSolver
 
 INSTALLED = {info.name: info.available for info in solver_report()}
 
 
-@pytest.fixture(params=SOLVERS)
+@pytest.fixture(params=(*SOLVERS, "single"))
 def solver(request):
+    if request.param == "single":
+        return MultifrontalSolver(single=True)
     if not INSTALLED[request.param]:
         pytest.skip(f'needs pip install "geoident[{request.param}]"')
     return pick_solver(request.param)

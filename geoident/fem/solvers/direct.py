@@ -32,6 +32,7 @@ class SolverCounts:
         solves: right-hand sides solved.
         flops: multiplications and additions in factorizations, where the solver counts them.
         kept_flops: those that were not needed again, since parts of a factor were kept.
+        refinements: steps of refinement of solutions in single precision, column by column.
     """
 
     analyses: int = 0
@@ -39,6 +40,7 @@ class SolverCounts:
     solves: int = 0
     flops: float = 0.0
     kept_flops: float = 0.0
+    refinements: int = 0
 
 
 @dataclass(frozen=True)
@@ -219,19 +221,27 @@ class DirectAnalysis(ABC):
         """Factorize and return how to solve; the diagonal (n,) of the matrix is for the checks."""
 
 
-def check_pivots(pivots: Floats, diagonal: Floats, unknowns: Ints | None = None) -> None:
+def check_pivots(
+    pivots: Floats,
+    diagonal: Floats,
+    unknowns: Ints | None = None,
+    *,
+    least: float | None = None,
+) -> None:
     """Refuse a matrix with a pivot that is not clearly positive.
 
     Args:
         pivots: (n,) diagonal of D in L D L^T.
         diagonal: (n,) diagonal of the matrix, by unknown.
         unknowns: (n,) unknown that each pivot belongs to; None if they stand in order.
+        least: part of the diagonal entry that a pivot must exceed; None for `SINGULAR`.
 
     Raises:
         NotPositiveDefinite: with the worst unknown.
     """
     scale = diagonal if unknowns is None else diagonal[unknowns]
-    bad = np.flatnonzero(~(pivots > SINGULAR * np.abs(scale)))
+    part = SINGULAR if least is None else least
+    bad = np.flatnonzero(~(pivots > part * np.abs(scale)))
     if bad.size:
         first = int(bad[0])
         raise NotPositiveDefinite(first if unknowns is None else int(unknowns[first]))

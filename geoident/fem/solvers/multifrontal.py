@@ -1,11 +1,13 @@
 """Our own multifrontal Cholesky factorization, on scipy's BLAS, as a `Solver`.
 
-It needs nothing but numpy and scipy, uses all cores, and keeps what it has found of unknowns whose
-equations last from stage to stage (`fronts.lasting`).
+It needs nothing but numpy and scipy, takes all cores, keeps what it has found of unknowns whose
+equations last from stage to stage (`fronts.lasting`), and factorizes what is large in single
+precision, with solutions refined to double precision (`fronts.single`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -18,11 +20,24 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     check_pivots,
 )
-from geoident.fem.solvers.fronts.blas import Dense, kernels
+from geoident.fem.solvers.fronts.blas import Dense, Kernels, kernels
 from geoident.fem.solvers.fronts.elimination import Eliminated, Strips, eliminate
-from geoident.fem.solvers.fronts.lasting import KeptPart, LastingPart, lasting_columns
-from geoident.fem.solvers.fronts.layout import layout
+from geoident.fem.solvers.fronts.lasting import LastingPart, lasting_columns
+from geoident.fem.solvers.fronts.layout import EliminationPlan, layout
+from geoident.fem.solvers.fronts.memory import Memory
+from geoident.fem.solvers.fronts.single import (
+    CONTRACTION,
+    NotContracting,
+    SymmetricMatrix,
+    contraction,
+    in_range,
+    refined,
+    single_pays,
+)
 from geoident.model.arrays import Floats, Ints
+
+SUSPICIOUS = 1e-6
+"""A pivot in single precision below this part of its diagonal entry is looked at in double."""
 
 
 class MultifrontalSolver:
@@ -30,25 +45,29 @@ class MultifrontalSolver:
 
     Args:
         counts: where to count; its own if not given.
+        single: factorize in single precision; None: where that is faster or saves much memory.
     """
 
     name = "multifrontal"
     keeps_from = 0.0
 
-    def __init__(self, counts: SolverCounts | None = None) -> None:
+    def __init__(self, counts: SolverCounts | None = None, *, single: bool | None = None) -> None:
         self.counts = counts if counts is not None else SolverCounts()
+        self._single, self._memory = single, Memory()
         self._parts: WeakValueDictionary[bytes, LastingPart] = WeakValueDictionary()
 
     def analyse(self, pattern: LowerPattern) -> MultifrontalAnalysis:
         """Find the fronts of this pattern."""
         if not pattern.lasting or pattern.names is None:
-            return MultifrontalAnalysis(pattern, self.counts)
+            return MultifrontalAnalysis(pattern, self.counts, self._memory, self._single)
         columns = lasting_columns(pattern)
         part = self._parts.get(columns.key)
         if part is None:
-            part = LastingPart(columns, kernels("f8"))
+            part = LastingPart(columns, self._memory)
             self._parts[columns.key] = part
-        return MultifrontalAnalysis(pattern, self.counts, part, columns.border)
+        return MultifrontalAnalysis(
+            pattern, self.counts, self._memory, self._single, part, columns.border
+        )
 
 
 class MultifrontalAnalysis(DirectAnalysis):
@@ -57,6 +76,8 @@ class MultifrontalAnalysis(DirectAnalysis):
     Args:
         pattern: the pattern.
         counts: where to count.
+        memory: of the solver.
+        single: factorize in single precision; None to choose.
         lasting: the unknowns that last, if there are some.
         border: (b,) unknowns at their border.
     """
@@ -65,11 +86,13 @@ class MultifrontalAnalysis(DirectAnalysis):
         self,
         pattern: LowerPattern,
         counts: SolverCounts,
+        memory: Memory,
+        single: bool | None = None,
         lasting: LastingPart | None = None,
         border: Ints | None = None,
     ) -> None:
         super().__init__(pattern, counts)
-        self._lasting = lasting
+        self._lasting, self._memory = lasting, memory
         n = 0 if lasting is None else lasting.n
         self._n = n
         self._border = np.empty(0, dtype=np.int64) if border is None else border - n
@@ -77,74 +100,131 @@ class MultifrontalAnalysis(DirectAnalysis):
         indptr, indices = pattern.indptr[n:] - self._first, pattern.indices[self._first :] - n
         cliques = [] if lasting is None else [self._border[c] for c in lasting.cliques()]
         rest = pattern.n - n
-        self._layout = layout(indptr, indices, rest, cliques, keep_order=lasting is not None)
+        self._plan = layout(indptr, indices, rest, cliques, keep_order=lasting is not None)
+        self._whole: EliminationPlan | None = self._plan if lasting is None else None
+        entries = self._plan.panel_size + (0 if lasting is None else lasting.plan.panel_size)
+        work = self._plan.flops if lasting is None else 0.0
+        self.single = single_pays(work, entries) if single is None else single
+        """Whether it factorizes in single precision, if the matrix allows."""
 
     def _release(self) -> None:
         """The factor dies with its last user: nothing of it is kept here."""
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        plan, n = self._layout, self._n
-        kept: KeptPart | None = None
+        if not (self.single and in_range(diagonal)):
+            return self._parts(values, diagonal, kernels("f8")).solve
+        solve = self._in_single(values, diagonal)
+        if solve is None:
+            solve = self._in_double(values, diagonal)
+            self.single = False  # it would not be enough the next time either
+        return solve
+
+    def _in_single(self, values: Floats, diagonal: Floats) -> Solve | None:
+        """How to solve by a factorization in single precision; None if that is not enough."""
+        try:
+            factor = self._parts(values, diagonal, kernels("f4"))
+        except NotPositiveDefinite:
+            return None
+        kept = values.copy()
+        matrix = SymmetricMatrix(self.pattern, kept)
+        if not contraction(matrix, factor.precondition) < CONTRACTION:
+            return None
+        instead: list[Solve] = []
+
+        def solve(rhs: Floats) -> Floats:
+            if not instead:
+                try:
+                    return refined(matrix, factor.precondition, rhs, self.counts)
+                except NotContracting:
+                    instead.append(self._in_double(kept, matrix.diagonal))
+            return instead[0](rhs)
+
+        return solve
+
+    def _in_double(self, values: Floats, diagonal: Floats) -> Solve:
+        """A factorization of the whole in double precision, where single is not enough."""
+        if self._whole is None:
+            pattern = self.pattern
+            self._whole = layout(pattern.indptr, pattern.indices, pattern.n)
+        plan = self._whole
+        self.counts.flops += plan.flops
+        found = eliminate(plan, kernels("f8"), values, self._memory)
+        check_pivots(found.pivots(), diagonal, plan.order)
+        return _Parts(None, 1.0, self._border, found).solve
+
+    def _parts(self, values: Floats, diagonal: Floats, kernel: Kernels) -> _Parts:
+        """The factorization, of which what lasts may be kept from an earlier one."""
+        single = kernel.dtype == np.float32
+        least = SUSPICIOUS if single else None
+        plan, n = self._plan, self._n
+        part: Eliminated | None = None
         factor, outside = 1.0, list[Strips]()
         if self._lasting is not None:
-            kept, factor = self._lasting.at(values[: self._first], diagonal[:n], self.counts)
-            found = kept.eliminated
-            outside = [_scaled(found.kept[k], factor) for k in found.layout.roots]
+            kept, factor = self._lasting.at(
+                values[: self._first], diagonal[:n], kernel, self.counts, least
+            )
+            part = kept.eliminated
+            outside = [_scaled(part.kept[k], factor) for k in part.layout.roots]
         self.counts.flops += plan.flops
         try:
-            rest = eliminate(plan, kernels("f8"), values[self._first :], outside)
+            rest = eliminate(plan, kernel, values[self._first :], self._memory, outside)
+            check_pivots(rest.pivots(), diagonal[n:], plan.order, least=least)
         except NotPositiveDefinite as error:
-            raise NotPositiveDefinite(n + (error.unknown or 0)) from error
-        order = plan.order
-        try:
-            check_pivots(rest.pivots(), diagonal[n:], order)
-        except NotPositiveDefinite as error:
-            raise NotPositiveDefinite(n + (error.unknown or 0)) from error
-        if kept is None:
-            return lambda rhs: _solve(rest, rhs)
-        part = kept.eliminated
-        return lambda rhs: _solve_both(part, factor, self._border, rest, rhs)
+            unknown = None if error.unknown is None else n + error.unknown
+            raise NotPositiveDefinite(unknown) from error
+        return _Parts(part, factor, self._border, rest)
 
 
-def _scaled(strips: Strips, factor: float) -> Strips:
-    return strips if factor == 1.0 else [factor * strip for strip in strips]
-
-
-def _solve(factor: Eliminated, rhs: Floats) -> Floats:
-    """Solutions (n, k) by a factor of the whole matrix."""
-    order = factor.layout.order
-    x: Dense = np.ascontiguousarray(rhs[order])
-    factor.forward(x)
-    factor.backward(x)
-    rhs[order] = x
-    return rhs
-
-
-def _solve_both(
-    part: Eliminated, scale: float, border: Ints, rest: Eliminated, rhs: Floats
-) -> Floats:
-    """Solutions (n, k) where the first unknowns were eliminated for the matrix over a factor.
+@dataclass(frozen=True)
+class _Parts:
+    """A factor whose first unknowns were eliminated for the matrix over a factor.
 
     Args:
-        part: elimination of the first unknowns.
+        part: elimination of the first unknowns; None if there are none.
         scale: factor of their columns.
         border: (b,) unknowns of the rest at their border.
         rest: factor of what is left.
-        rhs: right-hand sides.
     """
-    n = part.layout.n_eliminated
-    first, second = part.layout.order, rest.layout.order
-    x = np.zeros((len(first), rhs.shape[1]))
-    x[:n] = rhs[first[:n]]
-    part.forward(x)
-    y = rhs[n:]
-    y[border] += x[n:]
-    z = np.ascontiguousarray(y[second])
-    rest.forward(z)
-    rest.backward(z)
-    y[second] = z
-    x[:n] /= scale
-    x[n:] = y[border]
-    part.backward(x)
-    rhs[first[:n]] = x[:n]
-    return rhs
+
+    part: Eliminated | None
+    scale: float
+    border: Ints
+    rest: Eliminated
+
+    def precondition(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) in single precision; columns are brought into its range."""
+        size = np.abs(rhs).max(axis=0)
+        size[~(size > 0)] = 1.0
+        return np.asarray(self.solve(np.asfortranarray(rhs / size)) * size)
+
+    def solve(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) in the place of right-hand sides."""
+        dtype, rest, part = self.rest.kernels.dtype, self.rest, self.part
+        second = rest.layout.order
+        if part is None:
+            z: Dense = np.ascontiguousarray(rhs[second], dtype=dtype)
+            rest.forward(z)
+            rest.backward(z)
+            rhs[second] = z
+            return rhs
+        n, first = part.layout.n_eliminated, part.layout.order
+        x: Dense = np.zeros((len(first), rhs.shape[1]), dtype=dtype)
+        x[:n] = rhs[first[:n]]
+        part.forward(x)
+        y = rhs[n:]
+        y[self.border] += x[n:]
+        z = np.ascontiguousarray(y[second], dtype=dtype)
+        rest.forward(z)
+        rest.backward(z)
+        y[second] = z
+        x[:n] /= self.scale
+        x[n:] = y[self.border]
+        part.backward(x)
+        rhs[first[:n]] = x[:n]
+        return rhs
+
+
+def _scaled(strips: Strips, factor: float) -> Strips:
+    if factor == 1.0:
+        return strips
+    return [strip * strip.dtype.type(factor) for strip in strips]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from geoident.fem.solvers import AUTO, picked
+from geoident.fem.refinement.finer import n_raised
+from geoident.fem.solvers import AUTO, LARGE, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
+from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -57,8 +59,8 @@ def estimate_cost(
     once = max((c.lasting for c in costs), default=0.0)
     flops = steps * (once + sum(c.flops - c.lasting for c in costs))
     entries = sum(c.entries for c in costs)
+    most = max((c.flops for c in costs), default=0.0)
     if solver == AUTO:
-        most = max((c.flops for c in costs), default=0.0)
         solver = picked(most, lasting=once > 0)
     seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
@@ -68,7 +70,9 @@ def estimate_cost(
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
     state = 8.0 * points * columns * (model.discretization.points.n_strain + 2)
     state += _YIELD_BYTES * points / 4 if model.yields else 0
-    memory = _PROGRAM + largest * _BYTES[solver] + 4 * stiffness + 4 * state
+    single = solver == LARGE and single_pays(0.0 if once else most, largest)
+    size = _BYTES[solver] * (0.5 if single else 1.0)
+    memory = _PROGRAM + largest * size + 4 * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
@@ -89,6 +93,26 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
         seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
     )
+
+
+def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
+    """About what one evaluation costs with elements of second order on the same edges, in space.
+
+    As on a refined mesh, with k times the nodes; those on edges have half as many neighbours more.
+
+    Args:
+        model: of the case, with elements of first order.
+        cost: of one evaluation on its own mesh.
+    """
+    k = n_raised(model.mesh) / model.mesh.n_nodes
+    return replace(
+        cost,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k ** (4.0 / 3.0),
+        seconds=cost.seconds * _DENSER * k**2,
+    )
+
+
+_DENSER = 1.5
 
 
 def evaluations_text(methods: Sequence[MethodOptions], n: int, *, yields: bool) -> str:

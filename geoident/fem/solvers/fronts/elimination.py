@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +13,7 @@ import numpy as np
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.solvers.fronts.blas import Dense, Kernels, one_thread
 from geoident.fem.solvers.fronts.layout import EliminationPlan, FrontLayout, Runs
+from geoident.fem.solvers.fronts.memory import Memory
 from geoident.fem.solvers.fronts.tasks import Work, run_tasks
 from geoident.model.arrays import Floats, Ints
 
@@ -85,7 +87,11 @@ class Eliminated:
 
 
 def eliminate(
-    plan: EliminationPlan, kernels: Kernels, values: Dense, outside: Sequence[Strips] = ()
+    plan: EliminationPlan,
+    kernels: Kernels,
+    values: Dense,
+    memory: Memory,
+    outside: Sequence[Strips] = (),
 ) -> Eliminated:
     """Eliminate the unknowns of a matrix.
 
@@ -93,17 +99,41 @@ def eliminate(
         plan: where everything goes.
         kernels: of the precision.
         values: (nnz,) of the matrix.
+        memory: to be used, and given back when the factor is not used any more.
         outside: update matrices that are added.
 
     Raises:
         NotPositiveDefinite: with the unknown whose pivot is not positive.
     """
-    memory = _Memory(plan, kernels)
+    store = memory.take(plan.panel_size, kernels.dtype)
+    stacks = [memory.take(size, kernels.dtype) for size in plan.stacks]
+    places = _Places(kernels, store, stacks)
     panels: list[Strips] = []
     updates: dict[int, Strips] = {}
+    try:
+        _eliminate_all(plan, kernels, values, outside, places, panels, updates)
+    except NotPositiveDefinite:
+        memory.give(store, *stacks)
+        raise
+    memory.give(*stacks)
+    found = Eliminated(plan, kernels, tuple(panels), updates)
+    weakref.finalize(found, memory.give, store).atexit = False
+    return found
+
+
+def _eliminate_all(
+    plan: EliminationPlan,
+    kernels: Kernels,
+    values: Dense,
+    outside: Sequence[Strips],
+    places: _Places,
+    panels: list[Strips],
+    updates: dict[int, Strips],
+) -> None:
+    """Eliminate front by front; fills in the panels, and what the roots pass on."""
     with one_thread():
         for number, front in enumerate(plan.fronts):
-            strips = memory.strips(front)
+            strips = places.strips(front)
             for strip, (target, source) in zip(strips, front.entries, strict=False):
                 strip.reshape(-1, order="F")[target] = values[source]
             for child, runs in front.children:
@@ -116,16 +146,13 @@ def eliminate(
             panels.append(strips[: front.n_panels])
             if len(front.rows):
                 updates[number] = strips[front.n_panels :]
-    return Eliminated(plan, kernels, tuple(panels), updates)
 
 
-class _Memory:
-    """Memory of a factorization: that of the factor, and two stacks that are used again."""
+class _Places:
+    """Where fronts lie: the pivots one after another, update matrices on two stacks."""
 
-    def __init__(self, plan: EliminationPlan, kernels: Kernels) -> None:
-        self._dtype = kernels.dtype
-        self._store = np.empty(plan.panel_size, dtype=self._dtype)
-        self._stacks = [np.empty(size, dtype=self._dtype) for size in plan.stacks]
+    def __init__(self, kernels: Kernels, store: Dense, stacks: Sequence[Dense]) -> None:
+        self._dtype, self._store, self._stacks = kernels.dtype, store, stacks
         self._at = 0
 
     def strips(self, front: FrontLayout) -> Strips:

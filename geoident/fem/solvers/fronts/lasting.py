@@ -25,6 +25,7 @@ from geoident.fem.solvers.direct import (
 from geoident.fem.solvers.fronts.blas import Kernels
 from geoident.fem.solvers.fronts.elimination import Eliminated, eliminate
 from geoident.fem.solvers.fronts.layout import layout
+from geoident.fem.solvers.fronts.memory import Memory
 from geoident.model.arrays import Floats, Ints
 
 SAME = 16.0 * float(np.finfo(np.float64).eps)
@@ -97,42 +98,52 @@ class LastingPart:
 
     Args:
         columns: of one of the patterns.
-        kernels: of the precision.
+        memory: of the solver.
     """
 
-    def __init__(self, columns: LastingColumns, kernels: Kernels) -> None:
-        self._columns, self._kernels = columns, kernels
+    def __init__(self, columns: LastingColumns, memory: Memory) -> None:
+        self._columns, self._memory = columns, memory
         self.n = len(columns.indptr) - 1 - len(columns.border)
-        self.layout = layout(columns.indptr, columns.indices, self.n)
+        self.plan = layout(columns.indptr, columns.indices, self.n)
         self._kept: KeptPart | None = None
 
     def cliques(self) -> list[Ints]:
         """For each root that passes something on, its rows, counted along the border."""
-        plan = self.layout
+        plan = self.plan
         return [plan.order[plan.fronts[k].rows] - self.n for k in plan.roots]
 
-    def at(self, values: Floats, diagonal: Floats, counts: SolverCounts) -> tuple[KeptPart, float]:
+    def at(
+        self,
+        values: Floats,
+        diagonal: Floats,
+        kernel: Kernels,
+        counts: SolverCounts,
+        least: float | None = None,
+    ) -> tuple[KeptPart, float]:
         """The elimination for some values, kept or made, and the factor by which it is multiplied.
 
         Args:
             values: of the columns.
             diagonal: (n,) of the matrix.
+            kernel: of the precision.
             counts: where to count.
+            least: smallest pivot, as `check_pivots` takes it.
 
         Raises:
             NotPositiveDefinite: with the unknown.
         """
-        if self._kept is not None:
-            factor = self._kept.factor_to(values)
+        kept = self._kept
+        if kept is not None and kept.eliminated.kernels is kernel:
+            factor = kept.factor_to(values)
             if factor is not None:
-                counts.kept_flops += self.layout.flops
-                return self._kept, factor
-            self._kept = None  # its memory is given back before the next is made
-        counts.flops += self.layout.flops
-        eliminated = eliminate(self.layout, self._kernels, values)
-        check_pivots(eliminated.pivots(), diagonal, self.layout.order[: self.n])
-        kept = values.copy()
-        self._kept = KeptPart(eliminated, kept, self._tolerance(kept))
+                counts.kept_flops += self.plan.flops
+                return kept, factor
+        kept = self._kept = None  # its memory is given back before the next is made
+        counts.flops += self.plan.flops
+        eliminated = eliminate(self.plan, kernel, values, self._memory)
+        check_pivots(eliminated.pivots(), diagonal, self.plan.order[: self.n], least=least)
+        own = values.copy()
+        self._kept = KeptPart(eliminated, own, self._tolerance(own))
         return self._kept, 1.0
 
     def _tolerance(self, values: Floats) -> Floats:
