@@ -41,7 +41,11 @@ class Reduction:
         observation: its gauges.
         last: the last state wanted.
         most: how many marches count at most, the newest.
-        economical: have none where it costs more than the marches that a search saves.
+        economical: have none where it costs more than the marches that a search saves, and second
+            derivatives only in its first marches.
+
+    Attributes:
+        number: of the next march in a search; None to count those that are kept.
     """
 
     def __init__(
@@ -60,6 +64,7 @@ class Reduction:
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
         self._projection: GalerkinProjection | None = None
         self._prepared = False
+        self.number: int | None = None
         self.obstacle = reduction_obstacle(march)
 
     def _prepare(self) -> str | None:
@@ -147,7 +152,8 @@ class Reduction:
         if self.obstacle is not None:
             return None
         parts = self._zones, self._spans, self._loads
-        second = len(self.snapshots) < _WITH_SECOND
+        number = len(self.snapshots) if self.number is None else self.number
+        second = number < _WITH_SECOND or not self._economical
         return Recorder(self._march, self._observation, *parts, p, second=second)
 
     def model(self, reference: Floats | None = None) -> ReducedModel | None:

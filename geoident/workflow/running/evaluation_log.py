@@ -84,6 +84,9 @@ class KeepsMarches(HasReducedModel, Protocol):
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have it made of the marches at some parameter vectors (n,), in that order."""
 
+    def expect_march(self, number: int) -> None:
+        """The next march is the one of a number in a search, from 0."""
+
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
     """All that the identifiers may ask of the staged model."""
@@ -142,6 +145,8 @@ class Remembered:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
+        if isinstance(self._inner, KeepsMarches):
+            self._inner.expect_march(len(self._visited))
         known = self._known("evaluate", p, lambda: self._evaluate(p))
         if not any(np.array_equal(p, other) for other in self._visited):
             self._visited.append(p.copy())
