@@ -100,7 +100,7 @@ def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measu
     problem = Problem(response, measured, np.full(len(measured), SD), tuple(staged.case.parameters))
     axes = {"E": ScanAxis(3e9, 9e9, 11), "K0": ScanAxis(0.8, 1.6, 11)}
     options = ScanOptions(axes)
-    led = with_reduced_readings(problem, staged, staged.response(PAIRS_PLANE), options)
+    led = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
     assert isinstance(led.response, ReducedReadings)
     found, whole = (scan(one, options, lambda _: None).grid.objective for one in (led, problem))
     assert np.all(np.abs(found - whole) <= LEAST + 1.01 * NEAR * whole)
@@ -115,5 +115,5 @@ def test_a_small_grid_is_not_worth_a_reduced_model(measured):
     sd = np.full(len(measured), SD)
     problem = Problem(staged.response(PAIRS_PLANE), measured, sd, tuple(staged.case.parameters))
     options = ScanOptions({"E": ScanAxis(3e9, 9e9, 20)})
-    again = with_reduced_readings(problem, staged, staged.response(PAIRS_PLANE), options)
+    again = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
     assert again is problem

@@ -93,8 +93,9 @@ def estimated(
     if start is not None:
         problem = problem.begun_at(start)
     only = methods[0] if len(methods) == 1 else None
-    if isinstance(only, ScanOptions) and isinstance(setup.model, StagedModel):
-        problem = with_reduced_readings(problem, setup.model, used_response(setup), only)
+    staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
+    if isinstance(only, ScanOptions) and staged:
+        problem = with_reduced_readings(problem, used_response(setup), only)
     first = _search(problem, methods, control)
     try:
         return _with_all_errors(setup, problem, first, methods, control)

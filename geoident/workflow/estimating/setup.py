@@ -133,7 +133,8 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     # the closed form costs nothing: there is nothing to remember
     response: Response = staged
     if isinstance(staged, StagedResponse):
-        staged.keep_marches()
+        if case.fit.reduced:
+            staged.keep_marches()
         response = Remembered(staged, log, before=control.stop.check)
     structure = structure_of_used(case, used)
     if structure is None:

@@ -22,7 +22,7 @@ from geoident.workflow.running.answers import Answer, Asked, Compute
 CLOSE = 0.02
 """Part of the accuracy of a reading by which the reduced model may be off."""
 
-MARCHES = 6
+MARCHES = 8
 """Marches of which the reduced model is made at most."""
 
 _GOOD = 1e-5

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.model import StagedModel, StagedResponse
+from geoident.forward.model import StagedResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -116,15 +116,12 @@ class ReducedReadings:
         )
 
 
-def with_reduced_readings(
-    problem: Problem, model: StagedModel, response: Response, options: ScanOptions
-) -> Problem:
+def with_reduced_readings(problem: Problem, response: Response, options: ScanOptions) -> Problem:
     """The problem of a scan, with a reduced model where the case has one and it is worth while.
 
     Args:
         problem: of the scan.
-        model: of the case.
-        response: of the model in the readings of the problem.
+        response: of the model in the readings of the problem, not logged.
         options: the grid.
     """
     axes = grid_axes(problem.parameters, options)
@@ -138,13 +135,13 @@ def with_reduced_readings(
     for (name, axis), place in zip(axes.items(), places, strict=True):
         training[:, names.index(name)] = axis[place]
     training = training[[response.admissible(p) is None for p in training]]
-    before = model.counts
+    before = response.counts
     reduced = None
     if len(training):
         reduced = reduced_around(response, training[len(training) // 2], training, MARCHES_OF_GRID)
     if reduced is None:
         return problem
-    after = model.counts
+    after = response.counts
     spent = Counts(
         after.evaluations - before.evaluations,
         after.analyses,
