@@ -488,7 +488,13 @@ class StagedResponse:
     def leap(
         self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
     ) -> Floats | None:
-        """What is found with the reduced model of the marches that were kept; None for none."""
+        """What is found with the reduced model of the marches that were kept, (k,); None for none.
+
+        Args:
+            p: (n,) where the search is.
+            key: tells this question from others that are asked there.
+            find: looks for it.
+        """
         found = self.reduced()
         return None if found is None else find(found)
 

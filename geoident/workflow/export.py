@@ -26,7 +26,7 @@ from geoident.io.result.vtkhdf import (
 )
 from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
-from geoident.io.text.mark import Origin, marked, origin_of
+from geoident.io.text.mark import CaseOrigin, marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
 from geoident.workflow.running.outputs import kept_results
 from geoident.workflow.running.remade import foreign
@@ -107,7 +107,7 @@ class Export:
         """The list of files that were made of the result, and of earlier ones of its case."""
         return self.folder / f"{stem(self.path)}.sha256"
 
-    def _origin(self, listing: Path) -> Origin:
+    def _origin(self, listing: Path) -> CaseOrigin:
         return origin_of([case_path(self.path, self.result.provenance.case_file)], listing)
 
     def _listed(self, listing: Path) -> tuple[dict[str, str], str]:

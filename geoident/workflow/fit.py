@@ -114,7 +114,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
-            *opposite_findings(gauges),
+            *opposite_findings(gauges, job.inputs.case),
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),

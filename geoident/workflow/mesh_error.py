@@ -62,6 +62,7 @@ def check_mesh_error(
     values = start_values(model.case, model)
     at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
     found = mesh_error(model, inputs.case, at)
+    found = replace(found, cost=model.counts + found.cost)
     if len(at):
         found = replace(found, notes=(_where(path), *found.notes))
     which = np.isfinite(found.error)

@@ -11,10 +11,10 @@ better. Then, for every installed solver: seconds for the analysis, the factoriz
 solution of 1 and of 32 right-hand sides, each the best of three, and the relative residual.
 
 ``cube`` makes the stiffness of elastic cubes of tet10 instead, of so many cells a side (10 and 18
-where none are given: 28,000 and 152,000 unknowns), and tells of every installed solver, of ours in both
-precisions, the seconds of the clock and of the processors for a factorization (the better of two),
-the operations a second, the seconds for 1 and for 32 right-hand sides, the steps of refinement and
-the memory of the process at its largest. Each is run in a process of its own.
+where none are given: 28,000 and 152,000 unknowns), and tells of every installed solver, of ours in
+both precisions, the seconds of the clock and of the processors for a factorization (the better of
+two), the operations a second, the seconds for 1 and for 32 right-hand sides, steps of refinement
+and the memory of the process at its largest. Each is run in a process of its own.
 """
 
 from __future__ import annotations

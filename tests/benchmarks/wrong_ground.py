@@ -9,7 +9,7 @@ The truths:
     K0           fixed at 1.0 instead of 1.6 (cases/cavern: 1.4), one parameter less
     fault        a soft zone behind the right wall that the model lacks
     zeros        20 daily readings share the error of their zero, three accuracies large
-    coarse       the model is a mesh of some 200 linear triangles (cases/cavern: 870)
+    coarse       the model is a mesh of some 300 linear triangles (cases/cavern: 2700)
 """
 
 from __future__ import annotations

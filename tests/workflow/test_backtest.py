@@ -158,8 +158,11 @@ def test_a_parameter_that_every_stage_wants_otherwise_does_not_settle(pit):
 
 class TestCost:
     def test_the_model_is_built_once_and_fits_march_no_farther_than_their_stages(self, pit):
-        """An elastic march to lift k factorizes once for each lift up to it."""
-        found = run()
+        """An elastic march to lift k factorizes once for each lift up to it.
+
+        The finer mesh has counts of its own.
+        """
+        found = run("fit.mesh_error=false")
         steps = found.backtest.steps
         for step in steps:
             searched = step.counts.evaluations - 1  # and one march of all stages, to predict
@@ -203,13 +206,20 @@ class TestCost:
     def test_the_mesh_is_asked_once_however_many_fits_there_are(self, pit, monkeypatch):
         """Where it does not count, by the first fit for its stages and by the second for all."""
         made = []
-        real = mesh_error.refined
-        monkeypatch.setattr(mesh_error, "refined", lambda mesh: made.append(1) or real(mesh))
+        real = mesh_error.halved
+        monkeypatch.setattr(mesh_error, "halved", lambda mesh: made.append(1) or real(mesh))
         rough = tuple(f"gauges.{g}.accuracy=2 mm" for g in ("CV", "SL", "SR", "XL", "XR"))
         for overrides, asked in (((), 1), (rough, 2)):
             made.clear()
             assert len(run(*overrides, force=True).backtest.steps) == 4
             assert len(made) == asked
+        steps = run(force=True).backtest.steps
+        plain = run("fit.mesh_error=false", force=True).backtest.steps
+        for k, (step, other) in enumerate(zip(steps, plain, strict=True)):
+            more = step.counts.factorizations - other.counts.factorizations
+            searched = step.counts.evaluations - other.counts.evaluations
+            of_mesh = 2 * (len(LIFTS) - 1) if k == 0 else 0  # two marches of all lifts
+            assert more - searched * (k + 1) == of_mesh
         made.clear()
         fit(plan_fit(Request("case.yaml")), Control())  # with its own backtest
         assert len(made) == 1

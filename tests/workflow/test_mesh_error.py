@@ -14,11 +14,13 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
+from geoident.model.results.result import NO_COST
+from geoident.workflow.estimating import fitted_mesh as in_fits
 from geoident.workflow.estimating import mesh_error as module
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
 from geoident.workflow.estimating.recovery import energy_error
 from geoident.workflow.estimating.search import estimated
-from geoident.workflow.estimating.setup import prepare
+from geoident.workflow.estimating.setup import Setup, prepare
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict
@@ -137,7 +139,7 @@ def test_a_square_hole_converges_slowly_and_that_is_said():
     assert any("Corners of 270 degrees" in note for note in found.notes)
     fine = mesh
     for _ in range(4):
-        fine = module.refined(fine)
+        fine = module.halved(fine)
     true = at(fine).computed(NOTHING) - found.computed
     assert 0.7 < float(found.error[0, 0] / true[0, 0]) < 1.5
 
@@ -161,6 +163,68 @@ def test_what_takes_too_long_is_not_refined_beside_a_fit(monkeypatch):
     monkeypatch.setattr(module, "refinement_cost", lambda _model, _cost: slow)
     assert mesh_error(staged, staged.case, NOTHING, patience=60).how == "recovery"
     assert mesh_error(staged, staged.case, NOTHING).how == "refinement"
+
+
+def cube(n):
+    """A cubic hole in a cube of hexahedra, and readings of its side."""
+    mesh = box("hex8", (n,) * 3)
+    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
+    hole = np.all(np.abs(centre - 0.5) < 0.25, axis=1)
+    mesh = replace(mesh, groups={"hole": np.flatnonzero(hole), "rock": np.flatnonzero(~hole)})
+    places = ((0.75, 0.5, 0.5), (0.75, 0.7, 0.5), (0.9, 0.5, 0.5))
+    return model(
+        mesh, materials=ROCK, groups={"hole": "rock", "rock": "rock"}, supports=rollers(3),
+        in_situ=ConstantStress((*[Scalar(-1e6)] * 3, *[Scalar(0.0)] * 3)),
+        stages=(Stage("dig", excavate=("hole",)),),
+        channels=tuple(displacement(f"c{k}", at, (1.0, 0.0, 0.0)) for k, at in enumerate(places)),
+    )  # fmt: skip
+
+
+def test_where_halving_is_too_large_in_space_second_order_may_not_be(monkeypatch):
+    """Half the operations; against a mesh of a quarter of the size."""
+    staged = cube(4)
+    plain = module.estimate_cost(staged, solver=staged.solver_name, rough=True)
+    fine, second = module.refinement_cost(staged, plain), module.order_step_cost(staged, plain)
+    assert second.seconds < 0.5 * fine.seconds
+    assert second.memory < fine.memory
+    between = 0.5 * (second.memory + fine.memory) / module.SHARE_OF_MEMORY
+    whole = mesh_error(staged, staged.case, NOTHING)
+    monkeypatch.setattr(module, "_free_memory", lambda: between)
+    found = mesh_error(staged, staged.case, NOTHING)
+    assert (whole.how, found.how) == ("refinement", "order")
+    assert found.elements == (64, 64)
+    assert "Elements of second order on the same edges were taken instead" in found.notes[0]
+    left = 4.0**-found.order
+    np.testing.assert_allclose(found.error, found.change / (1.0 - left))
+    true = cube(16).computed(NOTHING) - found.computed
+    assert 0.4 < np.linalg.norm(found.error) / np.linalg.norm(true) < 1.3
+    monkeypatch.setattr(module, "_free_memory", lambda: 1e6)
+    assert mesh_error(staged, staged.case, NOTHING).how == "recovery"
+
+
+def test_doubts_of_a_channel_are_parts_of_its_own_error_and_of_that_of_its_kind():
+    staged, _ = excavated("tri3", 2)
+    found = mesh_error(staged, staged.case, NOTHING)
+    mean = np.sqrt(np.mean(found.error**2))
+    np.testing.assert_allclose(found.doubt, np.hypot(0.2 * found.error, 0.1 * mean))
+    jumps = replace(found, how="recovery")
+    np.testing.assert_allclose(jumps.doubt, 0.5 * np.abs(found.error))
+    other = ("angle", *found.dimensions[1:])
+    alone = replace(found, dimensions=other).doubt
+    assert alone[0, 0] == pytest.approx(np.hypot(0.2, 0.1) * abs(found.error[0, 0]))
+    unknown = found.error.copy()
+    unknown[0] = np.nan
+    assert replace(found, error=unknown).doubt[0, 0] == 0.0
+
+
+def test_second_order_is_advised_to_those_who_have_not_got_it():
+    for kind, advised in (("tri3", True), ("quad4", True), ("tri6", False), ("quad8", False)):
+        staged, _ = excavated(kind, 2)
+        found = mesh_error(staged, staged.case, NOTHING)
+        fussy = replace(found, accuracy=np.full(len(found.channels), 1e-9))
+        said = mesh_sentence(fussy, np.ones(found.error.shape, dtype=bool))
+        assert "Halve the elements where the ground moves most" in said
+        assert ("second order" in said) is advised
 
 
 def test_a_sentence_says_whether_it_matters():
@@ -290,6 +354,22 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
         assert ours / theirs == pytest.approx(ours[0] / theirs[0], rel=1e-6)  # all go with 1 / E
 
 
+def test_what_the_finer_mesh_costs_is_counted(coarse, monkeypatch):
+    """A factorization for each stage on the finer mesh, and as many where all are predicted."""
+    override = ("fit.model_error=none",)
+    job = plan_fit(Request(str(coarse), override, force=True, fresh=True))
+    found, problem, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
+    assert found.mesh.found.cost.factorizations == 2
+    assert found.mesh.spent.factorizations == 2 + 2
+    counted = fitted(coarse, overrides=override).counts
+    again = in_fits.fitted_mesh(found.model, problem, found.readings, outcome, found.mesh)
+    assert again.spent.factorizations == 0  # what another fit has asked costs nothing more
+    monkeypatch.setattr(Setup, "spent", NO_COST)
+    without = fitted(coarse, overrides=override).counts
+    assert counted.factorizations - without.factorizations == 2 + 2
+    assert counted.evaluations - without.evaluations == 2
+
+
 def test_a_fine_mesh_is_not_spoken_of(coarse):
     rough = tuple(f"gauges.{name}.accuracy=5 mm" for name in ("CV", "R", "S"))
     found = fitted(coarse, overrides=("mesh.file=fine.inp", *rough))
@@ -304,7 +384,7 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
     for accuracy, acts in ((1e-6, True), (4e-4, False)):
         one = replace(found, accuracy=np.full(len(found.channels), accuracy), how="recovery")
         one = replace(one, notes=("How it was found.",))
-        fit = module.FittedMesh(one, everything, shift=1.0, counts=True)
+        fit = in_fits.FittedMesh(one, everything, shift=1.0, counts=True)
         assert fit.findings == ((fit.sentence,) if acts else ())
         assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
         unseen = replace(fit, counts=False)
@@ -341,6 +421,8 @@ def test_check_says_it_before_any_reading(coarse):
     run = CliRunner().invoke(geoident, ["check", str(coarse), "--mesh-error", "--json"])
     entry = json.loads(run.stdout)
     assert entry["how"] == "refinement"
+    assert entry["counts"]["factorizations"] == 2 * 2  # two stages on both meshes
+    assert entry["counts"]["evaluations"] == 2
     assert entry["readings"][0]["share"] == pytest.approx(
         abs(entry["readings"][0]["error"]) / entry["readings"][0]["accuracy"]
     )

@@ -55,12 +55,12 @@ def findings(tmp_path, readings):
 
 def test_readings_with_the_other_sign_are_found(tmp_path):
     said = findings(tmp_path, READINGS)
-    assert "opposite sign" not in said
+    assert "opposite signs" not in said
     header, *rows = READINGS.splitlines()
     cells = [row.split(",") for row in rows]
     rows = [f"{gauge},{stage},{-float(value)},{unit}" for gauge, stage, value, unit in cells]
     turned = "\n".join([header, *rows]) + "\n"
     said = findings(tmp_path, turned)
     assert "The readings of CV, S" in said
-    assert "have the opposite sign of what the model computes" in said
+    assert "run against the model: measured and computed have opposite signs" in said
     assert "'sign: -1'" in said

@@ -20,7 +20,8 @@ A load beyond collapse has no minimum: Pi falls without end along a mechanism d.
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
 
-Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
+Cost: one factorization for every step, one for the derivatives if the last was made elsewhere; far
+fewer where factors are at hand (`inexact_newton`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import Factor
+from geoident.forward.march.inexact_newton import MOST_FAR, Directions
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
     NoEquilibrium,
@@ -97,8 +99,15 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
-    return (_by_potential if equations.associated else _by_residual)(equations, start)
+    trials = [equations.at(guess) for guess in guesses]
+    if not equations.associated:
+        return _by_residual(equations, min(trials, key=equations.distance))
+    if equations.at_hand is None:
+        return _by_potential(equations, min(trials, key=equations.distance))
+    directions = Directions(equations, equations.at_hand, BALANCED)
+    if len(trials) > 1:
+        trials.append(equations.at(directions.guess()))
+    return _on_held_factors(equations, directions, min(trials, key=equations.distance))
 
 
 def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
@@ -118,6 +127,28 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
         if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
+        trial = following
+    raise NoEquilibrium(trial.du)
+
+
+def _on_held_factors(equations: StageEquations, directions: Directions, trial: Trial) -> Balance:
+    """The same with directions of descent of what is at hand (`inexact_newton`)."""
+    least, whole = 0, 0
+    for step in range(MOST_STEPS + MOST_FAR):
+        if trial.error <= BALANCED:
+            return Balance(trial, step, None, None)
+        free, level = directions.at(trial, least)
+        d = equations.spread(free)
+        following, share = follow_slope(equations, trial, d)
+        if following.error >= trial.error and trial.error <= ROUNDING:
+            return Balance(trial, step + 1, None, None)
+        if not directions.cut:
+            whole += 1
+            if whole > _SUSPICIOUS and share == 1.0:
+                _refuse_mechanism(equations, following, d)
+            least = _next_level(max(least, level), share)
+        else:
+            least = 0
         trial = following
     raise NoEquilibrium(trial.du)
 

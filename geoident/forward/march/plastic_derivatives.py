@@ -17,7 +17,8 @@ import numpy as np
 
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.march.equilibrium import Balance
+from geoident.forward.march.equilibrium import BALANCED, Balance
+from geoident.forward.march.inexact_newton import Directions
 from geoident.forward.march.stage import StageTask, add_moduli_slopes
 from geoident.forward.march.stage_equations import Ground, StageEquations, Trial, flowing
 from geoident.forward.march.systems import StageSystems
@@ -50,8 +51,7 @@ def plastic_derivatives(
         rest -= structures.nodal_forces(members)
     ddu = np.zeros_like(rest)
     if len(equations.dofs):
-        factor = _exact_factor(equations, balance)
-        ddu[equations.dofs] = factor.solve(rest[equations.dofs])
+        ddu[equations.dofs] = _solved(equations, balance, rest[equations.dofs])
     task.carried.stress[..., 1:] = slopes + _following(task, points.strain(ddu), equations, trial)
     if structures.n_rows:
         members += task.moduli[:, :1] * structures.strain(ddu)
@@ -92,6 +92,13 @@ def _add_multipliers(task: StageTask, ground: Ground, points: Ints, more: Floats
     """Count further derivatives (y, q, n + k) of multipliers at points (q,)."""
     if ground.hardens:
         task.carried.add_multipliers(ground.name, points, _DERIVATIVES, more)
+
+
+def _solved(equations: StageEquations, balance: Balance, rest: Floats) -> Floats:
+    """Solutions (n, k) with the tangent at the end."""
+    if equations.associated and equations.at_hand is not None:
+        return Directions(equations, equations.at_hand, BALANCED).solve(balance.trial, rest)
+    return _exact_factor(equations, balance).solve(rest)
 
 
 def _exact_factor(equations: StageEquations, balance: Balance) -> Factor:

@@ -17,13 +17,12 @@ import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
-from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.fem.solvers.splu import GeneralFactor
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
+from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage import StageTask, not_positive_definite
 from geoident.forward.march.stage_equations import (
@@ -36,7 +35,7 @@ from geoident.forward.march.stage_equations import (
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.activity import ActivityRecord
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
 
@@ -52,6 +51,9 @@ flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 
 
 _KEPT = 4
 """Parameter vectors whose displacements are kept, to start from the nearest one."""
+
+_NEAR_BY = 1e-4
+"""How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
 _LOAD_STEPS = (1, 4, 16)
 """Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
@@ -70,12 +72,14 @@ class _Known:
 class WarmStart:
     """Displacement steps at parameter vectors that are known, to start Newton's method from.
 
-    It is shared by all marches of a model: what one leaves helps the next to converge, and changes
-    its numbers no further than the tolerance of equilibrium.
+    With the factors of the tangents there. It is shared by all marches of a model: what one leaves
+    helps the next to converge, and changes its numbers no further than the tolerance of
+    equilibrium.
     """
 
     def __init__(self) -> None:
         self._known: dict[int, deque[_Known]] = {}
+        self.factors = HeldFactors()
 
     def guesses(self, task: StageTask) -> list[Floats]:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
@@ -88,7 +92,13 @@ class WarmStart:
         return [known.du, known.du + known.slopes @ np.array(change)]
 
     def keep(self, task: StageTask, du: Floats) -> None:
-        """What a stage needed: du (n_dofs, 1 + n + k)."""
+        """What a stage needed: du (n_dofs, 1 + n + k).
+
+        Without derivatives it is worth less than what is known near by with them.
+        """
+        known = self._known.get(task.number, ())
+        if not task.n and any(_far(one.values, task.point.values) < _NEAR_BY for one in known):
+            return
         slopes = du[:, 1 : 1 + task.n].copy()
         kept = self._known.setdefault(task.number, deque(maxlen=_KEPT))
         kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
@@ -143,6 +153,22 @@ class PlasticSteps:
         if all(law.associated for law in laws.values()):
             return self._part(task, laws, warm=True)
         return self._in_load_steps(task, laws)
+
+    def virgin_factor(self, task: StageTask) -> Factor | None:
+        """The elastic stiffness of the virgin state where something yields, on what is held.
+
+        Raises:
+            ModelError: it is not positive definite.
+        """
+        if not self.yields(task.state) or not task.system.pattern.lower.n:
+            return None
+        tangents = StageTangents(self.systems, task, task.elasticity(), self.warm.factors)
+        try:
+            tangents.elastic()
+        except NotPositiveDefinite as error:
+            place = self.systems.describe_unknown(task.system, error.unknown)
+            raise not_positive_definite(task.state.name, place) from error
+        return ElasticByHeld(tangents)
 
     def refuse_virgin(self, task: StageTask) -> None:
         """Refuse an in-situ stress outside a yield surface, with place and factor.
@@ -244,6 +270,7 @@ class PlasticSteps:
                 total = (task.carried.members[:, 0] + more)[:, None]
                 return self.systems.structures.nodal_forces(total)[:, 0]
 
+        tangents = StageTangents(self.systems, task, moduli, self.warm.factors)
         return StageEquations(
             self.systems.discretization.points,
             volume=task.system.volume,
@@ -251,8 +278,9 @@ class PlasticSteps:
             grounds=grounds,
             stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],
-            tangents=_Tangents(self.systems, task, moduli),
+            tangents=tangents,
             members=members,
+            at_hand=tangents,
         )
 
     def _balance(
@@ -330,31 +358,6 @@ class PlasticSteps:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
                 self.findings.record.reach(ground.name, excess)
-
-
-class _Tangents:
-    """Factors of K plus changes at strain points, for one stage and parameter vector."""
-
-    def __init__(
-        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Moduli]
-    ) -> None:
-        self._systems = systems
-        self._system = task.system
-        self._elastic = systems.values(task.system, task.state, moduli, task.point.values)
-
-    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
-        """Factor of K plus changes (q, s, s) of V E at some points (q,)."""
-        below, above = self._elastic, self._elastic
-        if len(points):
-            more = self._systems.tangents(self._system).added(points, change, symmetric=symmetric)
-            below, above = below + more[0], above + more[1]
-        analysis = self._systems.analysis(self._system)
-        if analysis is None:
-            raise AssertionError
-        if symmetric or not len(points):
-            return analysis.factorize(below)
-        counts = self._systems.solver_counts
-        return GeneralFactor(self._system.pattern.lower, below, above, counts)
 
 
 def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:

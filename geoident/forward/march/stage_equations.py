@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from geoident.fem.conjugate_gradients import Product
 from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
@@ -48,6 +49,23 @@ class Tangents(Protocol):
             change: (q, s, s) changes of V E there.
             symmetric: whether they are symmetric matrices.
         """
+
+
+class FactorsAtHand(Protocol):
+    """Factors of the stiffness of a stage that were made before, and products with it."""
+
+    @property
+    def most(self) -> int:
+        """Steps of conjugate gradients that cost about as much as a factorization."""
+
+    def elastic(self) -> Factor:
+        """Factor of the elastic K, perhaps of moduli of other parameters."""
+
+    def last(self) -> Factor | None:
+        """Factor of the last tangent of this ground, if it is still there."""
+
+    def product(self, points: Ints, change: Floats) -> Product:
+        """Products of the elastic K plus symmetric changes (q, s, s) at points (q,), as above."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +142,7 @@ class StageEquations:
         forces: (n_dofs,) f.
         tangents: makes factors.
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
+        at_hand: factors that were made before; None: every step makes its own.
     """
 
     operators: Operators
@@ -134,6 +153,7 @@ class StageEquations:
     forces: Floats
     tangents: Tangents
     members: Callable[[Floats], Floats] | None = None
+    at_hand: FactorsAtHand | None = None
 
     @cached_property
     def associated(self) -> bool:

@@ -1,1 +1,1 @@
-"""A certified reduced model of the elastic march (theory 11)."""
+"""A certified reduced model of the elastic march (theory 14)."""

@@ -1,4 +1,4 @@
-"""Which cases the reduced model covers, and which not and why (theory 11).
+"""Which cases the reduced model covers, and which not and why (theory 14).
 
 Covered: elastic ground of every symmetry, with ratios and angles of its axes among the parameters;
 excavation, installation, changes of material; independent load cases; in-situ stress, weights,

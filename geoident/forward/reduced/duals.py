@@ -34,7 +34,7 @@ from geoident.forward.march.stage import factorize
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.projection import Projection, Term, parts_of
+from geoident.forward.reduced.projection import GalerkinProjection, StressTerm, parts_of
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import Zone
 from geoident.model.arrays import Floats
@@ -55,7 +55,7 @@ class StageDual:
 
     energy: Mapping[str, Floats]
     loads: Floats
-    terms: Mapping[Term, Floats]
+    terms: Mapping[StressTerm, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ class DualMarch:
         spans: Mapping[str, MaterialSpan],
         loads: LoadForm,
         snapshots: Sequence[Snapshot],
-        projection: Projection,
+        projection: GalerkinProjection,
         run: Run,
     ) -> None:
         self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
@@ -202,7 +202,7 @@ class DualMarch:
         k = b.shape[-1]
         energy: dict[str, Floats] = {}
         work = np.zeros((k, particular.shape[1]))
-        terms: dict[Term, Floats] = {}
+        terms: dict[StressTerm, Floats] = {}
         for zone in self._zones[number]:
             mine = zone.points
             volume = self._points.volume[mine][:, None]

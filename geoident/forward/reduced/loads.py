@@ -1,4 +1,4 @@
-"""In-situ stress and forces as a sum of few fixed ones (theory 11).
+"""In-situ stress and forces as a sum of few fixed ones (theory 14).
 
     sigma_0(p) = sum_k psi_k(p) sigma_k ,   f_j(p) = sum_k psi_k(p) f_j,k
 

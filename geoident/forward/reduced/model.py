@@ -29,12 +29,12 @@ import numpy as np
 
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.moduli import MaterialSpan, relative_eigenvalues
-from geoident.forward.reduced.projection import ReducedStage, Term
+from geoident.forward.reduced.projection import ReducedStage, StressTerm
 from geoident.model.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class AffineFactors:
     """Moduli and loads at parameter vectors (b).
 
     Args:
@@ -59,7 +59,7 @@ class ReducedStates:
         states: of every state, q (b, N) with derivatives, (b, N, 1 + n), or (b, N, 1) without.
     """
 
-    at: Coordinates
+    at: AffineFactors
     states: tuple[Floats, ...]
 
 
@@ -104,11 +104,11 @@ class ReducedModel:
     loads: LoadForm
     stages: tuple[ReducedStage, ...]
 
-    def coordinates(self, values: Floats) -> Coordinates:
+    def coordinates(self, values: Floats) -> AffineFactors:
         """Moduli and loads at parameter vectors (b, n)."""
         found = {name: span.coordinates(values) for name, span in self.spans.items()}
         psi, slopes = self.loads.coordinates(values)
-        return Coordinates(
+        return AffineFactors(
             {name: c for name, (c, _) in found.items()},
             {name: dc for name, (_, dc) in found.items()},
             psi,
@@ -131,7 +131,7 @@ class ReducedModel:
         self,
         stage: ReducedStage,
         number: int,
-        at: Coordinates,
+        at: AffineFactors,
         before: Sequence[Floats],
         *,
         derivatives: bool,
@@ -190,7 +190,7 @@ class ReducedModel:
                     size[number] += np.sum(q * _product(matrices, at.moduli[material], q), axis=1)
         return EnergyBounds(residual, stress, np.sqrt(np.maximum(size, 0.0)), moduli)
 
-    def _eigenvalues(self, name: str, at: Coordinates) -> Floats:
+    def _eigenvalues(self, name: str, at: AffineFactors) -> Floats:
         span = self.spans[name]
         c, b = at.moduli[name], len(at.loads)
         if span.fixed is not None:
@@ -198,7 +198,7 @@ class ReducedModel:
         reference, _ = span.coordinates(self.reference[None])
         return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))
 
-    def growth(self, stage: ReducedStage, at: Coordinates) -> Floats | float:
+    def growth(self, stage: ReducedStage, at: AffineFactors) -> Floats | float:
         """Kappa (b,)."""
         growth: Floats | float = 1.0
         for before, after in stage.changes:
@@ -212,7 +212,7 @@ class ReducedModel:
     def _residual(
         self,
         stage: ReducedStage,
-        at: Coordinates,
+        at: AffineFactors,
         found: ReducedStates,
         moduli: Mapping[str, Floats],
     ) -> Floats:
@@ -255,4 +255,4 @@ def _product_columns(columns: Floats, c: Floats, q: Floats) -> Floats:
     )
 
 
-__all__ = ["Coordinates", "EnergyBounds", "ReducedModel", "ReducedStates", "Term"]
+__all__ = ["AffineFactors", "EnergyBounds", "ReducedModel", "ReducedStates", "StressTerm"]

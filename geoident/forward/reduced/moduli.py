@@ -8,7 +8,7 @@ noticed.
 
 The smallest and largest eigenvalues of E(p) against E at the reference bound the stiffness from
 below and above, point by point: for isotropic ground they are ratios of bulk and shear moduli, the
-min-theta bound of theory 11; they hold for every symmetry.
+min-theta bound of theory 14; they hold for every symmetry.
 """
 
 from __future__ import annotations
@@ -88,7 +88,14 @@ class MaterialSpan:
 
 
 def moduli_at(material: Material, names: Sequence[str], values: Floats, section: bool) -> Floats:
-    """E (6, 6, 1 + n) of a material at parameters (n,)."""
+    """E (6, 6, 1 + n) of a material with its derivatives, Pa.
+
+    Args:
+        material: the material.
+        names: of the n parameters.
+        values: (n,) them.
+        section: the model is a plane section.
+    """
     point = ParameterPoint(dict(zip(names, map(float, values), strict=True)), names)
     return elasticity(material.elastic, point, section=section).columns
 

@@ -48,7 +48,7 @@ _ROWS = 256
 _POINTS = 1024
 """Strain points of which columns are made at once: they stay near the processor."""
 
-Term = tuple[int, str]
+StressTerm = tuple[int, str]
 """State and material: E_material C u_state is part of the stress of a zone."""
 
 
@@ -66,7 +66,7 @@ class ZoneResidual:
     material: str
     loads: Floats
     rest: Floats
-    terms: Mapping[Term, Floats]
+    terms: Mapping[StressTerm, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class ReducedStage:
 
     base: int
     observed: Floats
-    matrices: Mapping[Term, Floats]
+    matrices: Mapping[StressTerm, Floats]
     load: Floats
     residuals: tuple[ZoneResidual, ...]
     normal: Mapping[str, Floats]
@@ -103,10 +103,10 @@ class _Factor:
 
     zone: Zone
     stress: Floats
-    terms: Mapping[Term, Floats]
+    terms: Mapping[StressTerm, Floats]
 
 
-class Projection:
+class GalerkinProjection:
     """Makes the stages of a reduced model from snapshots.
 
     Args:
@@ -182,7 +182,7 @@ class Projection:
         turn = self.turn[state] = orthonormal_columns(np.concatenate(strains), least)
         rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
         load = np.zeros((turn.shape[1], particular.shape[1]))
-        matrices: dict[Term, Floats] = {}
+        matrices: dict[StressTerm, Floats] = {}
         residuals = []
         normal: dict[str, Floats] = {}
         for factor, strain in zip(factors, strains, strict=True):
@@ -216,7 +216,7 @@ class Projection:
     def _factor(self, zone: Zone, state: int) -> _Factor:
         """R of a zone in a state."""
         parts = [part for part in parts_of(zone) if part[0] or self._loads.settles]
-        signs: dict[Term, float] = {}
+        signs: dict[StressTerm, float] = {}
         for other, material, sign in parts:
             signs[other, material] = signs.get((other, material), 0.0) + sign
         ranks = [self._spans[name].rank for _, name in signs]
@@ -248,7 +248,7 @@ class Projection:
 
 
 def _residual(
-    material: str, loads: Floats, rest: Floats, terms: Mapping[Term, Floats]
+    material: str, loads: Floats, rest: Floats, terms: Mapping[StressTerm, Floats]
 ) -> ZoneResidual:
     """The same columns with a factor of as many rows as there are of them."""
     flat = [loads, rest, *(columns.reshape(len(columns), -1) for columns in terms.values())]

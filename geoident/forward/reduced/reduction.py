@@ -16,7 +16,7 @@ from geoident.forward.reduced.duals import DualMarch, ReadingDuals
 from geoident.forward.reduced.loads import load_form
 from geoident.forward.reduced.model import ReducedModel, ReducedStates
 from geoident.forward.reduced.moduli import MaterialSpan, span_of
-from geoident.forward.reduced.projection import Projection, parts_of
+from geoident.forward.reduced.projection import GalerkinProjection, parts_of
 from geoident.forward.reduced.recorder import Recorder
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import Zone, zones_of
@@ -58,7 +58,7 @@ class Reduction:
         self._names = tuple(q.name for q in march.case.parameters)
         self.snapshots: list[Snapshot] = []
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
-        self._projection: Projection | None = None
+        self._projection: GalerkinProjection | None = None
         self._prepared = False
         self.obstacle = reduction_obstacle(march)
 
@@ -162,7 +162,7 @@ class Reduction:
         key = (*(s.p.tobytes() for s in self.snapshots), reference.tobytes())
         if self._made[0] != key:
             parts = self._zones, self._spans, self._loads
-            self._projection = Projection(self._march, *parts, self.snapshots, reference)
+            self._projection = GalerkinProjection(self._march, *parts, self.snapshots, reference)
             made = self._projection.stages()
             model = None
             if made is not None:

@@ -1,4 +1,4 @@
-"""Of what the stress of every strain point is made: the history of the ground (theory 11).
+"""Of what the stress of every strain point is made: the history of the ground (theory 14).
 
 With u_j the displacements of the end of state j, counted as the march counts them, the stress at a
 point of an elastic case is
@@ -36,7 +36,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class History:
+class StressHistory:
     """What a group went through.
 
     Args:
@@ -47,8 +47,14 @@ class History:
     virgin: str | None
     segments: tuple[Segment, ...]
 
-    def went_on(self, material: str, base: int, state: int) -> History:
-        """The same one state later, of the same material or of another."""
+    def went_on(self, material: str, base: int, state: int) -> StressHistory:
+        """The same one state later.
+
+        Args:
+            material: of which the group is now.
+            base: the state before.
+            state: the one later.
+        """
         before = self.segments[-1:]
         if before and before[0].material == material:
             return replace(self, segments=(*self.segments[:-1], replace(before[0], end=state)))
@@ -70,29 +76,29 @@ class Zone:
     points: Ints
     material: str
     before: str
-    history: History
+    history: StressHistory
 
 
 def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
     """The zones of every state."""
     sequence, discretization = on_mesh.sequence, on_mesh.discretization
     n_points = discretization.points.n_points
-    of_state: list[dict[int, History]] = []
+    of_state: list[dict[int, StressHistory]] = []
     found = []
     for number, state in enumerate(sequence.states):
         before = {} if number == 0 else of_state[state.base]
-        histories: dict[int, History] = {}
+        histories: dict[int, StressHistory] = {}
         for group, material in state.materials.items():
             if number == 0:
-                histories[group] = History(material, ())
+                histories[group] = StressHistory(material, ())
             elif group in state.placed or group not in before:
                 new = Segment(material, state.base or None, number)
-                histories[group] = History(None, (new,))
+                histories[group] = StressHistory(None, (new,))
             else:
                 histories[group] = before[group].went_on(material, state.base, number)
         of_state.append(histories)
         made_of = sequence.states[state.base].materials
-        kinds: dict[tuple[str, str, History], list[int]] = {}
+        kinds: dict[tuple[str, str, StressHistory], list[int]] = {}
         for group, history in histories.items():
             material = state.materials[group]
             old = material if group in state.placed else made_of.get(group, material)

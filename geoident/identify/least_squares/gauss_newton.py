@@ -33,7 +33,7 @@ Further starts, and what becomes of them: `several_starts`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Generic
 
@@ -51,7 +51,13 @@ from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.identify.problem.problem import (
+    HasEvaluated,
+    History,
+    Observer,
+    Outcome,
+    Problem,
+)
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
 
@@ -267,6 +273,34 @@ class Evaluator(Generic[IterateT]):
             return self.evaluate(x)
         except ModelError:
             return None
+
+    def value(self, x: Floats, length: float, note: str) -> float:
+        """Phi at x (n,) without derivatives, recorded; infinite where there is no solution.
+
+        Args:
+            x: (n,) where.
+            length: of the step that led there.
+            note: such as ``probe``.
+        """
+        p = self.scaling.to_natural(x)
+        phi = self.discrepancy.objective(p)
+        self.history.record(p, phi, step=length, note=note)
+        return phi
+
+    def evaluated_near(self, x: Floats, part: float) -> Iterator[Iterate]:
+        """Points near x (n,) that this search or one before evaluated, at no cost.
+
+        Args:
+            x: (n,) where.
+            part: how far, in steps of one.
+        """
+        response = self.discrepancy.problem.response
+        if not isinstance(response, HasEvaluated):
+            return
+        for p in response.evaluated():
+            other = self.scaling.to_scaled(p)
+            if self.box.length(x, other - x) <= part:
+                yield Iterate(other, p, self.discrepancy.linearize(p))
 
     def record(self, x: Floats, point: Iterate | None, length: float, note: str) -> None:
         """Notes a point that was evaluated.

@@ -1,4 +1,4 @@
-"""Steps to where a reduced model is lowest, instead of the linearised one (theory 11).
+"""Steps to where a reduced model is lowest, instead of the linearised one (theory 14).
 
 Where the model has a reduced one, which agrees with it in readings and derivatives at all points
 that were evaluated, a step may go to the minimum of that: what is not linear is in it. The step

@@ -176,6 +176,14 @@ class HasIncrements(Response, Protocol):
         """
 
 
+@runtime_checkable
+class HasEvaluated(Response, Protocol):
+    """A model that remembers what it was asked: to ask the same again costs nothing."""
+
+    def evaluated(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
+
+
 class OpeningForm(Response, Protocol):
     """The closed form of an opening: readings by formulas."""
 

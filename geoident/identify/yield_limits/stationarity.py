@@ -50,6 +50,10 @@ LOWER = 1e-4
 GROWTH_95 = NORMAL_95**2
 """Growth of the discrepancy at the end of a 95 % interval of one parameter."""
 
+BESIDE, FAR_ABOVE = 0.05, 10.0
+"""How near, relative, a point must be to stand for another, and by how many times the growth its
+discrepancy must be higher then."""
+
 STRONG = "strongly stationary"
 ACTIVE = "stationary on the active pieces"
 NONE = "not stationary"
@@ -92,17 +96,18 @@ def check(
     steepness = 0.0 if exact else float(cosines.max(initial=0.0))
     if exact or (steepness <= FLAT and not kinks(point.activity)):
         return StationarityCheck(point, steepness, 0, None)
-    best, probes = point, 0
+    lowest, probes, place = point.phi, 0, None
     for x in _around(evaluator, point):
         if spent():
             break
-        trial = evaluator.try_point(x)
-        evaluator.record(x, trial, PROBE, "probe")
+        phi = evaluator.value(x, PROBE, "probe")
         probes += 1
-        if trial is not None and trial.phi < best.phi:
-            best = trial
-    lower = best.phi < (1.0 - LOWER) * point.phi
-    return StationarityCheck(point, steepness, probes, best if lower else None)
+        if phi < lowest:
+            lowest, place = phi, x
+    lower = None
+    if place is not None and lowest < (1.0 - LOWER) * point.phi:
+        lower = evaluator.try_point(place)
+    return StationarityCheck(point, steepness, probes, lower)
 
 
 def kinks(activity: Activity) -> int:
@@ -146,14 +151,23 @@ def open_above(
 
 
 def _open_above(evaluator: Evaluator[YieldIterate], point: YieldIterate, i: int) -> bool:
-    """Whether the discrepancy hardly grows where one strength is raised to its upper bound."""
+    """Whether the discrepancy hardly grows where one strength is raised to its upper bound.
+
+    A search for nearly the same readings has mostly looked there before: what the model said then
+    is enough where the discrepancy is far higher.
+    """
     x = point.x.copy()
     x[i] = evaluator.scaling.upper[i]
+    others = np.arange(len(x)) != i
+    for known in evaluator.evaluated_near(x, BESIDE):
+        if not np.isclose(known.x[i], x[i], rtol=1e-9, atol=0.0):
+            continue
+        if phi_after_step(evaluator.box, known, others) > point.phi + FAR_ABOVE * GROWTH_95:
+            return False
     trial = evaluator.start(x, "from above")
     if trial is None:
         return False
-    expected = phi_after_step(evaluator.box, trial, np.arange(len(x)) != i)
-    return expected < point.phi + GROWTH_95
+    return phi_after_step(evaluator.box, trial, others) < point.phi + GROWTH_95
 
 
 def certificate(

@@ -132,7 +132,8 @@ class FitBase(Section):
         True,
         description="Whether a fit halves the elements of the mesh once, at the end, to see how "
         "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
-        "the jumps of the stress tell), says it, and widens intervals and bands by it.",
+        "second order in space or the jumps of the stress tell), says it, and widens intervals and "
+        "bands by it.",
     )
     ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
         None,

@@ -131,19 +131,29 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
         surveyed = [0.0 if e is None else e.zero_surveyed for e in table.errors]
         out.add("zero_surveyed", np.array(surveyed), "gauge")
         out.add("survey", ["" if e is None else e.survey for e in table.errors], "gauge")
-    mesh = _mesh_errors(table)
-    if mesh is not None:
-        out.add("mesh_error", mesh, "gauge", "stage", unit=unit)
+    if any(parts is not None and parts.mesh for parts in table.errors):
+        for name, values in zip(_OF_MESH, _mesh_errors(table), strict=True):
+            out.add(name, values, "gauge", "stage", unit=unit)
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
 
 
-def _mesh_errors(table: GaugeTable) -> Floats | None:
-    """(n_channels, n_stages) errors of the mesh that count in the covariance; None for none."""
-    if not any(parts is not None and parts.mesh for parts in table.errors):
-        return None
-    rows = [dict(parts.mesh) if parts is not None else {} for parts in table.errors]
-    return np.array([[row.get(stage, 0.0) for stage in table.stages] for row in rows])
+_OF_MESH = ("mesh_error", "mesh_doubt")
+
+
+def _mesh_errors(table: GaugeTable) -> tuple[Floats, Floats]:
+    """(n_channels, n_stages) errors of the mesh that count in the covariance, and their doubts."""
+    error, doubt = np.zeros((2, len(table.channels), len(table.stages)))
+    for i, parts in enumerate(table.errors):
+        for stage, size, uncertain in parts.mesh if parts is not None else ():
+            if stage in table.stages:
+                at = i, table.stages.index(stage)
+                error[at], doubt[at] = size, uncertain
+    return error, doubt
+
+
+_FORMER_DOUBT = 0.5
+"""Of errors by the mesh, in results that do not say it."""
 
 
 def _sizes(errors: Sequence[ErrorParts | None]) -> Floats:
@@ -161,11 +171,14 @@ def _errors(group: TableReader, m: int) -> tuple[ErrorParts | None, ...]:
     stages = group.texts("stage")
     shape = m, len(stages)
     mesh = group.floats("mesh_error", *shape) if "mesh_error" in group else np.zeros(shape)
+    doubt = group.floats("mesh_doubt", *shape) if "mesh_doubt" in group else _FORMER_DOUBT * mesh
     found: list[ErrorParts | None] = []
-    for row, survey, zero, of_mesh in zip(sizes.tolist(), surveys, zeros, mesh, strict=True):
+    rows = zip(sizes.tolist(), surveys, zeros, mesh.tolist(), doubt.tolist(), strict=True)
+    for row, survey, zero, of_mesh, of_doubt in rows:
         parts: dict[str, Any] = dict(zip(PARTS, row, strict=True))
         known = not np.isnan(row[0])
-        by_stage = tuple((s, float(e)) for s, e in zip(stages, of_mesh, strict=True) if e)
+        each = zip(stages, of_mesh, of_doubt, strict=True)
+        by_stage = tuple((s, e, d) for s, e, d in each if e or d)
         found.append(
             ErrorParts(**parts, survey=survey, zero_surveyed=zero, mesh=by_stage) if known else None
         )

@@ -142,33 +142,44 @@ def said_once(faults: list[Fault], case: str) -> list[Fault]:
         faults: in the order of the files.
         case: path of the case, whose own faults stay as they are.
     """
+    place_of = {id(fault): k for k, fault in enumerate(faults)}
     together: dict[tuple[object, ...], list[Fault]] = {}
     for fault in faults:
-        place = fault.location
-        alone = place.line == 0 or place.file in (case, OVERRIDES) or bool(fault.path)
-        key = (id(fault),) if alone else (place.file, place.sheet, fault.code, fault.message)
+        beside = _of_rows(fault, case) and not fault.path
+        key = (*_kind(fault), fault.message) if beside else (id(fault),)
         together.setdefault(key, []).append(fault)
     kinds: dict[tuple[object, ...], list[list[Fault]]] = {}
     for group in together.values():
-        first = group[0]
-        several = first.location.line and first.location.file not in (case, OVERRIDES)
-        kind = (first.location.file, first.location.sheet, first.code) if several else (id(first),)
+        kind = _kind(group[0]) if _of_rows(group[0], case) else (id(group[0]),)
         kinds.setdefault(kind, []).append(group)
-    return [fault for kind in kinds.values() for fault in _few(kind)]
+    said = [pair for kind in kinds.values() for pair in _few(kind)]
+    return [fault for _, fault in sorted(said, key=lambda pair: place_of[id(pair[0])])]
 
 
-def _few(groups: list[list[Fault]]) -> Iterator[Fault]:
-    """The first faults of one kind, and how many more there are."""
+def _of_rows(fault: Fault, case: str) -> bool:
+    """Whether a fault is that of a row of a file beside the case."""
+    return fault.location.line > 0 and fault.location.file not in (case, OVERRIDES)
+
+
+def _kind(fault: Fault) -> tuple[object, ...]:
+    return fault.location.file, fault.location.sheet, fault.code
+
+
+def _few(groups: list[list[Fault]]) -> Iterator[tuple[Fault, Fault]]:
+    """The first faults of one kind, and how many more there are, each with where it stands."""
     most = _KIND if len(groups) > _KIND + 1 else len(groups)
     for group in groups[:most]:
         rows = _rows_of(group)
-        more = f" (in {len(group)} rows: {rows})" if len(group) > 1 else ""
-        yield replace(group[0], message=f"{group[0].message}{more}")
+        if "," not in rows:  # several places of one row
+            yield from zip(group, group, strict=True)
+        else:
+            message = f"{group[0].message} (in {len(group)} rows: {rows})"
+            yield group[0], replace(group[0], message=message)
     rest = [fault for group in groups[most:] for fault in group]
     if rest:
         first = rest[0]
         message = f"and {len(rest)} more of this kind, in the rows {_rows_of(rest)}"
-        yield Fault(first.code, message, "", first.location)
+        yield first, Fault(first.code, message, "", first.location)
 
 
 def _rows_of(faults: list[Fault]) -> str:

@@ -38,7 +38,7 @@ _PNG_WORD = b"Source\0"
 
 
 @dataclass(frozen=True)
-class Origin:
+class CaseOrigin:
     """What a file was made of.
 
     Args:
@@ -49,7 +49,7 @@ class Origin:
     names: tuple[str, ...]
     keys: frozenset[str]
 
-    def shares(self, other: Origin) -> bool:
+    def shares(self, other: CaseOrigin) -> bool:
         """Whether both are of the same case, or have one in common."""
         return bool(self.keys & other.keys)
 
@@ -63,11 +63,11 @@ class Mark:
         intact: it is as it was made.
     """
 
-    origin: Origin
+    origin: CaseOrigin
     intact: bool
 
 
-def origin_of(cases: Iterable[str], file: str | Path) -> Origin:
+def origin_of(cases: Iterable[str], file: str | Path) -> CaseOrigin:
     """What says of a file that it was made of some cases.
 
     The key is that of the way from the file to the case, which stays when both are moved together,
@@ -83,7 +83,7 @@ def origin_of(cases: Iterable[str], file: str | Path) -> Origin:
     folder = Path(os.path.realpath(file)).parent
     ways = {_way(case, folder): Path(case).name if case != STDIN else "stdin" for case in cases}
     keys = frozenset(hashlib.sha256(way.encode()).hexdigest()[:_KEY] for way in ways)
-    return Origin(tuple(sorted(set(ways.values()))), keys)
+    return CaseOrigin(tuple(sorted(set(ways.values()))), keys)
 
 
 def _way(case: str, folder: Path) -> str:
@@ -96,7 +96,7 @@ def _way(case: str, folder: Path) -> str:
         return path.as_posix()
 
 
-def marked(content: bytes, form: str, origin: Origin) -> bytes:
+def marked(content: bytes, form: str, origin: CaseOrigin) -> bytes:
     """A file with its mark.
 
     Args:
@@ -131,7 +131,9 @@ def read_mark(content: bytes, form: str) -> Mark | None:
         bare = content[: start - 8] + _PNG_END  # without the chunk's length and name
     else:
         intact, bare = rest == after, content[:start]
-    origin = Origin(tuple(unquote(names.decode()).split(",")), frozenset(keys.decode().split("+")))
+    origin = CaseOrigin(
+        tuple(unquote(names.decode()).split(",")), frozenset(keys.decode().split("+"))
+    )
     return Mark(origin, intact and _digest(bare) == digest.decode())
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
+from geoident.model.results.result import NO_COST, Counts
 
 NOTICED = 0.1
 """Part of its accuracy from which on the error of a reading by the mesh is counted."""
@@ -14,24 +17,35 @@ NOTICED = 0.1
 MATTERS = 0.5
 """Root mean square of these parts from which on the mesh is called too coarse."""
 
+DOUBT: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"refinement": (0.2, 0.1), "order": (0.3, 0.2), "recovery": (0.5, 0.0)}
+)
+"""By how much the error of a channel is uncertain by itself: parts of it, and of the mean of all.
+
+Measured against finer meshes, once a factor that all readings share is taken out (theory 9.4).
+"""
+
 
 @dataclass(frozen=True)
 class MeshError:
     """What the mesh does to the computed readings, by channel and stage.
 
     Args:
-        how: ``refinement``: every edge was halved; ``recovery``: from the jumps of the stress.
+        how: ``refinement``: every edge was halved; ``order``: elements of second order on the same
+            edges; ``recovery``: from the jumps of the stress.
         channels: n_channels names.
         stages: n_stages names.
         computed: (n_channels, n_stages) on the mesh, SI; NaN where nothing can be read.
-        change: (n_channels, n_stages) by the refinement, SI; NaN where there was none.
+        change: (n_channels, n_stages) on the finer mesh, SI; NaN where there was none.
         error: (n_channels, n_stages) estimated: exact less computed, SI, signed where it is known.
         accuracy: (n_channels,) standard deviation of a reading, SI.
         units: of the channels, as people want to see them.
         dimensions: of the channels.
         order: of convergence that the extrapolation takes, for readings of displacements.
-        elements: of the mesh, and of the refined one.
+        elements: of the mesh, and of the finer one.
         notes: what else is to be known, sentences.
+        first_order: the mesh has elements of first order.
+        cost: of the finer mesh.
     """
 
     how: str
@@ -46,11 +60,28 @@ class MeshError:
     order: float
     elements: tuple[int, int]
     notes: tuple[str, ...] = ()
+    first_order: bool = True
+    cost: Counts = NO_COST
 
     @property
     def share(self) -> Floats:
         """(n_channels, n_stages) size of the error in parts of the accuracy."""
         return np.asarray(np.abs(self.error) / self.accuracy[:, None])
+
+    @property
+    def doubt(self) -> Floats:
+        """(n_channels, n_stages) by how much each error is uncertain, SI; 0 where it is unknown.
+
+        Beside a factor that all share. Of a channel whose own error happens to be small that of
+        the others tells; of those of its dimension, in the same stage.
+        """
+        own, mean = DOUBT[self.how]
+        known = np.isfinite(self.error)
+        error = np.where(known, self.error, 0.0)
+        kinds = np.array([[a == b for b in self.dimensions] for a in self.dimensions], dtype=float)
+        count = np.maximum(kinds @ known, 1.0)
+        typical = np.sqrt(kinds @ error**2 / count)
+        return np.asarray(np.where(known, np.hypot(own * error, mean * typical), 0.0))
 
     def scatter(self, which: Bools) -> float:
         """Root mean square of the parts of some readings (n_channels, n_stages); 0 for none."""

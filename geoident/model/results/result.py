@@ -45,6 +45,19 @@ class Counts:
     factorizations: int = 0
     solves: int = 0
 
+    def __add__(self, other: Counts) -> Counts:
+        """Both together."""
+        return Counts(*(getattr(self, name) + getattr(other, name) for name in _COSTS))
+
+    def __sub__(self, other: Counts) -> Counts:
+        """What came since the other."""
+        return Counts(*(getattr(self, name) - getattr(other, name) for name in _COSTS))
+
+
+_COSTS = ("evaluations", "analyses", "factorizations", "solves")
+
+NO_COST = Counts()
+
 
 @dataclass(frozen=True)
 class ParameterTable:

@@ -42,8 +42,8 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
         Picture(
             "overview",
             "Displacements and gauges at a glance",
-            "The gauges that moved most in relation to their accuracy. Dots: measured; solid "
-            "lines: computed; dashed lines with 95 % bands: predicted.",
+            f"{_since(scene)}The gauges that moved most in relation to their accuracy. "
+            "Dots: measured; solid lines: computed; dashed lines with 95 % bands: predicted.",
             lambda: overview_figure(result, scene),
         ),
     )
@@ -79,6 +79,13 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
     return figure
 
 
+def _since(scene: Scene | None) -> str:
+    """What has to be known of the field, if there is one."""
+    if scene is None or not scene.sheets or not 0 < scene.zero_state < scene.last_fitted:
+        return ""
+    return f"Above: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
+
+
 def _draw_channel(axes: Axes, result: Result, row: int) -> None:
     draw_computed(axes, result, row, COMPUTED)
     draw_measured(axes, result, row, MEASURED, "o")
@@ -91,18 +98,20 @@ def _draw_channel(axes: Axes, result: Result, row: int) -> None:
 def _draw_field(axes: Axes, scene: Scene) -> None:
     sheet, state = scene.sheets[0], scene.last_fitted
     window = scene.window(sheet)
-    size = displacement_size(scene, sheet, state)
+    zero = scene.zero_state if scene.zero_state < state else 0
+    size = displacement_size(scene, sheet, state, since=zero)
     scale = bands(weighted(scene, sheet, state, window, size), LENGTHS)
     shading = shade(axes, scene, sheet, state, size, scale)
     draw_lines(axes, scene, sheet, state)
     draw_gauge_lines(axes, scene, sheet)
     finish(axes, scene, sheet, window, state)
     where = f", section {sheet.plane}" if sheet.plane is not None else ""
-    axes.set_title(f"after {short(scene.stage(state), 20)}{where}")
+    axes.set_title("")
     figure = axes.get_figure()
     assert figure is not None
     bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.6, aspect=45)
-    bar.set_label("displacement (mm)")
+    since = f"since {short(scene.stage(zero), 20)}" if zero else scene.since
+    bar.set_label(f"displacement after {short(scene.stage(state), 20)}, {since} (mm){where}")
 
 
 def _busiest(result: Result) -> list[int]:

@@ -60,6 +60,7 @@ class Scene:
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
         self._rasters: dict[int, Raster] = {}
+        self._areas: dict[tuple[int, int], tuple[Ints, Floats]] = {}
         self._lines: dict[tuple[int, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
 
@@ -238,6 +239,18 @@ class Scene:
                 sheet.outline(self.fields.present[state]),
             )
         return self._lines[key]
+
+    def areas(self, sheet: Sheet, state: int, window: Window) -> tuple[Ints, Floats]:
+        """Triangles (m, 3) of a sheet that are present in a window, and their areas (m,), m2."""
+        key = (id(sheet), state)
+        if key not in self._areas:
+            triangles = sheet.triangles[self.fields.present[state][sheet.element]]
+            a, b, c = (sheet.xy[corner] for corner in triangles.T)
+            centre = (a + b + c) / 3
+            inside = ((centre >= window.low) & (centre <= window.high)).all(axis=1)
+            (ux, uy), (vx, vy) = (b - a)[inside].T, (c - a)[inside].T
+            self._areas[key] = triangles[inside], 0.5 * np.abs(ux * vy - uy * vx)
+        return self._areas[key]
 
     def borders_label(self, state: int) -> Ints:
         """Labels (n_elements,) for `Sheet.borders`: groups of what is present, -1 for the rest."""

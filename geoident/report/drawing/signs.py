@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from geoident.model.results.result import Result
+from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,
@@ -38,12 +40,32 @@ def sign_pictures(result: Result) -> tuple[Picture, ...]:
         "Without a zero the value itself is read, with a zero its change since then."
     )
     title = "What counts as positive"
-    return (Picture("signs", title, caption, lambda: signs_figure(present)),)
+    absent = _absent(result)
+    return (Picture("signs", title, caption, lambda: signs_figure(present, absent)),)
 
 
-def signs_figure(kinds: Sequence[str]) -> Figure:
-    """A panel for each of some kinds of gauges, keys of `SIGNS`."""
-    drawn = [sign for kind in kinds for sign in SIGNS[kind]]
+def _absent(result: Result) -> tuple[str, ...]:
+    """Titles of panels of structures on which no load cell of a result sits."""
+    case = case_of(result)
+    if case is None:
+        return ()
+    cells = {c.structure for c in case.channels if c.kind == "load-cell"} & set(case.structures)
+    built = tuple(case.structures[name] for name in cells)
+    return tuple(
+        title
+        for title, kinds in _ON.items()
+        if built and not any(isinstance(one, kinds) for one in built)
+    )
+
+
+def signs_figure(kinds: Sequence[str], absent: Sequence[str] = ()) -> Figure:
+    """A panel for each of some kinds of gauges.
+
+    Args:
+        kinds: keys of `SIGNS`.
+        absent: titles of panels that are left out.
+    """
+    drawn = [sign for kind in kinds for sign in SIGNS[kind] if sign[0] not in absent]
     figure, panels = panel_grid(len(drawn), height=1.9, extra=0.1)
     for axes, (title, draw) in zip(panels, drawn, strict=True):
         axes.set_xlim(-1.5, 1.5)
@@ -220,6 +242,10 @@ def _beam(axes: Axes) -> None:
     _word(axes, 0.85, 0.0, "M: tension here,\nQ = dM/ds,\nN: tension")
 
 
+_BOLT, _STRUT, _LINING = "bolt, anchor: tension", "strut: compression", "beam: N, M, Q"
+_ON: dict[str, tuple[type, ...]] = {_BOLT: (Bolts, Anchors), _STRUT: (Struts,), _LINING: (Beam,)}
+"""Panels of load cells, and the structures that they are of."""
+
 SIGNS: dict[str, tuple[tuple[str, Callable[[Axes], None]], ...]] = {
     "extensometer": (("extensometer: points move apart", _extensometer),),
     "convergence": (("convergence: points move apart", _convergence),),
@@ -235,9 +261,9 @@ SIGNS: dict[str, tuple[tuple[str, Callable[[Axes], None]], ...]] = {
     "piezometer": (("piezometer: pressure", _water),),
     "strain": (("strain: elongation", _strain),),
     "load-cell": (
-        ("bolt, anchor: tension", _pulled),
-        ("strut: compression", _pushed),
-        ("beam: N, M, Q", _beam),
+        (_BOLT, _pulled),
+        (_STRUT, _pushed),
+        (_LINING, _beam),
     ),
 }
 """Kind of a gauge to its panels: what counts as positive, and its drawing."""

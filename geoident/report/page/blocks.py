@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 from geoident.report.drawing.style import Picture
 from geoident.report.page.html import Html, joined, table, tag
-from geoident.report.page.svg import figure_element
+from geoident.report.page.svg import figure_element, printed_part
 from geoident.report.text.layout import TextTable
+
+_PAGE = 100  # per cent of its width
 
 Draw = Callable[[Sequence[Picture]], Sequence[bytes]]
 """Makes the SVG of pictures."""
@@ -181,18 +183,35 @@ class _Writer:
 
     def _block(self, block: Block) -> Html:
         if isinstance(block, Figures):
-            return tag("div", *(self._figure(picture) for picture in block.pictures),
-                       class_="figures")  # fmt: skip
+            parts = [printed_part(self._drawn[picture.name]) for picture in block.pictures]
+            drawn = zip(block.pictures, _alone(parts), strict=True)
+            return tag("div", *(self._figure(*one) for one in drawn), class_="figures")
         if isinstance(block, TitledTable):
             self._tables += 1
             return table(block.table, caption=f"Table {self._tables}: {block.title}")
         return block
 
-    def _figure(self, picture: Picture) -> Html:
+    def _figure(self, picture: Picture, alone: bool) -> Html:
         self._figures += 1
         return figure_element(
             self._drawn[picture.name],
             name=picture.name,
             title=f"Figure {self._figures}: {picture.title}",
             caption=picture.caption,
+            alone=alone,
         )
+
+
+def _alone(parts: Sequence[int]) -> list[bool]:
+    """Which of some figures stand alone in their row of a printed page.
+
+    >>> _alone([35, 65, 60, 45, 50])
+    [False, False, True, False, False]
+    """
+    rows: list[list[int]] = []
+    for part in parts:
+        if rows and sum(rows[-1]) + part <= _PAGE:
+            rows[-1].append(part)
+        else:
+            rows.append([part])
+    return [len(row) == 1 for row in rows for _ in row]

@@ -111,13 +111,11 @@ _PHONE = "".join(f"  .w{k} svg {{ min-width: {78 * k}px; }}\n" for k in range(5,
 
 _PRINTED = "".join(
     f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
-    if k < 65 or k > 75
-    else f"  .p{k} {{ display: flex; max-width: none; width: 99%; gap: 3%; }}\n"
-    f"  .p{k} .drawing {{ flex: 0 0 {k - 3}%; }}\n"
+    f"  .p{k}.alone .drawing {{ flex: 0 0 {k - 3}%; }}\n"
     for k in range(10, 105, 5)
 )
-"""Figures by their part of the width of a printed page, in per cent: small ones side by side, those
-of middle size with their caption at the side."""
+"""Figures by their part of the width of a printed page, in per cent: side by side as far as there
+is room; the caption of one that stands alone is at its side."""
 
 STYLE = f"""
 :root {{ color: #1a1a1a; background: #fff; font: 15px/1.5 system-ui, "Segoe UI", Roboto,
@@ -204,5 +202,6 @@ a {{ color: #1f4e79; }}
   th {{ white-space: normal; }}
   th, td {{ padding-top: .1em; padding-bottom: .1em; }}
   a {{ color: inherit; text-decoration: none; }}
-{_PRINTED}}}
+{_PRINTED}  .alone {{ display: flex; width: 99%; gap: 3%; }}
+}}
 """

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -23,6 +23,9 @@ from matplotlib.transforms import Bbox
 
 from geoident.model.arrays import Floats
 
+_known: dict[Any, Floats] = {}
+"""The room of words that were measured, from the point at which they stand."""
+
 _CLOSE = 1e-10  # of the length of an axis: a tick so far beyond its end is at its end
 
 
@@ -33,6 +36,19 @@ class _LeanAxis(Axis):
     _ticks: tuple[tuple[Any, Floats, list[str]], ...] = ()
     _boxes: tuple[list[Bbox], list[Bbox]] | None = None
     _extents: dict[Any, Bbox]
+
+    def reset_ticks(self) -> None:
+        """Forget the ticks; the one of which others are copies is made when it is asked for."""
+        these: Any = self
+        these.majorTicks, these.minorTicks = [], []
+        self._key = None
+        if hasattr(these.axes, "patch"):
+            self.set_clip_path(these.axes.patch)
+
+    def _usual_side(self: Any) -> bool:
+        """Whether marks and numbers stand on the usual side alone."""
+        on = self._major_tick_kw
+        return not (on.get("tick2On") or on.get("label2On"))
 
     def _measured(self: Any) -> None:
         """Find ticks and forget what was measured, if the axes moved since."""
@@ -96,16 +112,14 @@ class _LeanAxis(Axis):
         if key not in self._extents:
             found = super().get_tightbbox(renderer, for_layout_only=for_layout_only)
             boxes = [] if found is None else [found]
-            self._extents[key] = Bbox.union([*boxes, *self._marks()]) if boxes else None
-        found = self._extents[key]
-        return None if found is None else Bbox(found.get_points().copy())
+            self._extents[key] = Bbox.union([*boxes, *self._marks()])
+        return Bbox(self._extents[key].get_points().copy())
 
     def _marks(self: Any) -> list[Bbox]:
         """The room of the marks outside of the axes."""
         box = self.axes.bbox
-        outside = max(
-            (t.get_tick_padding() for t, places, _ in self._ticks if len(places)), default=0
-        )
+        ticks = [t for t, places, _ in self._ticks if len(places) and t.tick1line.get_visible()]
+        outside = max((tick.get_tick_padding() for tick in ticks), default=0.0)
         reach = outside * self.get_figure(root=True).dpi / 72
         if self.axis_name == "x":
             return [Bbox([[box.x0, box.y0 - reach], [box.x1, box.y0]])]
@@ -156,12 +170,25 @@ class _LeanAxis(Axis):
 def _rooms(
     label: Any, name: str, places: Floats, words: Sequence[str], renderer: Any
 ) -> list[Bbox]:
-    """The room of each of some words along an axis."""
+    """The room of each of some words along an axis, from that of equal words elsewhere."""
+    side = label.get_position()[1 if name == "x" else 0]
+    across = np.full(len(places), side)
+    at = np.stack((places, across) if name == "x" else (across, places), axis=1)
+    anchors = label.get_transform().transform(at)
+    look = (
+        label.get_rotation(), label.get_rotation_mode(), label.get_ha(), label.get_va(),
+        label.get_fontsize(), label.get_fontweight(), label.get_figure(root=True).dpi,
+        type(renderer),
+    )  # fmt: skip
     found = []
-    for place, word in zip(places, words, strict=True):
-        if word:
+    for place, word, anchor in zip(places, words, anchors, strict=True):
+        if not word:
+            continue
+        key = (word, *look)
+        if key not in _known:
             _put(label, name, place, word)
-            found.append(label.get_window_extent(renderer))
+            _known[key] = label.get_window_extent(renderer).get_points() - anchor
+        found.append(Bbox(_known[key] + anchor))
     return found
 
 
@@ -195,9 +222,39 @@ def _draw_tick(tick: Any, name: str, places: Floats, words: Sequence[str], rende
 class _LeanX(_LeanAxis, XAxis):
     """An axis along x."""
 
+    def get_ticks_position(self) -> Literal["top", "bottom", "default", "unknown"]:
+        """The side on which marks and numbers stand."""
+        return "default" if self._usual_side() else "unknown"
+
+    def _update_label_position(self: Any, renderer: Any) -> None:
+        """Put the name under the numbers."""
+        if self.label_position != "bottom" or not self._autolabelpos:
+            plain: Any = XAxis
+            plain._update_label_position(self, renderer)
+            return
+        boxes = self._get_tick_boxes_siblings(renderer)[0]
+        low = min(box.y0 for box in [*boxes, *self._marks()])
+        x, _ = self.label.get_position()
+        self.label.set_position((x, low - self.labelpad * self.get_figure(root=True).dpi / 72))
+
 
 class _LeanY(_LeanAxis, YAxis):
     """An axis along y."""
+
+    def get_ticks_position(self) -> Literal["left", "right", "default", "unknown"]:
+        """The side on which marks and numbers stand."""
+        return "default" if self._usual_side() else "unknown"
+
+    def _update_label_position(self: Any, renderer: Any) -> None:
+        """Put the name beside the numbers."""
+        if self.label_position != "left" or not self._autolabelpos:
+            plain: Any = YAxis
+            plain._update_label_position(self, renderer)
+            return
+        boxes = self._get_tick_boxes_siblings(renderer)[0]
+        low = min(box.x0 for box in [*boxes, *self._marks()])
+        _, y = self.label.get_position()
+        self.label.set_position((low - self.labelpad * self.get_figure(root=True).dpi / 72, y))
 
 
 class _LeanAxes(Axes):

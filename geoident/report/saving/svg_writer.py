@@ -402,8 +402,36 @@ def _short(value: Any) -> str:
 
 def _png(pixels: Any) -> str:
     """The address of an image (rows, columns, 4) with a palette, the highest row first."""
-    image = Image.fromarray(np.ascontiguousarray(pixels))
-    few = image.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
+    whole = np.ascontiguousarray(pixels)
+    few = _palette(whole)
+    if few is None:
+        few = Image.fromarray(whole).quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
     buffer = io.BytesIO()
     few.save(buffer, format="png", compress_level=_PACKED)
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+
+
+def _palette(pixels: Any) -> Image.Image | None:
+    """An image of few colours with exactly these as its palette; None where it has more.
+
+    Colours are told apart by 16 bits of a product (Fibonacci hashing), which is checked: a tenth
+    of the time of a search for the best palette.
+    """
+    codes = pixels.view(np.uint32)[..., 0]
+    hashed = (codes * np.uint32(0x9E3779B1)) >> np.uint32(16)
+    first = np.zeros(1 << 16, dtype=np.uint32)
+    seen = np.zeros(1 << 16, dtype=np.bool_)
+    first[hashed] = codes
+    seen[hashed] = True
+    used = np.flatnonzero(seen)
+    if len(used) > _COLOURS:
+        return None
+    number = np.zeros(1 << 16, dtype=np.uint8)
+    number[used] = np.arange(len(used))
+    index = number[hashed]
+    colours = first[used]
+    if not np.array_equal(colours[index], codes):
+        return None
+    few = Image.frombytes("P", index.shape[::-1], index.tobytes())
+    few.putpalette(colours.view(np.uint8).tobytes(), rawmode="RGBA")
+    return few

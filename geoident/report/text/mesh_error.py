@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from geoident.model.results.mesh_error import MeshError
 from geoident.report.text.layout import TextTable, bullets, number, section, sections
+from geoident.report.text.result import counts_text
 from geoident.units import DIMENSIONS, in_unit, shown_unit
 
 _MOST = 40
@@ -15,6 +17,7 @@ _MOST = 40
 
 _HOW = {
     "refinement": "Every edge halved: {0:,} elements became {1:,}",
+    "order": "A node on every edge: {0:,} elements became {1:,} of second order",
     "recovery": "From the jumps of the stress between {0:,} elements",
 }
 
@@ -54,6 +57,7 @@ def mesh_error_text(case: str, found: MeshError, said: str) -> str:
         f"{case}: {_HOW[found.how].format(*found.elements)}",
         section(f"Error of the computed readings by the mesh{more}", mesh_error_table(found).text),
         section("Findings", bullets([said, *found.notes])),
+        f"Cost: {counts_text(found.cost)}, those of the finer mesh among them",
     )
 
 
@@ -73,6 +77,7 @@ def mesh_error_object(case: str, found: MeshError, said: str) -> dict[str, Any]:
         "order": found.order,
         "finding": said,
         "notes": found.notes,
+        "counts": asdict(found.cost),
         "readings": [
             {
                 "gauge": found.channels[i],

@@ -324,47 +324,50 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
 
 
 _CLEAR = 5.0
-"""Accuracies from which on a reading has a clear sign."""
+"""Accuracies from which on what a gauge reads has a clear sign."""
 _MOVES = 0.05
-"""Part of the largest computed reading of its dimension from which on another has a clear sign.
+"""Part of the largest computed reading of its dimension from which on a gauge has a clear sign.
 
 Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
 """
+_AGAINST = -0.5
+"""Correlation of measured and computed readings of a gauge, about zero, that is against."""
 
 
-def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
-    """A sentence for gauges that read the opposite of what is computed, wherever it is clear.
+def opposite_findings(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
+    """A sentence for gauges that read the opposite of what is computed.
 
-    A sign that the file counts the other way round cannot be fitted, and scatter, a model error or
-    a bound would take it up without a word.
+    A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
+    bound would take it up without a word.
 
     Args:
         gauges: measured and computed.
+        case: with the accuracies as stated: estimated ones grow with what is looked for here.
     """
-    sizes = np.abs(np.where(gauges.used, gauges.computed, 0.0))
+    stated = {channel.name: channel.accuracy for channel in case.channels}
+    accuracy = np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
+    used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
+    measured = np.where(used, gauges.measured, 0.0) / accuracy
+    computed = np.where(used, gauges.computed, 0.0)
     dimensions = np.array(gauges.dimensions)
-    largest = np.array([sizes[dimensions == one].max(initial=0.0) for one in dimensions])
-    clear = _CLEAR * gauges.accuracy[:, None]
-    with np.errstate(invalid="ignore"):
-        sure = gauges.used & (np.abs(gauges.measured) > clear)
-        sure &= sizes > _MOVES * largest[:, None]
-        against = sure & (gauges.measured * gauges.computed < 0.0)
-    of_gauge: dict[str, list[int]] = {}
-    for i, name in enumerate(gauges.gauges):
-        of_gauge.setdefault(name, []).append(i)
-    turned = [
-        name
-        for name, rows in of_gauge.items()
-        if against[rows].any() and (against[rows] == sure[rows]).all()
-    ]
-    count = int(sum(against[of_gauge[name]].sum() for name in turned))
+    largest = {one: np.abs(computed[dimensions == one]).max(initial=0.0) for one in dimensions}
+    turned, count = [], 0
+    for name in dict.fromkeys(gauges.gauges):
+        rows = np.array([own == name for own in gauges.gauges])
+        read, said = measured[rows], (computed / accuracy)[rows]
+        clear = np.linalg.norm(read) > _CLEAR
+        moves = np.abs(computed[rows]).max() > _MOVES * largest[dimensions[rows][0]]
+        size = float(np.linalg.norm(read) * np.linalg.norm(said))
+        if clear and moves and float((read * said).sum()) < _AGAINST * size:
+            turned.append(name)
+            count += int(used[rows].sum())
     if count < 2:
         return ()
     return (
-        f"The readings of {listing(turned)} have the opposite sign of what the model computes, all "
-        f"{count} that are clear. Distances are positive where they grow, settlements downwards "
-        "(page 'Conventions'); where a file counts the other way round, its 'channels' take "
-        "'sign: -1'. If the signs are right, the model moves the wrong way.",
+        f"The readings of {listing(turned)} run against the model: measured and computed have "
+        "opposite signs. Distances are positive where they grow, settlements downwards (page "
+        "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
+        "If the signs are right, the model moves the wrong way.",
     )
 
 

@@ -113,6 +113,7 @@ def look(
         last: index of the last state wanted; None for all.
     """
     survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
+    counts = counts + setup.spent
     computed, jacobian = at_used(readings)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
@@ -138,7 +139,7 @@ def look(
     ]
     others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
     for other in others:  # each counts the search, too
-        counts = further(counts, problem.response.counts, other.counts)
+        counts = further(counts, problem.response.counts + setup.spent, other.counts)
     return replace(found, rivals=rivals, others=others, evidence=evidence, counts=counts)
 
 

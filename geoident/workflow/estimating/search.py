@@ -28,14 +28,14 @@ from geoident.workflow.estimating.accuracies import (
     with_accuracies,
     with_scatter,
 )
-from geoident.workflow.estimating.mesh_error import (
+from geoident.workflow.estimating.fitted_mesh import (
     FittedMesh,
     everywhere,
     fitted_mesh,
     judged_mesh,
-    used_pairs,
     with_mesh_error,
 )
+from geoident.workflow.estimating.mesh_error import used_pairs
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     no_model_error,
@@ -141,7 +141,7 @@ def _with_mesh(
     asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
     plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
     if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
-        return setup, problem, outcome
+        return setup.not_asked_of_the_mesh(), problem, outcome
     found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
     if found is None or not found.counts:
         return replace(setup, mesh=found), problem, outcome
@@ -170,9 +170,11 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     if not judged.counts:
         return None
     if mesh.whole or not isinstance(found.model, StagedModel):
-        return judged
+        return replace(judged, spent=mesh.spent)
+    before = found.model.counts
     whole = everywhere(found.model, problem, outcome)
-    return replace(judged, found=replace(whole, accuracy=accuracy))
+    spent = mesh.spent + (found.model.counts - before) + whole.cost
+    return replace(judged, found=replace(whole, accuracy=accuracy), spent=spent)
 
 
 def _counted(

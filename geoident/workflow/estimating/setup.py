@@ -21,10 +21,8 @@ from geoident.model.methods import (
 )
 from geoident.model.response import Response
 from geoident.model.results.model_error import ModelErrorTable
-from geoident.model.results.result import AccuracyTable, Result
-from geoident.workflow.estimating.mesh_error import (
-    FittedMesh,
-)
+from geoident.model.results.result import NO_COST, AccuracyTable, Counts, Result
+from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     of_result,
@@ -71,6 +69,17 @@ class Setup:
             return replace(self, model_error=None)
         table = reading_table(self.stated, self.readings.reason)
         return replace(self, case=self.stated, readings=table, model_error=None, stated=None)
+
+    def not_asked_of_the_mesh(self) -> Setup:
+        """The same where this fit has not asked the mesh: what that has cost was another's."""
+        if self.mesh is None:
+            return self
+        return replace(self, mesh=replace(self.mesh, spent=NO_COST))
+
+    @property
+    def spent(self) -> Counts:
+        """What the finer mesh has cost."""
+        return NO_COST if self.mesh is None else self.mesh.spent
 
     @property
     def model_error_table(self) -> ModelErrorTable | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, LARGE, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.fem.solvers.fronts.single import single_pays
@@ -92,6 +93,26 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
         seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
     )
+
+
+def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
+    """About what one evaluation costs with elements of second order on the same edges, in space.
+
+    As on a refined mesh, with k times the nodes; those on edges have half as many neighbours more.
+
+    Args:
+        model: of the case, with elements of first order.
+        cost: of one evaluation on its own mesh.
+    """
+    k = n_raised(model.mesh) / model.mesh.n_nodes
+    return replace(
+        cost,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k ** (4.0 / 3.0),
+        seconds=cost.seconds * _DENSER * k**2,
+    )
+
+
+_DENSER = 1.5
 
 
 def evaluations_text(methods: Sequence[MethodOptions], n: int, *, yields: bool) -> str:

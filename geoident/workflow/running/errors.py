@@ -23,9 +23,6 @@ DAY = 86400.0
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
 
-DOUBT = 0.5
-"""By how much the estimated error of a channel by the mesh is uncertain itself (theory 9.4)."""
-
 ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
@@ -142,9 +139,10 @@ def _shared(
     few = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
     yield "zero", ("zero", channel.name), parts.zero
-    of_mesh = dict(parts.mesh).get(reading.stage, 0.0)
-    yield MESH, (MESH,), of_mesh
-    yield MESH, (MESH, channel.name), DOUBT * of_mesh
+    for stage, error, doubt in parts.mesh:
+        if stage == reading.stage:
+            yield MESH, (MESH,), error
+            yield MESH, (MESH, channel.name), doubt
     yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
     yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
 

@@ -104,6 +104,7 @@ class Remembered:
         self._before = before
         self._counts = inner.counts
         self._seen: set[tuple[str, bytes]] = set()
+        self._evaluated: list[Floats] = []
         self._metric = ""  # of the first condensation
         self._visited: list[Floats] = []  # where it was evaluated with derivatives
 
@@ -146,6 +147,10 @@ class Remembered:
         if not any(np.array_equal(p, other) for other in self._visited):
             self._visited.append(p.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
+
+    def evaluated(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
+        return tuple(self._evaluated)
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what all channels see, (n_states, n_channels).
@@ -255,7 +260,7 @@ class Remembered:
     def _recall(self, kind: str, p: Floats) -> EvaluationArrays | None:
         known = self._log.find(kind, p)
         if known is not None and (kind, p.tobytes()) not in self._seen:
-            self._seen.add((kind, p.tobytes()))
+            self._see(kind, p)
             self._spend(known["cost"])
         return known
 
@@ -271,9 +276,15 @@ class Remembered:
             raise
         cost = _cost(before, self._inner.counts)
         self._log.add(kind, p, {**arrays, "cost": cost})
-        self._seen.add((kind, p.tobytes()))
+        self._see(kind, p)
         self._spend(cost)
         return arrays
+
+    def _see(self, kind: str, p: Floats) -> None:
+        """Note that this run has asked for something at p (n,)."""
+        if kind == "evaluate" and (kind, p.tobytes()) not in self._seen:
+            self._evaluated.append(p.copy())
+        self._seen.add((kind, p.tobytes()))
 
     def _spend(self, cost: Floats) -> None:
         evaluations, factorizations, solves, analyses = (int(number) for number in cost)

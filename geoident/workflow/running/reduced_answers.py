@@ -1,4 +1,4 @@
-"""Thousands of answers by a reduced model, where it is proven to be close enough (theory 15).
+"""Thousands of answers by a reduced model, where it is proven to be close enough (theory 14).
 
 The reduced model is made of a few marches: at the centre, and one after the other where among some
 training points the bound of its error is largest. A reading that may be off by more than `CLOSE` of

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from geoident.errors import OutputError, Term
 from geoident.io.text.atomic import atomic_output, refuse_inputs
-from geoident.io.text.mark import Origin, marked, origin_of, read_mark
+from geoident.io.text.mark import CaseOrigin, marked, origin_of, read_mark
 from geoident.workflow.running.outputs import set_aside
 
 
@@ -89,7 +89,7 @@ def foreign(content: bytes, form: str, cases: Sequence[str], path: str | Path) -
     return ""
 
 
-def _named(origin: Origin) -> str:
+def _named(origin: CaseOrigin) -> str:
     return ", ".join(origin.names)
 
 

@@ -27,6 +27,7 @@ class Given:
     """
 
     dofs = np.array([0])
+    at_hand = None
 
     def __init__(self, residual, *, associated=False, forces=1.0, needs=0):
         self.residual, self.associated = residual, associated

@@ -44,11 +44,16 @@ class Scripted:
 
     def __init__(self, residuals, jacobian=((1.0, 0.0), (0.0, 1.0))):
         self.residuals, self.jacobian = residuals, np.array(jacobian, dtype=float)
+        self.differentiated = []
 
     def admissible(self, p):
         return None
 
+    def readings(self, p):
+        return np.array(self.residuals(p), dtype=float)
+
     def evaluate(self, p):
+        self.differentiated.append(p.copy())
         return np.array(self.residuals(p), dtype=float), self.jacobian
 
 
@@ -134,6 +139,21 @@ def test_no_more_is_evaluated_than_may_be():
     evaluator, history, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
     checked = check(evaluator, point, exact=False, spent=lambda: len(history.iterations) >= 2)
     assert checked.probes == len(history.iterations) == 2
+
+
+def differentiated(evaluator):
+    """Where derivatives were asked for."""
+    return evaluator.discrepancy.problem.response.differentiated
+
+
+def test_points_around_are_compared_without_derivatives_but_for_the_one_that_is_lower():
+    evaluator, _, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
+    check(evaluator, point, exact=False, spent=never)
+    assert len(differentiated(evaluator)) == 1  # the point itself
+    evaluator, _, point = searched(lambda p: [3.0 + p[0], 4.0 + 2.0 * p[1]])
+    lower = check(evaluator, point, exact=False, spent=never).lower
+    assert len(differentiated(evaluator)) == 2
+    assert differentiated(evaluator)[1] == pytest.approx(lower.p)
 
 
 # The certificate
@@ -226,6 +246,26 @@ def test_the_other_parameters_follow():
     # b can lower the second residual of 3 by 1.5 x of the first step
     assert open_above(evaluator, point, only, spent=never).tolist() == [True, False]
     assert not open_above(evaluator, point, only, spent=lambda: True).any()
+
+
+@pytest.mark.parametrize(
+    ("known", "growth", "again"),
+    [([1.02, 9.0], 39.0, False), ([1.02, 9.0], 38.0, True),
+     ([1.2, 9.0], 39.0, True), ([1.02, 8.9], 39.0, True)],
+)  # fmt: skip
+def test_what_was_seen_near_the_upper_bound_is_not_asked_again(known, growth, again):
+    """Within 5 %, on the bound, and ten times as high as an interval's end."""
+    q = (Parameter("a", 1.0, 0.0, 9.0), Parameter("b", 1.0, 0.0, 9.0))
+
+    def residuals(p):
+        return [np.sqrt(2.0 + (growth if p[1] > 8.0 else 0.0)), 0.0]
+
+    evaluator, history, point = searched(residuals, ((0.0, 1.0), (0.0, 0.0)), parameters=q)
+    response = evaluator.discrepancy.problem.response
+    response.evaluated = lambda: [np.array([1.0, 1.0]), np.array(known)]
+    only = np.array([False, True])
+    assert not open_above(evaluator, point, only, spent=never).any()
+    assert [entry.note for entry in history.iterations] == ["from above"] * again
 
 
 # Unreached planes

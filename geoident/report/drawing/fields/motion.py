@@ -70,15 +70,17 @@ def motion_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple[P
             _vector_picture(scene, sheet, tag, where))  # fmt: skip
 
 
-def displacement_size(scene: Scene, sheet: Sheet, state: int) -> Floats:
+def displacement_size(scene: Scene, sheet: Sheet, state: int, *, since: int = 0) -> Floats:
     """Length (n,) of the displacement at the n points of a sheet, mm.
 
     Args:
         scene: what is drawn.
         sheet: a section or an outside of it.
         state: number of the state.
+        since: number of the state from which on it counts.
     """
-    return np.asarray(MM * np.linalg.norm(sheet.of_nodes(scene.displacement(state)), axis=1))
+    moved = sheet.of_nodes(scene.displacement(state, since=since))
+    return np.asarray(MM * np.linalg.norm(moved, axis=1))
 
 
 def parts_figure(scene: Scene, sheet: Sheet) -> Figure:

@@ -36,6 +36,7 @@ _BANDS = 12
 _NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
+_EVERY = 2  # pixels between those from which a line is found
 
 _FAINT_ON_WHITE: dict[str, Any] = {"color": "#b5b5b5", "lw": 0.4}
 _FAINT_ON_FIELD: dict[str, Any] = {"color": "white", "lw": 0.3, "alpha": 0.6}
@@ -195,14 +196,11 @@ def weighted(scene: Scene, sheet: Sheet, state: int, window: Window, value: Floa
         window: what is shown.
         value: (n,) at the points of the sheet.
     """
-    triangles = sheet.triangles[scene.fields.present[state][sheet.element]]
-    corners = sheet.xy[triangles]
-    centre = corners.mean(axis=1)
-    inside = ((centre >= window.low) & (centre <= window.high)).all(axis=1)
-    (ax, ay), (bx, by) = (corners[inside, k].T - corners[inside, 0].T for k in (1, 2))
-    mean = value[triangles[inside]].mean(axis=1)
+    triangles, areas = scene.areas(sheet, state, window)
+    a, b, c = triangles.T
+    mean = (value[a] + value[b] + value[c]) / 3
     known = np.isfinite(mean)
-    return np.stack([mean, 0.5 * np.abs(ax * by - ay * bx)])[:, known]
+    return np.stack([mean, areas])[:, known]
 
 
 def bands(shown: Floats, colours: str) -> dict[str, Any]:
@@ -314,8 +312,10 @@ def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style:
         return
     rows, columns = raster.shape
     cell = (raster.high - raster.low) / np.array([columns, rows])
-    x, y = (raster.low[k] + cell[k] * (np.arange((columns, rows)[k]) + 0.5) for k in (0, 1))
-    axes.contour(x, y, np.ma.masked_invalid(image), levels=[level], **style)
+    x, y = (
+        raster.low[k] + cell[k] * (np.arange(0, (columns, rows)[k], _EVERY) + 0.5) for k in (0, 1)
+    )
+    axes.contour(x, y, np.ma.masked_invalid(image[::_EVERY, ::_EVERY]), levels=[level], **style)
 
 
 def draw_lines(

@@ -1,17 +1,18 @@
-"""Uniform refinement of a mesh: every edge is halved, groups and points stay what they are.
+"""Finer meshes of the same body: every edge halved, or a node on every edge.
 
 Each kind of cell is cut into children of half its size, given by the reference coordinates of
 their corners:
 
     line 2      tri 4      quad 4      tet 8      hex 8      wedge 8      pyramid 6 and 4 tets
 
-A child of second order has nodes on its edges too. Its nodes lie where the parent's own map puts
-them (theory 1.1): on straight edges, or on the parabola of an edge with a node, so the body is the
-same to the last digit. Where a wall is drawn by straight edges it stays a polygon.
+or, to raise its order, into one child of second order as large as itself. A child of second order
+has nodes on its edges too. Its nodes lie where the parent's own map puts them (theory 1.1): on
+straight edges, or on the parabola of an edge with a node, so the body is the same to the last
+digit. Where a wall is drawn by straight edges it stays a polygon.
 
 A new node is known by the corners of its parent and their shares in it (the shape functions of
 first order there), which neighbours see alike on the face that they share, so each node is made
-once. Old nodes keep their numbers.
+once. Old nodes keep their numbers, groups and points stay what they are.
 """
 
 from __future__ import annotations
@@ -65,15 +66,33 @@ class _Template:
     cuts: tuple[_Cut, ...]
 
 
-def refined(mesh: Mesh) -> Mesh:
-    """The mesh with every edge halved.
+def halved(mesh: Mesh) -> Mesh:
+    """The mesh with every edge halved; groups as in `raised`."""
+    return _finer(mesh, raises=False)
+
+
+def raised(mesh: Mesh) -> Mesh:
+    """A mesh of first order with a node on every edge; its elements are of second order.
 
     Element and facet groups hold the children of their members. Node groups hold in addition the
     new nodes between their members that lie on a border (of the mesh, or between groups), and all
     those of elements of which every corner is a member.
     """
+    return _finer(mesh, raises=True)
+
+
+def n_raised(mesh: Mesh) -> int:
+    """Number of nodes of the `raised` mesh: one more for each edge."""
+    keys = []
+    for block in mesh.blocks:
+        ends = np.sort(block.nodes[:, np.array(CELLS[block.kind].shape.edges)], axis=2)
+        keys.append((ends[..., 0] * mesh.n_nodes + ends[..., 1]).ravel())
+    return mesh.n_nodes + len(np.unique(np.concatenate(keys)))
+
+
+def _finer(mesh: Mesh, *, raises: bool) -> Mesh:
     names = np.random.default_rng(1).integers(1, 2**63, mesh.n_nodes).astype(np.uint64)
-    parts = [_children(mesh, block, names) for block in (*mesh.blocks, *mesh.facets)]
+    parts = [_children(mesh, block, names, raises=raises) for block in (*mesh.blocks, *mesh.facets)]
     old = [names * np.uint64(_UNIT), *(keys for keys, _ in _middles(mesh, names))]
     own = [np.arange(mesh.n_nodes), *(nodes for _, nodes in _middles(mesh, names))]
     keys = np.concatenate([*old, *(part.keys.ravel() for part in parts)])
@@ -88,7 +107,7 @@ def refined(mesh: Mesh) -> Mesh:
     positions = np.concatenate([part.points.reshape(-1, mesh.dim) for part in parts])
     points[number[fresh]] = positions[first[fresh] - len(known)]
     node_of = number[place[len(known) :]]
-    elements, facets = _Joined(), _Joined()
+    elements, facets = _Joined(raises=raises), _Joined(raises=raises)
     start = 0
     grown = {name: [np.asarray(group)] for name, group in mesh.node_groups.items()}
     borders = _borders(mesh)
@@ -98,7 +117,7 @@ def refined(mesh: Mesh) -> Mesh:
         target = elements if count < len(mesh.blocks) else facets
         target.add(block, span, nodes)
         on_border = borders[count] if count < len(mesh.blocks) else None
-        for name, found in _grown(mesh, block, nodes, on_border):
+        for name, found in _grown(mesh, block, nodes, on_border, raises=raises):
             grown[name].append(found)
     return replace(
         mesh,
@@ -124,8 +143,8 @@ class _Children:
     points: Floats
 
 
-def _children(mesh: Mesh, block: ElementBlock, names: Keys) -> _Children:
-    template = _template(block.kind)
+def _children(mesh: Mesh, block: ElementBlock, names: Keys, *, raises: bool) -> _Children:
+    template = _template(block.kind, raises=raises)
     corners = names[block.nodes[:, : CELLS[block.kind].n_corners]]
     shares = np.round(template.shares * _UNIT).astype(np.int64).astype(np.uint64)
     keys = np.zeros((len(block), len(shares)), dtype=np.uint64)
@@ -147,13 +166,14 @@ def _middles(mesh: Mesh, names: Keys) -> Iterable[tuple[Keys, Ints]]:
 class _Joined:
     """Collects children by kind, with the parent of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, raises: bool) -> None:
+        self._raises = raises
         self._parts: dict[str, list[tuple[Ints, Ints, Ints]]] = {}
 
     def add(self, block: ElementBlock, span: slice, nodes: Ints) -> None:
         """Takes the children of a block whose places have these nodes (n_el, n_places)."""
         parents = np.arange(span.start, span.stop)
-        for cut in _template(block.kind).cuts:
+        for cut in _template(block.kind, raises=self._raises).cuts:
             rows = nodes[:, cut.rows].reshape(-1, cut.rows.shape[1])
             each = len(cut.rows)
             self._parts.setdefault(cut.kind, []).append(
@@ -196,10 +216,10 @@ def _borders(mesh: Mesh) -> list[Bools]:
 
 
 def _grown(
-    mesh: Mesh, block: ElementBlock, nodes: Ints, border: Bools | None
+    mesh: Mesh, block: ElementBlock, nodes: Ints, border: Bools | None, *, raises: bool
 ) -> Iterable[tuple[str, Ints]]:
     """New members of node groups among the places (n_el, n_places) of a block."""
-    cell, template = CELLS[block.kind], _template(block.kind)
+    cell, template = CELLS[block.kind], _template(block.kind, raises=raises)
     corners = block.nodes[:, : cell.n_corners]
     behind: Bools = np.array(template.shares > 0.0, dtype=np.bool_, ndmin=2)
     for name, group in mesh.node_groups.items():
@@ -220,17 +240,17 @@ def _grown(
 
 
 @cache
-def _template(kind: str) -> _Template:
-    """How cells of a kind are cut."""
+def _template(kind: str, *, raises: bool) -> _Template:
+    """How cells of a kind are cut, or raised to second order."""
     cell = CELLS[kind]
+    order, name = (2 if raises else cell.order), cell.shape.name
     parent = reference_element(kind)
-    first = reference_element(f"{cell.shape.name}{cell.n_corners}")
+    first = reference_element(f"{name}{cell.n_corners}")
     cuts: list[tuple[str, list[Floats]]] = []
-    for shape, children in _CUTS[cell.shape.name]:
+    for shape, children in ((name, [_of(name)]),) if raises else _CUTS[name]:
         child = next(
-            c for c in CELLS.values()
-            if c.shape.name == shape and c.order == cell.order and c.usable
-        )  # fmt: skip
+            c for c in CELLS.values() if c.shape.name == shape and c.order == order and c.usable
+        )
         edges = child.edges
         rows = []
         for corners in children:
@@ -241,9 +261,9 @@ def _template(kind: str) -> _Template:
     places, index = np.unique(np.round(everything, 9), axis=0, return_inverse=True)
     index = index.ravel()
     found, start = [], 0
-    for name, rows in cuts:
+    for kind_of_child, rows in cuts:
         size = len(rows) * len(rows[0])
-        found.append(_Cut(name, index[start : start + size].reshape(len(rows), -1)))
+        found.append(_Cut(kind_of_child, index[start : start + size].reshape(len(rows), -1)))
         start += size
     shares = first.shapes(places)
     return _Template(

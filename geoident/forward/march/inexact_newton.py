@@ -1,0 +1,151 @@
+"""Newton's method for yielding ground on few factorizations (theory 5.1).
+
+The steps of `equilibrium` need no exact tangent until the end: any direction of descent of the
+convex Pi will do, as long as its slope is followed. Three kinds of steps lead there, by what is at
+hand:
+
+    far       conjugate gradients on the tangent, preconditioned by the elastic stiffness and cut
+              off after a few steps: directions in which the ground flows freely, which make whole
+              Newton steps far too long, come last and are left out,
+    near      the tangent is factorized, once if all goes well; where its step was far too long, one
+              of the first kind comes between,
+    at last   conjugate gradients preconditioned by that factor: the pieces of the last steps differ
+              little from those for which it was made, and so do those of the derivatives. Where the
+              start is near, as it is from one parameter vector of a search to the next, the factor
+              of the march before serves, and none is made.
+
+How many steps of conjugate gradients are worth a factorization is counted on the pattern. Residuals
+are brought as far down as in `equilibrium`, so the state is the same; derivatives to `EXACT`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geoident.fem.conjugate_gradients import Product, conjugate_gradients
+from geoident.fem.solvers.direct import Factor
+from geoident.forward.march.stage_equations import (
+    ELASTIC_PARTS,
+    FactorsAtHand,
+    StageEquations,
+    Trial,
+)
+from geoident.model.arrays import Floats
+
+EXACT = 1e-11
+"""Residual, relative, that derivatives are solved to."""
+
+NEAR = 3e-4
+"""Out-of-balance force from which on the tangent is worth a factorization."""
+
+MOST_FAR = 20
+"""Steps on the elastic factor at most."""
+
+_ROUGH, _FINE = 0.1, 1e-3
+"""Residuals, relative, of steps far from equilibrium: at most, and at least where they are long."""
+
+_GUESS_STEPS = 3
+
+
+@dataclass
+class Directions:
+    """The steps of one solution, made of what is at hand.
+
+    Args:
+        equations: of the stage.
+        at_hand: its factors.
+        balanced: out-of-balance force, relative, that counts as equilibrium.
+    """
+
+    equations: StageEquations
+    at_hand: FactorsAtHand
+    balanced: float
+    far_steps: int = 0
+    own: bool = False
+    """The last factor was made on the way."""
+    failed: bool = False
+    """The factor of another march is too far off."""
+    cut: bool = False
+    """The last direction was cut off: no Newton step."""
+
+    def guess(self) -> Floats:
+        """(n_dofs,) the displacement step if nothing yielded any more."""
+        rest = self.equations.at(0.0 * self.equations.forces)
+        product = self._product(rest)
+        found = conjugate_gradients(
+            product,
+            rest.residual[:, None],
+            self.at_hand.elastic().solve,
+            tolerance=_ROUGH,
+            most=_GUESS_STEPS,
+        )
+        return self.equations.spread(found.x[:, 0])
+
+    def at(self, trial: Trial, least: int) -> tuple[Floats, int]:
+        """A direction of descent (n,), and the level of `ELASTIC_PARTS` that it needed.
+
+        Args:
+            trial: where from.
+            least: level at least.
+        """
+        near = trial.error <= NEAR
+        product = self._product(trial)
+        self.cut = False
+        if not least and (self.own or (near and not self.failed)):
+            found = self._on_last(product, trial)
+            if found is not None:
+                return found, 0
+            self.failed = True
+        if (least or not (self.own or near)) and self.far_steps < MOST_FAR:
+            self.far_steps += 1
+            self.cut = True
+            return self._on_elastic(product, trial), 0
+        factor, level = self.equations.factor(trial, least=least)
+        self.own = True
+        return factor.solve(trial.residual[:, None])[:, 0], level
+
+    def solve(self, trial: Trial, rhs: Floats) -> Floats:
+        """Solutions (n, k) with the exact tangent."""
+        last = self.at_hand.last()
+        if last is not None:
+            found = conjugate_gradients(
+                self._product(trial), rhs, last.solve, tolerance=EXACT, most=self.at_hand.most
+            )
+            if found.reached:
+                return found.x
+        return self.equations.factor(trial)[0].solve(rhs)
+
+    def _product(self, trial: Trial) -> Product:
+        points, change = self.equations.changes(trial)
+        return self.at_hand.product(points, (1.0 - ELASTIC_PARTS[0]) * change)
+
+    def _on_last(self, product: Product, trial: Trial) -> Floats | None:
+        """The direction on the last factor; None if that is too far off."""
+        last = self.at_hand.last()
+        if last is None:
+            return None
+        return self._iterated(product, trial, last, self._wanted(trial), whole=True)
+
+    def _on_elastic(self, product: Product, trial: Trial) -> Floats:
+        """A direction on the elastic factor, cut off."""
+        wanted = min(_ROUGH, max(self._wanted(trial), _FINE))
+        found = self._iterated(product, trial, self.at_hand.elastic(), wanted, whole=False)
+        assert found is not None
+        return found
+
+    def _iterated(
+        self, product: Product, trial: Trial, factor: Factor, wanted: float, *, whole: bool
+    ) -> Floats | None:
+        found = conjugate_gradients(
+            product,
+            trial.residual[:, None],
+            factor.solve,
+            tolerance=wanted,
+            most=self.at_hand.most,
+        )
+        return found.x[:, 0] if found.reached or not whole else None
+
+    def _wanted(self, trial: Trial) -> float:
+        """The residual of a step, relative: what is left of the nonlinearity is no less."""
+        least, most = 0.1 * self.balanced / trial.error, float(trial.error ** (2.0 / 3.0))
+        return max(least, min(_ROUGH, most))

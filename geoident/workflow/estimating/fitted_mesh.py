@@ -1,0 +1,271 @@
+"""What the mesh does to a fit: whether its error counts, and counts beside those of the readings.
+
+The finer mesh is asked at the end of the first search, as far as its readings go; for all stages
+only where the mesh counts (theory 9.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import ModelError
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
+from geoident.forward.model import StagedModel
+from geoident.identify.problem.problem import Outcome, Problem, Scaling
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
+from geoident.model.gauges import Channel, ErrorParts, ReadingTable
+from geoident.model.results.mesh_error import MATTERS, MeshError
+from geoident.model.results.result import NO_COST, Counts
+from geoident.workflow.estimating.mesh_error import (
+    Refinement,
+    by_recovery,
+    mesh_error,
+    mesh_sentence,
+    not_computed,
+    refinement,
+    used_pairs,
+)
+
+SHIFT = 0.5
+"""Shift of a parameter by the mesh, in its standard deviations, from which on the mesh counts."""
+
+
+@dataclass(frozen=True)
+class FittedMesh:
+    """What the mesh does to a fit.
+
+    Args:
+        found: by channel and stage, at the parameters of the first search.
+        used: (n_channels, n_stages) which readings were used.
+        shift: of the parameter that the mesh shifts most, in its standard deviations.
+        counts: whether the errors of the readings have it.
+        whole: ``found`` has all readings, not those alone that a fit has used.
+        spent: what it has cost this fit, beside its evaluations.
+    """
+
+    found: MeshError
+    used: Bools
+    shift: float
+    counts: bool
+    whole: bool = True
+    spent: Counts = NO_COST
+
+    @property
+    def sentence(self) -> str:
+        """What it means for the fit; nothing where it is small."""
+        if not self.counts:
+            return ""
+        said = mesh_sentence(self.found, self.used)
+        shown = "(`geoident check CASE.fit.h5 --mesh-error` shows it.)"
+        return f"{said} Intervals and bands are widened by it. {shown}"
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """The sentence, where the mesh is too coarse: the user should act."""
+        return (self.sentence,) if self.counts and self._coarse else ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence on a mesh that is fine enough, and how its error was found."""
+        if not self.counts:
+            return ()
+        how = () if self.found.how == "refinement" else self.found.notes
+        return how if self._coarse else (self.sentence, *how)
+
+    @property
+    def _coarse(self) -> bool:
+        return self.found.scatter(self.used) >= MATTERS
+
+
+def fitted_mesh(
+    model: StagedModel,
+    problem: Problem,
+    read: ReadingTable,
+    outcome: Outcome,
+    known: FittedMesh | None,
+) -> FittedMesh | None:
+    """What the mesh does to the readings of a fit; None where that cannot be told.
+
+    The refined model is computed with up to the last stage that was used. Only if the mesh counts,
+    or another fit on it has asked before, for other readings, all stages follow.
+
+    Args:
+        model: of the case.
+        problem: the g used readings.
+        read: all of them.
+        outcome: of the search.
+        known: what another fit has found at its parameters.
+    """
+    before, told = model.counts, problem.response.counts
+    found = _fitted_mesh(model, problem, read, outcome, known)
+    if found is None:
+        return None
+    aside = (model.counts - before) - (problem.response.counts - told)
+    return replace(found, spent=aside + found.found.cost)
+
+
+def _fitted_mesh(
+    model: StagedModel,
+    problem: Problem,
+    read: ReadingTable,
+    outcome: Outcome,
+    known: FittedMesh | None,
+) -> FittedMesh | None:
+    pairs = used_pairs(read)
+    try:
+        v, _ = problem.response.evaluate(outcome.values)
+        places = ReadingPlaces.of(model.case, pairs, ())
+        found = _known(known, v, problem.sd, (places.rows, places.states - 1))
+        if known is not None and found is not None:
+            judged = judged_mesh(found, problem, pairs, outcome)
+            if known.whole or not judged.counts:
+                return replace(judged, whole=known.whole)
+        if known is not None:
+            return judged_mesh(everywhere(model, problem, outcome), problem, pairs, outcome)
+        return _of_used(model, problem, read, outcome)
+    except ModelError:
+        return None
+
+
+def everywhere(model: StagedModel, problem: Problem, outcome: Outcome) -> MeshError:
+    """What the mesh does to all readings, those that were not used too, at the end of a search.
+
+    Args:
+        model: of the case.
+        problem: of the search.
+        outcome: of the search.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    return mesh_error(model, _plain(model), outcome.values, patience=_patience(problem))
+
+
+def _plain(model: StagedModel) -> Case:
+    """The case of a model as it was written, without the modes of fields."""
+    case = model.case
+    return replace(case, parameters=tuple(q for q in case.parameters if not q.field))
+
+
+def _patience(problem: Problem) -> int:
+    """As many evaluations as the search took, or as one takes without a reduced model.
+
+    What is said of the mesh must not depend on how few evaluations the way took.
+    """
+    return max(problem.response.counts.evaluations, _USUAL)
+
+
+_USUAL = 6
+"""Evaluations of a search by linearised steps."""
+
+
+def _of_used(
+    model: StagedModel, problem: Problem, read: ReadingTable, outcome: Outcome
+) -> FittedMesh:
+    """What the mesh does to the readings used, and to all where it counts.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    p, pairs = outcome.values, used_pairs(read)
+    finer = refinement(model, _plain(model), p, _patience(problem))
+    if isinstance(finer, Refinement):
+        v, _ = problem.response.evaluate(p)
+        try:
+            found = finer.of_readings(model.values(p), read, v)
+            judged = judged_mesh(found, problem, pairs, outcome)
+            if not judged.counts:
+                return replace(judged, whole=False)
+            return replace(judged, found=finer.everywhere(model.computed(p)))
+        except (ModelError, MemoryError) as error:
+            finer = not_computed(error)
+    found = by_recovery(model, p, model.computed(p), finer)
+    return judged_mesh(found, problem, pairs, outcome)
+
+
+def _known(
+    known: FittedMesh | None, v: Floats, sd: Floats, at: tuple[Ints, Ints]
+) -> MeshError | None:
+    """The error found at other parameters, in proportion to what is computed there; or None.
+
+    Args:
+        known: what was found.
+        v: (g,) what is computed now, SI.
+        sd: (g,) of the readings, SI.
+        at: numbers of the channels and stages of these.
+    """
+    if known is None or not np.isfinite(known.found.error[at]).all():
+        return None
+    now, before = v / sd, known.found.computed[at] / sd
+    size = float(before @ before)
+    part = float(before @ now) / size if size else 1.0
+    found = known.found
+    return replace(
+        found, computed=part * found.computed, change=part * found.change, error=part * found.error,
+        cost=NO_COST,
+    )  # fmt: skip
+
+
+def judged_mesh(
+    found: MeshError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+) -> FittedMesh:
+    """Whether errors of the mesh count beside those of the readings.
+
+    Args:
+        found: by channel and stage, with the accuracies of the channels.
+        problem: the g used readings, without errors of mesh and model.
+        pairs: channel and stage of each.
+        outcome: of a search.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    _, jacobian = problem.response.evaluate(outcome.values)
+    i = np.array([found.channels.index(channel) for channel, _ in pairs], dtype=np.int64)
+    j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
+    used = np.zeros(found.error.shape, dtype=np.bool_)
+    used[i, j] = True
+    error = np.nan_to_num(found.error[i, j])
+    shift = _shift(problem, outcome.values, jacobian, error)
+    return FittedMesh(found, used, shift, shift > SHIFT or found.scatter(used) > MATTERS)
+
+
+def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) -> float:
+    """Largest shift of a parameter by errors (g,) of readings, in its standard deviations."""
+    scaling = Scaling(problem.parameters)
+    rows = np.concatenate(
+        [problem.whiten(jacobian * scaling.slope(values)), scaling.prior_jacobian(values)]
+    )
+    right = np.zeros(len(rows))
+    right[: len(error)] = problem.whiten(error)
+    U, S, Vt = np.linalg.svd(rows, full_matrices=False)
+    seen = _UNSEEN * S.max(initial=0.0) < S
+    moved = Vt[seen].T @ ((U.T @ right)[seen] / S[seen])
+    sd = np.sqrt(np.sum((Vt[seen].T / S[seen]) ** 2, axis=1))
+    parts = np.divide(np.abs(moved), sd, out=np.zeros_like(sd), where=sd > 0.0)
+    return float(parts.max(initial=0.0))
+
+
+_UNSEEN = 1e-8
+
+
+def with_mesh_error(case: Case, found: MeshError) -> Case:
+    """A case whose channels have the error of the mesh among what their readings share."""
+    rows = zip(case.channels, found.error, found.doubt, strict=True)
+    return replace(
+        case,
+        channels=tuple(
+            replace(channel, errors=_with_mesh(channel, found.stages, error, doubt))
+            for channel, error, doubt in rows
+        ),
+    )
+
+
+def _with_mesh(channel: Channel, stages: Sequence[str], error: Floats, doubt: Floats) -> ErrorParts:
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    each = zip(stages, error.tolist(), doubt.tolist(), strict=True)
+    return replace(parts, mesh=tuple((s, e, d) for s, e, d in each if d > 0.0))
