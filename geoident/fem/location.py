@@ -49,13 +49,20 @@ class Locator:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._boxes = [_boxes(mesh, block) for block in mesh.blocks]
+        self._known: dict[tuple[float, ...], tuple[Site, ...]] = {}
 
     def sites(self, point: tuple[float, ...]) -> tuple[Site, ...]:
         """The elements that hold a point (dim,), m, the best first; empty if there is none."""
+        if point not in self._known:  # a place is asked for by each of its channels
+            self._known[point] = self._find(point)
+        return self._known[point]
+
+    def _find(self, point: tuple[float, ...]) -> tuple[Site, ...]:
         x = np.asarray(point, dtype=np.float64)
         found: list[Site] = []
         for (block, span), (low, high) in zip(spans(self._mesh.blocks), self._boxes, strict=True):
-            near = np.flatnonzero(np.all((x >= low) & (x <= high), axis=1))
+            near = np.flatnonzero((x[0] >= low[:, 0]) & (x[0] <= high[:, 0]))
+            near = near[np.all((x >= low[near]) & (x <= high[near]), axis=1)]
             found += [
                 site
                 for e in near

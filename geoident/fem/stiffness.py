@@ -19,9 +19,9 @@ per group.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,16 +44,21 @@ class GroupBlocks:
     Args:
         row: (n_b,) rank of node a in the elimination order, the larger of the two.
         column: (n_b,) rank of node b.
-        products: (n_b, n_entries^2) G_ab, m (or 1 in plane strain).
+        make_products: makes the products, which only what is solved needs.
     """
 
     row: Ints
     column: Ints
-    products: Floats
+    make_products: Callable[[], Floats]
+
+    @cached_property
+    def products(self) -> Floats:
+        """(n_b, n_entries^2) G_ab, m (or 1 in plane strain)."""
+        return self.make_products()
 
 
 @dataclass(frozen=True)
-class Columns:
+class CompressedColumns:
     """How the unknowns of nodes stand in compressed columns.
 
     The entries of a column are the unknowns of the node itself from its own on, then those of the
@@ -103,7 +108,7 @@ class StiffnessPattern:
 
     lower: LowerPattern
     dofs: Ints
-    columns: Columns
+    columns: CompressedColumns
     above: dict[int, Ints]
 
     def values(self, blocks: dict[int, GroupBlocks], maps: dict[int, Floats]) -> Floats:
@@ -151,13 +156,18 @@ def group_blocks(
     ]
     found = [np.empty(0, np.int64), *(_keys(ranks) for ranks, _, _ in parts)]
     unique, place = np.unique(np.concatenate(found), return_inverse=True)
-    total = np.zeros((len(unique), geometries[0].gradients.shape[3] ** 2))
-    at = 0
+    make = partial(_summed, parts, place.astype(np.int32), geometries[0].gradients.shape[3] ** 2)
+    return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, make)
+
+
+def _summed(parts: Sequence[tuple[Ints, BlockGeometry, Ints]], place: Ints, width: int) -> Floats:
+    """(n_b, width) gradient products of the elements in some parts, each pair at its place."""
+    total, at = np.zeros((int(place.max(initial=-1)) + 1, width)), 0
     for first in range(0, len(parts), _HELD):
         products = np.concatenate([_products(*part) for part in parts[first : first + _HELD]])
         total += _sums(place[at : at + len(products)], products, len(total))
         at += len(products)
-    return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, total)
+    return total
 
 
 def free_dofs(
@@ -212,7 +222,7 @@ def stiffness_pattern(
     indptr = np.concatenate([[0], np.cumsum(lengths)])
     start = np.zeros_like(unknown)
     start[free] = indptr[:-1] - number[free]
-    columns = Columns(unknown, number, start, int(indptr[-1]))
+    columns = CompressedColumns(unknown, number, start, int(indptr[-1]))
     indices = np.empty(columns.nnz + 1, dtype=np.int64)
     for some in _runs(len(keys)):
         place = columns.places(row[some], column[some], above[some])

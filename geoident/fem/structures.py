@@ -320,7 +320,8 @@ def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
     products = np.zeros((len(unique), 2, dim * dim))
     for which, (key, part) in enumerate(zip(keys, parts, strict=True)):
         products[np.searchsorted(unique, key), which] = part
-    return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, products.reshape(len(unique), -1))
+    blocks = products.reshape(len(unique), -1)
+    return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, lambda: blocks)
 
 
 def stiffness_map(axial: float, bending: float, *, dim: int) -> Floats:

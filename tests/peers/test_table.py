@@ -40,7 +40,11 @@ MEASURED = {
     "check-1000k": {"check": Cost(31.0, 29.0, 2.6e9)},
     "cavern-plastic": {"fit": Cost(100.0, 100.0, 5e8, {"factorizations": 390.0})},
     "report": {"dam": Cost(2.0, 2.0, 2e8), "shaft": Cost(3.5, 3.5, 2e8)},
-    "reduced": {},
+    "reduced": {
+        "fit": Cost(25.0, 48.0, 1.25e9, FIT),
+        "made": Cost(30.0, 50.0, 1e9),
+        "reduced": Cost(5.0, 12.0, 1e9, {"close": 0.9996}),
+    },
 }  # fmt: skip
 
 
@@ -67,11 +71,13 @@ def test_every_row_is_shown_with_its_ratio_and_what_is_wanted():
     assert row("geoident check")[0] == "31 (29) s, 2.6 GB"
     assert row("cases/cavern-plastic")[0] == "390"
     assert row("geoident report")[0].startswith("shaft 3.5")
+    reduced = row("cases/tunnel-3d: 100,000")
+    assert reduced[0] == "5 (12) s, 1 GB, 100 % of the readings proven (made in 30 (50) s)"
+    assert reduced[2] == "0.2 (0.25)"
 
 
 def test_a_row_that_was_left_out_says_so():
     assert row("cube of 1,040,000 unknowns")[0] == "not begun: too little memory was free"
-    assert row("cases/tunnel-3d: 100,000")[0] == "no reduced model in this version"
 
 
 def test_growth_is_that_of_the_cubes_that_were_fitted():
