@@ -153,7 +153,7 @@ def init(folder: AnyPath, template: str = "cavern", *, force: bool = False) -> C
 
 
 @dataclass(frozen=True)
-class CaseOrigin:
+class CaseSource:
     """Where a case is read from, which a run does by itself.
 
     Args:
@@ -167,11 +167,11 @@ class CaseOrigin:
     text: str | None = None
 
 
-def origin_of(case: CaseFile | AnyPath) -> CaseOrigin:
+def origin_of(case: CaseFile | AnyPath) -> CaseSource:
     """Where a case is read from: one that was loaded, or a path."""
     if isinstance(case, CaseFile):
-        return CaseOrigin(case.path, case.overrides, case.text)
-    return CaseOrigin(os.fspath(case))
+        return CaseSource(case.path, case.overrides, case.text)
+    return CaseSource(os.fspath(case))
 
 
 def _loaded(path: str, overrides: tuple[str, ...], text: str | None) -> CaseFile:

@@ -249,7 +249,7 @@ def _request(
     )
 
 
-_Parts = tuple[Result, str, bool]
+_Written = tuple[Result, str, bool]
 
 
 def _run(
@@ -257,9 +257,9 @@ def _run(
     plan: Callable[[Request], Job],
     run: Callable[[Job, Control], Finished],
     obeyed: Control,
-) -> _Parts:
+) -> _Written:
     return _parts(run(plan(request), obeyed))
 
 
-def _parts(finished: Finished) -> _Parts:
+def _parts(finished: Finished) -> _Written:
     return finished.result, finished.paths[0], finished.up_to_date

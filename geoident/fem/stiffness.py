@@ -58,7 +58,7 @@ class GroupBlocks:
 
 
 @dataclass(frozen=True)
-class Columns:
+class CompressedColumns:
     """How the unknowns of nodes stand in compressed columns.
 
     The entries of a column are the unknowns of the node itself from its own on, then those of the
@@ -108,7 +108,7 @@ class StiffnessPattern:
 
     lower: LowerPattern
     dofs: Ints
-    columns: Columns
+    columns: CompressedColumns
     above: dict[int, Ints]
 
     def values(self, blocks: dict[int, GroupBlocks], maps: dict[int, Floats]) -> Floats:
@@ -222,7 +222,7 @@ def stiffness_pattern(
     indptr = np.concatenate([[0], np.cumsum(lengths)])
     start = np.zeros_like(unknown)
     start[free] = indptr[:-1] - number[free]
-    columns = Columns(unknown, number, start, int(indptr[-1]))
+    columns = CompressedColumns(unknown, number, start, int(indptr[-1]))
     indices = np.empty(columns.nnz + 1, dtype=np.int64)
     for some in _runs(len(keys)):
         place = columns.places(row[some], column[some], above[some])

@@ -479,11 +479,16 @@ class StagedResponse:
         reduction = self.reduction
         if reduction is None or reduction.obstacle is not None:
             return
-        wanted = visited[-reduction.most :]
-        for p in wanted:
+        for number, p in list(enumerate(visited))[-reduction.most :]:
             if not reduction.knows(p):
+                reduction.number = number
                 self.by_tangents(p)
-        reduction.order(wanted)
+        reduction.order(visited[-reduction.most :])
+
+    def expect_march(self, number: int) -> None:
+        """The next march is the one of a number in a search, from 0."""
+        if self.reduction is not None:
+            self.reduction.number = number
 
     def leap(
         self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]

@@ -179,6 +179,7 @@ class FitSettings:
         model_error: how far the ground may differ from the model.
         backtest: whether the last fitted stage is predicted from those before it, too.
         mesh_error: whether the error of the mesh is estimated, and counts.
+        reduced: whether a reduced model may be used.
         ladder: models that are fitted one after the other, from the simplest on; none for the one
             that the case describes.
     """
@@ -190,6 +191,7 @@ class FitSettings:
     model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)
     backtest: bool = True
     mesh_error: bool = True
+    reduced: bool = True
     ladder: tuple[Rung, ...] = ()
 
 

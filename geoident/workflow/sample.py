@@ -273,7 +273,8 @@ def _reduced(
 ) -> ReducedAnswers | None:
     """The same with the help of a reduced model, made around the fit; None where there is none."""
     table, case = fit.parameters, asked.model.case
-    if not np.all(np.isfinite(table.covariance)) or not isinstance(asked.model, StagedModel):
+    staged = isinstance(asked.model, StagedModel) and case.fit.reduced
+    if not staged or not np.all(np.isfinite(table.covariance)):
         return None
     control.monitor.detail("making a reduced model")
     used = fit.gauges.readings.sd[fit.gauges.readings.used]

@@ -14,6 +14,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.reduced_scan import ReducedReadings
 
 
 def scan(job: Job, control: Control) -> Finished:
@@ -26,13 +27,21 @@ def scan(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         survey, readings, counts = surveyed(setup, problem, outcome, fields=False)
         gauges = gauge_table(setup.case, readings, survey.computed)
-        return _result(job, setup, outcome, counts, gauges=gauges)
+        response = problem.response
+        notes = (response.note,) if isinstance(response, ReducedReadings) else ()
+        return _result(job, setup, outcome, counts, notes, gauges=gauges)
 
     return searched(job, control, result)
 
 
 def _result(
-    job: Job, setup: Setup, outcome: Outcome, counts: Counts, *, gauges: GaugeTable
+    job: Job,
+    setup: Setup,
+    outcome: Outcome,
+    counts: Counts,
+    notes: tuple[str, ...],
+    *,
+    gauges: GaugeTable,
 ) -> Result:
     cut_short = outcome.status == "out-of-budget"
     return Result(
@@ -51,5 +60,5 @@ def _result(
         counts=counts,
         history=outcome.iterations,
         grid=outcome.grid,
-        notes=(*job.inputs.case.notes, *setup.model.notes, *unused_notes(gauges.readings)),
+        notes=(*notes, *job.inputs.case.notes, *setup.model.notes, *unused_notes(gauges.readings)),
     )

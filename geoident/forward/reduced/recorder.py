@@ -67,8 +67,7 @@ class Recorder:
         found = {name: span.coordinates(p[None]) for name, span in spans.items()}
         self._moduli = {name: c[0] for name, (c, _) in found.items()}
         self._slopes = {name: dc[0] for name, (_, dc) in found.items()}
-        wanted = second and not loads.settles
-        self._pairs = self._second()[:MOST_SECOND] if wanted else []
+        self._pairs = self.second_pairs()[:MOST_SECOND] if second else []
         none = np.zeros((len(self._psi), len(self._pairs)))
         self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]))
 
@@ -79,8 +78,14 @@ class Recorder:
             end: the state.
             run: the march, at this state.
         """
-        strain = self._settled(end) if end.state == 0 else self._points.strain(end.u)
         kept = self.snapshot
+        if end.state == 0 and not self._loads.settles:  # nothing moves, nothing is needed
+            none = np.zeros((end.stress.shape[0], 0, kept.columns))
+            kept.strain.append(none)
+            kept.stress.append(none)
+            kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
+            return
+        strain = self._settled(end) if end.state == 0 else self._points.strain(end.u)
         strain, stress = strain * self._scale, end.stress * self._scale
         seen = self._seen(end.u) * self._scale
         if self._pairs:
@@ -90,8 +95,13 @@ class Recorder:
         kept.stress.append(stress)
         kept.observed.append(seen)
 
-    def _second(self) -> list[tuple[int, int]]:
-        """Pairs of parameters whose second derivatives are wanted: h moves moduli and no load."""
+    def second_pairs(self) -> list[tuple[int, int]]:
+        """Pairs of parameters whose second derivatives are wanted: h moves moduli and no load.
+
+        None where the virgin ground settles: its motion is not the march's.
+        """
+        if self._loads.settles:
+            return []
         n = len(self._loads.scale)
         moves = [any(slope[:, h].any() for slope in self._slopes.values()) for h in range(n)]
         free = ~np.any(self._loads.exponents, axis=0)
@@ -113,8 +123,6 @@ class Recorder:
         system = self._march.systems[number]
         u = np.zeros((len(end.u), count))
         more = np.zeros((*strain.shape[:2], count))
-        if number == 0:
-            return u, np.dstack([strain, more]), np.dstack([stress, more])
         before = [*self.snapshot.strain, strain]
         known = self._known(number, before)
         factor, dofs = run.factors.find(self._march.sequence.states[number]), system.pattern.dofs
@@ -167,8 +175,6 @@ class Recorder:
     def _settled(self, end: StageEnd) -> Floats:
         """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress."""
         found = np.zeros_like(end.stress)
-        if not self._loads.settles:
-            return found
         given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
         for zone in self._zones[0]:
             span, mine = self._spans[zone.material], zone.points

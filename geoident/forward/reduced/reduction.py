@@ -17,7 +17,7 @@ from geoident.forward.reduced.loads import load_form
 from geoident.forward.reduced.model import ReducedModel, ReducedStates
 from geoident.forward.reduced.moduli import MaterialSpan, span_of
 from geoident.forward.reduced.projection import GalerkinProjection, parts_of
-from geoident.forward.reduced.recorder import Recorder
+from geoident.forward.reduced.recorder import MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import Zone, zones_of
 from geoident.model.arrays import Floats
@@ -29,8 +29,8 @@ _DRAWS = 24
 _WITH_SECOND = 2
 """Marches that are recorded with second derivatives: a search seldom leaps from a third."""
 
-MOST_ENTRIES = 250_000_000
-"""Numbers that snapshots may keep: 2 GB."""
+MOST_ENTRIES = 200_000_000
+"""Numbers that snapshots may keep: 1.6 GB."""
 
 
 class Reduction:
@@ -41,7 +41,11 @@ class Reduction:
         observation: its gauges.
         last: the last state wanted.
         most: how many marches count at most, the newest.
-        economical: have none where it costs more than the marches that a search saves.
+        economical: have none where it costs more than the marches that a search saves, and second
+            derivatives only in its first marches.
+
+    Attributes:
+        number: of the next march in a search; None to count those that are kept.
     """
 
     def __init__(
@@ -59,7 +63,8 @@ class Reduction:
         self.snapshots: list[Snapshot] = []
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
         self._projection: GalerkinProjection | None = None
-        self._prepared = False
+        self._prepared = self._second = False
+        self.number: int | None = None
         self.obstacle = reduction_obstacle(march)
 
     def _prepare(self) -> str | None:
@@ -75,7 +80,20 @@ class Reduction:
             name: span_of(march.case.materials[name], self._names, samples, s) for name in materials
         }
         self._zones = zones_of(march.on_mesh)[: self.last + 1]
+        columns = 1 + len(self._names)
+        if self._entries(columns) > MOST_ENTRIES:
+            return "what a march leaves for it does not fit into the memory"
+        # second derivatives need up to three times as much beside, and room for another march
+        self._second = self._entries(4 * columns) <= MOST_ENTRIES
+        largest = columns + MOST_SECOND if self._second else columns
+        self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(largest)))
         return self._dear() if self._economical else None
+
+    def _entries(self, columns: int) -> int:
+        """Numbers that a march leaves: strains and stresses of all states."""
+        points = self._march.systems.discretization.points
+        states = self.last + int(self._loads.settles)
+        return 2 * states * points.n_strain * points.n_points * columns
 
     def _dear(self) -> str | None:
         """Why a reduced model would cost more than the marches that it saves; None if it does not.
@@ -137,8 +155,6 @@ class Reduction:
         if snapshot.last < self.last or self.knows(snapshot.p):
             return
         self.snapshots = [*self.snapshots, snapshot][-self.most :]
-        if sum(s.entries for s in self.snapshots) > MOST_ENTRIES:
-            del self.snapshots[:-1]
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records a march at p (n,); None where the case has no reduced model."""
@@ -147,7 +163,9 @@ class Reduction:
         if self.obstacle is not None:
             return None
         parts = self._zones, self._spans, self._loads
-        second = len(self.snapshots) < _WITH_SECOND
+        number = len(self.snapshots) if self.number is None else self.number
+        second = number < _WITH_SECOND or not self._economical
+        second = second and self._second
         return Recorder(self._march, self._observation, *parts, p, second=second)
 
     def model(self, reference: Floats | None = None) -> ReducedModel | None:

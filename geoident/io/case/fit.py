@@ -135,6 +135,12 @@ class FitBase(Section):
         "second order in space or the jumps of the stress tell), says it, and widens intervals and "
         "bands by it.",
     )
+    reduced: bool = Field(
+        True,
+        description="Whether steps of a search, points of a grid and draws may go by a reduced "
+        "model, made of a few evaluations, where it is proven to be close enough: in elastic "
+        "ground, and where it saves time. Answers do not depend on it, only how long they take.",
+    )
     ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
         None,
         description="Models to be fitted one after the other, from the simplest on, and compared: "
@@ -180,6 +186,7 @@ class FitBase(Section):
             model_error_options(self.model_error),
             self.backtest,
             mesh_error=self.mesh_error,
+            reduced=self.reduced,
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -241,7 +241,13 @@ class Scene:
         return self._lines[key]
 
     def areas(self, sheet: Sheet, state: int, window: Window) -> tuple[Ints, Floats]:
-        """Triangles (m, 3) of a sheet that are present in a window, and their areas (m,), m2."""
+        """Triangles (m, 3) of a sheet that are present in a window, and their areas (m,), m2.
+
+        Args:
+            sheet: the sheet.
+            state: number of the state at which they are present.
+            window: what is looked at.
+        """
         key = (id(sheet), state)
         if key not in self._areas:
             triangles = sheet.triangles[self.fields.present[state][sheet.element]]

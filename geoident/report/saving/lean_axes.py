@@ -26,6 +26,8 @@ from geoident.model.arrays import Floats
 _known: dict[Any, Floats] = {}
 """The room of words that were measured, from the point at which they stand."""
 
+_DIGITS = 6  # behind the point, of pixels
+
 _CLOSE = 1e-10  # of the length of an axis: a tick so far beyond its end is at its end
 
 
@@ -187,7 +189,8 @@ def _rooms(
         key = (word, *look)
         if key not in _known:
             _put(label, name, place, word)
-            _known[key] = label.get_window_extent(renderer).get_points() - anchor
+            room = label.get_window_extent(renderer).get_points() - anchor
+            _known[key] = np.round(room, _DIGITS)  # the same wherever it was first measured
         found.append(Bbox(_known[key] + anchor))
     return found
 

@@ -83,7 +83,14 @@ class SvgRenderer(RendererBase):
         return "".join([head, *said, *defined, *self._elements, "</svg>\n"]).encode()
 
     def draw_path(self, gc: Any, path: Any, transform: Transform, rgbFace: Any = None) -> None:
-        """Write a line or an area."""
+        """Write a line or an area.
+
+        Args:
+            gc: look of the line.
+            path: its points.
+            transform: of the points to points of the page.
+            rgbFace: colour within; None for a line.
+        """
         look = _look(gc, rgbFace)
         if not look:
             return
@@ -107,7 +114,16 @@ class SvgRenderer(RendererBase):
         trans: Transform,
         rgbFace: Any = None,
     ) -> None:
-        """Write one marker, and where else it is used."""
+        """Write one marker, and where else it is used.
+
+        Args:
+            gc: look of its line.
+            marker_path: the marker.
+            marker_trans: of the marker to points.
+            path: where it stands.
+            trans: of these places to points of the page.
+            rgbFace: colour within.
+        """
         look = _look(gc, rgbFace)
         if not look or not len(path.vertices):
             return
@@ -126,7 +142,15 @@ class SvgRenderer(RendererBase):
         self._add("".join([f"<g{clip}>", *uses, "</g>"] if clip else uses))
 
     def draw_image(self, gc: Any, x: float, y: float, im: Any, transform: Any = None) -> None:
-        """Write pixels (rows, columns, 4), the lowest row first."""
+        """Write pixels.
+
+        Args:
+            gc: opacity and clip.
+            x: of the left lower corner, points.
+            y: of the left lower corner, points.
+            im: (rows, columns, 4) pixels, the lowest row first.
+            transform: of the unit square to the page; None for pixels of the image's own size.
+        """
         rows, columns = im.shape[:2]
         if not rows or not columns:
             return
@@ -158,7 +182,18 @@ class SvgRenderer(RendererBase):
         ismath: Any = False,
         mtext: Any = None,
     ) -> None:
-        """Write words, as long as they were laid out."""
+        """Write words, as long as they were laid out.
+
+        Args:
+            gc: colour and opacity.
+            x: where they begin, points.
+            y: of their base line, points, down.
+            s: the words.
+            prop: their font.
+            angle: by which they are turned, degrees, counterclockwise.
+            ismath: not used; formulas are plain text here.
+            mtext: not used; the text as an artist.
+        """
         size, weight = prop.get_size_in_points(), _weight(prop)
         place = f'x="{_short(x)}" y="{_short(y)}"'
         look = f' font-size="{_short(size)}"'
@@ -209,7 +244,13 @@ class SvgRenderer(RendererBase):
     def get_text_width_height_descent(
         self, s: str, prop: Any, ismath: Any
     ) -> tuple[float, float, float]:
-        """Of words in their font, points; measured once for all figures."""
+        """Of words in their font, points; measured once for all figures.
+
+        Args:
+            s: the words.
+            prop: their font.
+            ismath: not used; formulas are plain text here.
+        """
         return size_of(s, prop.get_size_in_points(), _weight(prop))
 
     def _get_font_height_metrics(self, prop: Any) -> tuple[float, float, float]:

@@ -46,13 +46,20 @@ from geoident.workflow.estimating.model_error_covariance import (
 )
 from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.rivals import LOWER, kept_up
-from geoident.workflow.estimating.setup import Setup, problem_of, structure_of_used, used_rows
+from geoident.workflow.estimating.setup import (
+    Setup,
+    problem_of,
+    structure_of_used,
+    used_response,
+    used_rows,
+)
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.errors import gauge_errors
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import (
     reading_table,
 )
+from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 
 def estimated(
@@ -85,6 +92,10 @@ def estimated(
     problem = problem_of(setup, log, control)
     if start is not None:
         problem = problem.begun_at(start)
+    only = methods[0] if len(methods) == 1 else None
+    staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
+    if isinstance(only, ScanOptions) and staged:
+        problem = with_reduced_readings(problem, used_response(setup), only)
     first = _search(problem, methods, control)
     try:
         return _with_all_errors(setup, problem, first, methods, control)

@@ -138,12 +138,12 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
         control.within()
 
     setup.model.on_state = on_state
-    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
-    staged = setup.model.response(pairs, times_of(readings, used))
+    staged = used_response(setup)
     # the closed form costs nothing: there is nothing to remember
     response: Response = staged
     if isinstance(staged, StagedResponse):
-        staged.keep_marches()
+        if case.fit.reduced:
+            staged.keep_marches()
         response = Remembered(staged, log, before=control.stop.check)
     structure = structure_of_used(case, used)
     if structure is None:
@@ -151,6 +151,13 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     else:
         sd, shared = structure.at(np.zeros(len(structure.names)))
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
+
+
+def used_response(setup: Setup) -> Response:
+    """The model of a setup in the readings that are used, not logged."""
+    readings, used = setup.readings, setup.readings.used
+    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    return setup.model.response(pairs, times_of(readings, used))
 
 
 def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:

@@ -74,7 +74,8 @@ def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> N
     some = {name: known[name][rows] for name in ("v", "dv_dp")}
     increments = np.array(known["increments"])
     increments[n_states:] = 0.0
-    other.add("evaluate", p, {**some, "increments": increments, "cost": np.zeros(4)})
+    free = {"cost": np.zeros(4), "carried": np.ones(1)}
+    other.add("evaluate", p, {**some, "increments": increments, **free})
 
 
 @runtime_checkable
@@ -83,6 +84,9 @@ class KeepsMarches(HasReducedModel, Protocol):
 
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have it made of the marches at some parameter vectors (n,), in that order."""
+
+    def expect_march(self, number: int) -> None:
+        """The next march is the one of a number in a search, from 0."""
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
@@ -143,8 +147,12 @@ class Remembered:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
+        if isinstance(self._inner, KeepsMarches):
+            self._inner.expect_march(len(self._visited))
         known = self._known("evaluate", p, lambda: self._evaluate(p))
-        if not any(np.array_equal(p, other) for other in self._visited):
+        # what another fit has evaluated costs nothing, and no march is made for it
+        seen = "carried" in known or any(np.array_equal(p, other) for other in self._visited)
+        if not seen:
             self._visited.append(p.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
 
@@ -184,7 +192,7 @@ class Remembered:
         if known is None:
             if isinstance(inner, KeepsMarches):
                 inner.march_again(self._visited)
-            found = inner.leap(p, key, find)
+            found = inner.leap(p, key, find) if self._visited else None
             known = {"found": np.zeros(0) if found is None else found}
             self._log.add(kind, p, known)
         return np.array(known["found"]) if known["found"].size else None

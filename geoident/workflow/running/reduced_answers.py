@@ -22,7 +22,7 @@ from geoident.workflow.running.answers import Answer, Asked, Compute
 CLOSE = 0.02
 """Part of the accuracy of a reading by which the reduced model may be off."""
 
-MARCHES = 6
+MARCHES = 8
 """Marches of which the reduced model is made at most."""
 
 _GOOD = 1e-5
@@ -33,7 +33,7 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: StagedResponse, centre: Floats, training: Floats
+    response: StagedResponse, centre: Floats, training: Floats, marches: int = MARCHES
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -41,11 +41,12 @@ def reduced_around(
         response: whose readings are asked for.
         centre: (n,) parameters in the middle of what will be asked.
         training: (k, n) some of what will be asked.
+        marches: of which it is made at most.
     """
-    response.keep_marches(economical=False, most=MARCHES)
+    response.keep_marches(economical=False, most=marches)
     try:
         response.by_tangents(centre)
-        for _ in range(MARCHES - 1):
+        for _ in range(marches - 1):
             reduced = response.reduced()
             if reduced is None:
                 return None

@@ -200,3 +200,29 @@ def test_moduli_of_one_material_span_few_directions_and_bound_each_other():
             assert span_of(staged.case.materials[name], names, samples, 4).rank <= rank
     E = np.diag([3.0, 2.0, 1.0])
     np.testing.assert_allclose(relative_eigenvalues(2.0 * E[None], E), [[2.0, 2.0, 2.0]])
+
+
+def test_what_does_not_fit_into_the_memory_is_said(monkeypatch):
+    monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", 1000)
+    response = plane().response(PAIRS_PLANE)
+    response.keep_marches(economical=False)
+    response.evaluate(np.array([q.start for q in plane().case.parameters]))
+    assert response.reduced() is None
+    assert "memory" in response.reduction_obstacle()
+
+
+@pytest.mark.parametrize("marches", [1.5, 2.5, 4.5])
+def test_older_marches_give_way_where_the_memory_is_small(monkeypatch, marches):
+    """Of a march without second derivatives, the least; with them it is up to three times that."""
+    staged = plane()
+    points = staged.discretization.points
+    one = 2 * 4 * points.n_strain * points.n_points * (1 + len(staged.names))
+    monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", int(marches * one))
+    response = staged.response(PAIRS_PLANE)
+    response.keep_marches(economical=False)
+    for p in spread(staged, 5, seed=4):
+        response.evaluate(p)
+    snapshots = response.reduction.snapshots
+    assert sum(s.entries for s in snapshots) <= marches * one
+    assert np.array_equal(snapshots[-1].p, p)
+    assert response.reduced() is not None

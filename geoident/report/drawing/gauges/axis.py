@@ -57,7 +57,7 @@ class StageAxis:
         for number, x in enumerate(self.at, start=1):
             if x - last > _CLOSE * (high - low):
                 axes.text(float(x), 0.99, str(number), transform=axes.get_xaxis_transform(),
-                          ha="center", va="top", fontsize=SMALL - 1.5, color=FAINT)  # fmt: skip
+                          ha="center", va="top", fontsize=SMALL - 0.5, color=FAINT)  # fmt: skip
                 last = float(x)
 
 

@@ -188,9 +188,11 @@ def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names
     kinds = {channel.gauge: channel.kind for channel in case.channels}
     for name, lines in gauges.items():
         style = _GAUGE_MARKS.get(kinds[name], _MOVES) | ({"ms": 1.2} if len(lines) > _FIBRE else {})
+        halo = HALO if names else None
         for line in lines:
-            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=HALO if names else None,
-                      **style)  # fmt: skip
+            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=halo)
+        for line in lines:  # over the rims of all lines
+            axes.plot(*line.T, color=GAUGE, ls="", zorder=6.5, **style)
     if names:
         anchors = [np.vstack([line[-1:] for line in lines]) for lines in gauges.values()]
         every = [line for lines in gauges.values() for line in lines]

@@ -1,0 +1,152 @@
+"""A grid whose points are answered by a reduced model, where it is proven to be close enough.
+
+With bounds e of the errors of the readings and E = |e / s|, the discrepancy phi of readings with
+weighted residuals r is off by no more than E (2 |r| + E): errors that are shared and robust losses
+make it less. So far from the readings, where phi is large, the reduced model may be coarse.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.response import ReducedResponse
+from geoident.identify.direct.scan import grid_axes
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import Problem
+from geoident.model.arrays import Floats
+from geoident.model.methods import ScanOptions
+from geoident.model.response import Response
+from geoident.model.results.result import Counts
+from geoident.workflow.running.reduced_answers import reduced_around
+
+NEAR = 0.001
+"""Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
+
+LEAST = 0.01
+"""Error of the discrepancy that does not matter."""
+
+MARCHES_OF_GRID = 10
+"""Marches of which the reduced model of a grid is made at most: grids are wide."""
+
+_WORTH = 10
+"""Points for each march of which the reduced model is made, from which on it is made."""
+
+_TRAINING = 400
+"""Points of the grid at which its bound is looked at."""
+
+
+@dataclass
+class ReducedReadings:
+    """A response whose readings are those of a reduced model where that is close enough.
+
+    Args:
+        inner: the model.
+        reduced: with bounds of its readings.
+        discrepancy: of the problem.
+        spent: what making it has cost.
+
+    Attributes:
+        by_reduced: evaluations that the reduced model made.
+        by_model: evaluations that the model made.
+    """
+
+    inner: Response
+    reduced: ReducedResponse
+    discrepancy: Discrepancy
+    spent: Counts
+    by_reduced: int = 0
+    by_model: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+        return self.inner.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far: of the model, and of making the reduced one."""
+        made, own = self.spent, self.inner.counts
+        return Counts(
+            own.evaluations + made.evaluations,
+            max(own.analyses, made.analyses),
+            own.factorizations + made.factorizations,
+            own.solves + made.solves,
+        )
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain of the model, or None if it is inside."""
+        return self.inner.admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,)."""
+        try:
+            found, error = self.reduced.certified(p[None])
+        except (ValueError, np.linalg.LinAlgError):
+            found = error = np.full((1, len(self.discrepancy.problem.sd)), np.nan)
+        if self._close(p, found[0], error[0]):
+            self.by_reduced += 1
+            return np.asarray(found[0])
+        self.by_model += 1
+        return self.inner.readings(p)
+
+    def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
+        """Whether the discrepancy of readings v (g,) at p (n,) is right, with their errors."""
+        off = float(np.linalg.norm(error / self.discrepancy.problem.sd))
+        residual = float(np.linalg.norm(self.discrepancy.misfit(v)))
+        phi = self.discrepancy.objective_of(p, v)
+        return bool(off * (2.0 * residual + off) <= LEAST + NEAR * phi)
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its exact Jacobian, (g, n), by the model."""
+        return self.inner.evaluate(p)
+
+    @property
+    def note(self) -> str:
+        """How many points are whose, a sentence."""
+        count = self.by_reduced + self.by_model
+        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
+        return (
+            f"{self.by_reduced:,} of {count:,} points of the grid are answered by a reduced model, "
+            f"whose misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
+            f"{rest} answered by the full model."
+        )
+
+
+def with_reduced_readings(problem: Problem, response: Response, options: ScanOptions) -> Problem:
+    """The problem of a scan, with a reduced model where the case has one and it is worth while.
+
+    Args:
+        problem: of the scan.
+        response: of the model in the readings of the problem, not logged.
+        options: the grid.
+    """
+    axes = grid_axes(problem.parameters, options)
+    count = math.prod(len(axis) for axis in axes.values())
+    if count < _WORTH * MARCHES_OF_GRID or not isinstance(response, StagedResponse):
+        return problem
+    names = [q.name for q in problem.parameters]
+    every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
+    places = np.unravel_index(np.unique(every), [len(axis) for axis in axes.values()])
+    training = np.repeat(problem.start[None], len(places[0]), axis=0)
+    for (name, axis), place in zip(axes.items(), places, strict=True):
+        training[:, names.index(name)] = axis[place]
+    training = training[[response.admissible(p) is None for p in training]]
+    before = response.counts
+    reduced = None
+    if len(training):
+        reduced = reduced_around(response, training[len(training) // 2], training, MARCHES_OF_GRID)
+    if reduced is None:
+        return problem
+    after = response.counts
+    spent = Counts(
+        after.evaluations - before.evaluations,
+        after.analyses,
+        after.factorizations - before.factorizations,
+        after.solves - before.solves,
+    )
+    led = ReducedReadings(problem.response, reduced, Discrepancy(problem), spent)
+    return replace(problem, response=led)

@@ -1,0 +1,119 @@
+"""A fit by way of the reduced model: fewer marches, the same answer, also when cut short."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.reduced import PAIRS_PLANE, plane
+
+from geoident.identify import identify
+from geoident.identify.direct.scan import scan
+from geoident.identify.problem.problem import Problem
+from geoident.model.methods import GaussNewtonOptions, ScanAxis, ScanOptions
+from geoident.workflow.running.evaluation_log import Remembered
+from geoident.workflow.running.reduced_scan import (
+    LEAST,
+    NEAR,
+    ReducedReadings,
+    with_reduced_readings,
+)
+
+SD = 1e-4
+
+
+class Log(dict):
+    """A log in memory."""
+
+    def find(self, kind, p):
+        return self.get((kind, p.tobytes()))
+
+    def add(self, kind, p, arrays):
+        self[kind, p.tobytes()] = {name: np.array(values) for name, values in arrays.items()}
+
+
+def truth(staged):
+    p = np.array([q.start for q in staged.case.parameters]) * [0.4, 0.7, 1.2, 1.2, 0.7]
+    noise = 0.1 * SD * np.sin(np.arange(1.0, len(PAIRS_PLANE) + 1))
+    return staged.response(PAIRS_PLANE).readings(p) + noise
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return truth(plane())
+
+
+def solved(measured, log, *, reduced, stop=10**9):
+    """The outcome of a fit, and how many marches it made; ended after some evaluations."""
+    staged = plane()
+    inner = staged.response(PAIRS_PLANE)
+    if reduced:
+        inner.keep_marches(economical=False)
+    left = [stop]
+
+    def before():
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+
+    response = Remembered(inner, log, before=before)
+    sd = np.full(len(measured), SD)
+    parameters = tuple(q for q in staged.case.parameters)
+    problem = Problem(response, measured, sd, parameters)
+    outcome = identify(problem, [GaussNewtonOptions(tolerance=1e-10)], lambda _: None)
+    return outcome, response.counts.evaluations, staged.counts.evaluations
+
+
+def test_three_marches_where_there_were_six_or_more(measured):
+    plain, usual, _ = solved(measured, Log(), reduced=False)
+    led, few, _ = solved(measured, Log(), reduced=True)
+    assert usual >= 6
+    assert few == 3
+    assert led.status == "converged"
+    np.testing.assert_allclose(led.values, plain.values, rtol=1e-6)
+    np.testing.assert_allclose(led.objective, plain.objective, rtol=1e-9)
+
+
+def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured):
+    whole, count, _ = solved(measured, Log(), reduced=True)
+    for stop in (1, 2):
+        log = Log()
+        with pytest.raises(KeyboardInterrupt):
+            solved(measured, log, reduced=True, stop=stop)
+        again, counted, made = solved(measured, log, reduced=True)
+        np.testing.assert_array_equal(again.values, whole.values)
+        assert counted == count
+        assert made <= count
+
+
+def test_a_run_that_ended_is_replayed_without_a_march(measured):
+    log = Log()
+    whole, count, _ = solved(measured, log, reduced=True)
+    again, counted, made = solved(measured, log, reduced=True)
+    assert made == 0
+    assert counted == count
+    np.testing.assert_array_equal(again.values, whole.values)
+
+
+def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measured):
+    staged = plane()
+    response = staged.response(PAIRS_PLANE)
+    problem = Problem(response, measured, np.full(len(measured), SD), tuple(staged.case.parameters))
+    axes = {"E": ScanAxis(3e9, 9e9, 11), "K0": ScanAxis(0.8, 1.6, 11)}
+    options = ScanOptions(axes)
+    led = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
+    assert isinstance(led.response, ReducedReadings)
+    found, whole = (scan(one, options, lambda _: None).grid.objective for one in (led, problem))
+    assert np.all(np.abs(found - whole) <= LEAST + 1.01 * NEAR * whole)
+    assert led.response.by_reduced > 90
+    assert led.response.by_reduced + led.response.by_model == 121
+    assert led.response.counts.evaluations <= led.response.by_model + 11 + 121
+    assert led.response.note.startswith(f"{led.response.by_reduced} of 121 points")
+
+
+def test_a_small_grid_is_not_worth_a_reduced_model(measured):
+    staged = plane()
+    sd = np.full(len(measured), SD)
+    problem = Problem(staged.response(PAIRS_PLANE), measured, sd, tuple(staged.case.parameters))
+    options = ScanOptions({"E": ScanAxis(3e9, 9e9, 20)})
+    again = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
+    assert again is problem
