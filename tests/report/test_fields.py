@@ -13,11 +13,13 @@ from geoident.model.parameter import Scalar
 from geoident.model.results.result import FieldSeries
 from geoident.model.yielding import MohrCoulomb
 from geoident.report.drawing.fields.motion import vector_figure
+from geoident.report.drawing.fields.panels import ColouredField, table_figure
 from geoident.report.drawing.fields.strength import plastic_strain, utilisation
 from geoident.report.drawing.fields.stress import cross_figure, stress_unit
 from geoident.report.drawing.raster import raster_of
-from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.style import drawing_style
+from geoident.report.saving.svg_writer import SvgCanvas
 from tests.support.cases import displacement, make_case
 from tests.support.meshes import box
 from tests.support.results import example_result
@@ -140,3 +142,24 @@ def test_of_one_stage_only_its_state_is_drawn(plane, state):
     with drawing_style():
         figure = vector_figure(scene, scene.sheets[0])
     assert len(figure.axes) == 1
+
+
+@pytest.mark.parametrize("aspect", [0.7, 1.0, 1.05])
+def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
+    """Panels that are narrower than their room stand below their title, not in its room."""
+    scene = Scene(plane, plane.fields)
+    (sheet,) = scene.sheets
+    low, high = scene.box
+    part = np.array([1.0, aspect]) / max(1.0, aspect)
+    window = Window(low, low + (high - low) * part)
+    scene.window = lambda _: window
+    quantity = ColouredField("size (mm)", lambda s, state: np.full(len(s.xy), state), "Blues")
+    with drawing_style():
+        figure = table_figure(scene, sheet, [quantity] * 4)
+        SvgCanvas(figure, 150)
+        figure.dpi = 72
+        figure.get_layout_engine().execute(figure)
+        figure.set_layout_engine("none")
+        figure.draw_without_rendering()
+        titles = [axes._left_title.get_window_extent() for axes in figure.axes]
+    assert max(box.y1 for box in titles) < figure.bbox.y1 - 2.5  # the layout keeps 3 points free

@@ -13,7 +13,7 @@ from geoident.fem.solvers.direct import (
 from geoident.fem.solvers.fronts.graph import node_graph
 from geoident.fem.solvers.fronts.tree import assembly_tree
 
-LARGE_WORK = 2.0e10
+LARGE_WORK = 4.0e10
 """Operations from which on our own solver, which takes all cores, is the faster one."""
 
 KEEP_WORK = 3.0e9

@@ -8,6 +8,7 @@ precision, with solutions refined to double precision (`fronts.single`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -20,7 +21,7 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     check_pivots,
 )
-from geoident.fem.solvers.fronts.blas import Dense, Kernels, kernels
+from geoident.fem.solvers.fronts.blas import Dense, Kernels, kernels, one_thread
 from geoident.fem.solvers.fronts.elimination import Eliminated, Strips, eliminate
 from geoident.fem.solvers.fronts.lasting import LastingPart, lasting_columns
 from geoident.fem.solvers.fronts.layout import EliminationPlan, layout
@@ -34,10 +35,15 @@ from geoident.fem.solvers.fronts.single import (
     refined,
     single_pays,
 )
+from geoident.fem.solvers.fronts.tasks import run_tasks
 from geoident.model.arrays import Floats, Ints
 
 SUSPICIOUS = 1e-6
 """A pivot in single precision below this part of its diagonal entry is looked at in double."""
+
+
+COLUMNS = 16
+"""Right-hand sides that one thread solves together."""
 
 
 class MultifrontalSolver:
@@ -198,7 +204,13 @@ class _Parts:
         return np.asarray(self.solve(np.asfortranarray(rhs / size)) * size)
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solutions (n, k) in the place of right-hand sides."""
+        """Solutions (n, k) in the place of right-hand sides, some columns at a time."""
+        starts = range(0, rhs.shape[1], COLUMNS)
+        with one_thread():
+            run_tasks([partial(self._solve, rhs[:, k : k + COLUMNS]) for k in starts])
+        return rhs
+
+    def _solve(self, rhs: Floats) -> None:
         dtype, rest, part = self.rest.kernels.dtype, self.rest, self.part
         second = rest.layout.order
         if part is None:
@@ -206,7 +218,7 @@ class _Parts:
             rest.forward(z)
             rest.backward(z)
             rhs[second] = z
-            return rhs
+            return
         n, first = part.layout.n_eliminated, part.layout.order
         x: Dense = np.zeros((len(first), rhs.shape[1]), dtype=dtype)
         x[:n] = rhs[first[:n]]
@@ -221,7 +233,6 @@ class _Parts:
         x[n:] = y[self.border]
         part.backward(x)
         rhs[first[:n]] = x[:n]
-        return rhs
 
 
 def _scaled(strips: Strips, factor: float) -> Strips:

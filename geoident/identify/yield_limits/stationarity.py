@@ -83,6 +83,7 @@ def check(
     *,
     exact: bool,
     spent: Callable[[], bool],
+    least: float = 0.0,
 ) -> StationarityCheck:
     """Looks to the sides of a point, where there is a kink or the gradient is not zero.
 
@@ -91,6 +92,7 @@ def check(
         point: the end of the search.
         exact: the readings are met exactly.
         spent: whether no more may be evaluated.
+        least: by how much the discrepancy must be lower there to count, in squared accuracies.
     """
     cosines = gradient_cosines(evaluator.box, point)
     steepness = 0.0 if exact else float(cosines.max(initial=0.0))
@@ -105,7 +107,7 @@ def check(
         if phi < lowest:
             lowest, place = phi, x
     lower = None
-    if place is not None and lowest < (1.0 - LOWER) * point.phi:
+    if place is not None and lowest < point.phi - max(LOWER * point.phi, least):
         lower = evaluator.try_point(place)
     return StationarityCheck(point, steepness, probes, lower)
 

@@ -1,4 +1,4 @@
-"""Ground that no stage touches is factorized once for all stages (theory 13)."""
+"""Ground that no stage touches is factorized once for all stages (theory 1.4)."""
 
 from __future__ import annotations
 

@@ -122,6 +122,18 @@ def test_a_point_that_is_hardly_lower_is_none(fall, lower):
     assert not lower or checked.lower.p == pytest.approx([1.0, 1.001])
 
 
+@pytest.mark.parametrize(("least", "lower"), [(0.9e-2, True), (1.1e-2, False)])
+def test_a_gain_that_nobody_notices_is_none(least, lower):
+    """A hundredth of a squared accuracy, of a discrepancy of one."""
+
+    def residuals(p):
+        return [np.sqrt(0.99) if p[1] > 1.0 else 1.0, 0.0]
+
+    evaluator, _, point = searched(residuals, found=activity(biactive=1))
+    checked = check(evaluator, point, exact=False, spent=never, least=least)
+    assert (checked.lower is not None) == lower
+
+
 def test_the_lowest_of_the_points_around_is_kept():
     evaluator, _, point = searched(lambda p: [3.0 + p[0], 4.0 + 2.0 * p[1]])
     checked = check(evaluator, point, exact=False, spent=never)

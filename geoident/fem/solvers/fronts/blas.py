@@ -50,7 +50,9 @@ class Kernels:
         self._syrk = _routine("cython_blas", f"{letter}syrk", 10)
         self._gemm = _routine("cython_blas", f"{letter}gemm", 13)
         self._trsv = _routine("cython_blas", f"{letter}trsv", 8)
+        self._gemv = _routine("cython_blas", f"{letter}gemv", 11)
         self._one, self._minus = ctypes.byref(number(1.0)), ctypes.byref(number(-1.0))
+        self._zero = ctypes.byref(number(0.0))
 
     def factorize(self, a: Dense) -> int:
         """The Cholesky factor in the place of the lower triangle of a (s, s).
@@ -95,6 +97,36 @@ class Kernels:
     def backward(self, lower: Dense, x: Dense) -> None:
         """X <- L^-T X for rows x (s, k) in C order."""
         self._solve(lower, x, b"T", b"N")
+
+    def product(self, a: Dense, x: Dense) -> Dense:
+        """A X (r, k) for A (r, s) and rows x (s, k) in C order."""
+        (r, s), k = a.shape, x.shape[1]
+        found = np.empty((r, k), dtype=self.dtype)
+        if k == 1:
+            self._gemv(
+                b"N", _int(r), _int(s), self._one, _at(a), _leading(a), _at(x), _int(1),
+                self._zero, _at(found), _int(1),
+            )  # fmt: skip
+        elif r:
+            self._gemm(
+                b"N", b"T", _int(k), _int(r), _int(s), self._one, _at(x), _int(k),
+                _at(a), _leading(a), self._zero, _at(found), _int(k),
+            )  # fmt: skip
+        return found
+
+    def subtract_transposed(self, x: Dense, a: Dense, y: Dense) -> None:
+        """X <- X - A^T Y for A (r, s), rows x (s, k) and y (r, k) in C order."""
+        (r, s), k = a.shape, x.shape[1]
+        if k == 1:
+            self._gemv(
+                b"T", _int(r), _int(s), self._minus, _at(a), _leading(a), _at(y), _int(1),
+                self._one, _at(x), _int(1),
+            )  # fmt: skip
+        else:
+            self._gemm(
+                b"N", b"N", _int(k), _int(s), _int(r), self._minus, _at(y), _int(k),
+                _at(a), _leading(a), self._one, _at(x), _int(k),
+            )  # fmt: skip
 
     def _solve(self, lower: Dense, x: Dense, vector: bytes, matrix: bytes) -> None:
         s, k = x.shape

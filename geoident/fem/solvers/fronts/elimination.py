@@ -56,34 +56,31 @@ class Eliminated:
 
         Rows that are not eliminated get what they are changed by.
         """
+        kernels = self.kernels
         for front, strips in zip(self.layout.fronts, self.panels, strict=True):
             for strip, a in zip(strips, front.starts, strict=False):
-                w = strip.shape[1]
-                at = front.first + a
+                w, at, inside = strip.shape[1], front.first + a, front.width - a
                 mine = x[at : at + w]
-                self.kernels.forward(strip[:w], mine)
-                here = front.width - a - w
-                if here:
-                    x[at + w : at + w + here] -= strip[w : w + here] @ mine
-                if len(front.rows):
-                    x[front.rows] -= strip[w + here :] @ mine
+                kernels.forward(strip[:w], mine)
+                if len(strip) > w:
+                    below = kernels.product(strip[w:], mine)
+                    x[at + w : at + inside] -= below[: inside - w]
+                    x[front.rows] -= below[inside - w :]
 
     def backward(self, x: Dense) -> None:
         """X <- L^-T X; rows that are not eliminated are given."""
+        kernels = self.kernels
         for front, strips in zip(reversed(self.layout.fronts), reversed(self.panels), strict=True):
-            below = x[front.rows]
-            for strip, a in zip(
-                reversed(strips), reversed(front.starts[: len(strips)]), strict=True
-            ):
-                w = strip.shape[1]
-                at = front.first + a
+            rows = x[front.rows]
+            starts = front.starts[: len(strips)]
+            for strip, a in zip(reversed(strips), reversed(starts), strict=True):
+                w, at = strip.shape[1], front.first + a
                 mine = x[at : at + w]
-                here = front.width - a - w
-                if here:
-                    mine -= strip[w : w + here].T @ x[at + w : at + w + here]
-                if len(below):
-                    mine -= strip[w + here :].T @ below
-                self.kernels.backward(strip[:w], mine)
+                if len(strip) > w:
+                    inside = x[at + w : front.first + front.width]
+                    below = np.concatenate([inside, rows]) if len(inside) else rows
+                    kernels.subtract_transposed(mine, strip[w:], below)
+                kernels.backward(strip[:w], mine)
 
 
 def eliminate(

@@ -271,7 +271,7 @@ class _Planner:
                 inside = down < first + width
                 down = np.where(inside, down - first, width + np.searchsorted(rows[k], down))
                 target = (across - a) * (order - a) + down - a
-                strips.append((target, sequence[low:high]))
+                strips.append((_short(target), _short(sequence[low:high])))
             found.append(tuple(strips))
         return found
 
@@ -307,6 +307,12 @@ class _Planner:
                 most[mine] = max(most[mine], top[mine])
             top[1 - mine] -= sum(size[child] for child in children[k])
         return (most[0], most[1]), places
+
+
+def _short(places: Ints) -> Ints:
+    """Places as integers of 32 bits where these are long enough: half the memory."""
+    largest = int(places.max(initial=0))
+    return places.astype(np.int32) if largest < np.iinfo(np.int32).max else places
 
 
 def _strips(width: int, height: int) -> tuple[list[int], int]:

@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from geoident.fem.solvers.direct import LowerPattern, SolverCounts
 from geoident.model.arrays import Floats
 
-SINGLE_WORK = 1.0e11
+SINGLE_WORK = 4.0e10
 """Operations from which on a factorization is made in single precision.
 
 With fewer, the further passes through the factor that refinement takes cost more than is saved.

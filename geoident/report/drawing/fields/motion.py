@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from geoident.model.arrays import Floats
 from geoident.report.drawing.fields.panels import (
+    TOP,
     ColouredField,
     add_lines,
     bands,
@@ -150,7 +151,9 @@ def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
         finish(axes, scene, sheet, window, state)
         axes.set_title(f"{axes.get_title(loc='left')}, x {factor:g}")
     if shading is not None:
-        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+        bar = figure.colorbar(
+            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45
+        )
         bar.set_label("displacement (mm)")
     return figure
 

@@ -33,6 +33,9 @@ from geoident.report.drawing.style import (
 
 _WIDTH = 7.4
 _BANDS = 12
+TOP = (0.5, 1.0)
+"""Where a panel stands in its room over a scale of colours: under the title, which else is cut."""
+
 _NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
@@ -91,7 +94,7 @@ def contour_figure(scene: Scene, sheet: Sheet, quantity: ColouredField) -> Figur
     window = scene.window(sheet)
     figure, panels = panel_figure(scene, window, len(scene.states))
     shading = _draw_all(panels, scene, sheet, quantity, scene.states)
-    bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+    bar = figure.colorbar(shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45)
     bar.set_label(quantity.label)
     return figure
 
@@ -108,7 +111,9 @@ def table_figure(scene: Scene, sheet: Sheet, columns: Sequence[ColouredField]) -
     if len(columns) == 1:
         figure, panels = panel_figure(scene, window, len(states), extra=0.9)
         shading = _draw_all(panels, scene, sheet, columns[0], states)
-        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+        bar = figure.colorbar(
+            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45
+        )
         bar.set_label(columns[0].label)
         return figure
     across = 2 if window.aspect < 0.45 else len(columns)
@@ -123,8 +128,9 @@ def table_figure(scene: Scene, sheet: Sheet, columns: Sequence[ColouredField]) -
         for n, axes in enumerate(panels):
             axes.tick_params(labelbottom=n == len(states) - 1, labelleft=k % across == 0)
         shading = _draw_all(panels, scene, sheet, quantity, states)
-        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.95, aspect=22,
-                              format="%g")  # fmt: skip
+        bar = figure.colorbar(
+            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.95, aspect=22, format="%g"
+        )
         bar.ax.xaxis.set_major_locator(FixedLocator(_few(shading.norm)))
         bar.set_label(quantity.label)
     return figure

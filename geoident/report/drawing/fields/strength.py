@@ -15,6 +15,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.dual import ParameterPoint
 from geoident.report.drawing.fields.panels import (
+    TOP,
     ColouredField,
     bands,
     draw_level,
@@ -209,7 +210,9 @@ def yielded_figure(scene: Scene, sheet: Sheet) -> Figure:
         _draw_zone(axes, scene, sheet, state)
         finish(axes, scene, sheet, window, state)
     if strains is not None:
-        bar = figure.colorbar(shading, ax=panels, location="bottom", shrink=0.6, aspect=45)
+        bar = figure.colorbar(
+            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45
+        )
         bar.set_label("equivalent plastic strain (%)")
     figure.legend(handles=[key("yielded zone", color=_ZONE, lw=1.4)], loc="outside upper center")
     return figure
