@@ -16,7 +16,7 @@ from geoident.workflow.scan import scan
 
 GEOIDENT = [sys.executable, "-m", "geoident"]
 HEAVY = ("numpy", "scipy", "pydantic", "h5py", "rich", "yaml", "meshio", "importlib.metadata")
-GRID = ["--set", "fit.scan.points=25"]
+GRID = ["--set", "fit.scan.points=25", "--set", "fit.reduced=false"]
 posix_only = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 
@@ -78,7 +78,9 @@ def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench
     assert (rest.returncode, stdout) == (0, "case.scan.h5\n")
     assert "Going on from case.scan.checkpoint" in stderr
     assert not (trench / "case.scan.checkpoint").exists()
-    request = Request("case.yaml", overrides=("fit.scan.points=25",), output="whole.h5")
+    request = Request(
+        "case.yaml", overrides=("fit.scan.points=25", "fit.reduced=false"), output="whole.h5"
+    )
     whole = scan(plan_scan(request), Control()).result
     resumed = read_result("case.scan.h5")
     assert resumed.counts == whole.counts

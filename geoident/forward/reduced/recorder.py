@@ -126,8 +126,9 @@ class Recorder:
         before = [*self.snapshot.strain, strain]
         known = self._known(number, before)
         factor, dofs = run.factors.find(self._march.sequence.states[number]), system.pattern.dofs
-        if factor is not None:
-            u[dofs] = -factor.solve(self._points.forces(known, system.volume)[dofs])
+        if factor is None:  # it is not there any more: nothing would be in equilibrium
+            return u, np.dstack([strain, more]), np.dstack([stress, more])
+        u[dofs] = -factor.solve(self._points.forces(known, system.volume)[dofs])
         more = self._points.strain(u)
         for zone in self._zones[number]:
             E, mine = self._matrix(zone.material), zone.points

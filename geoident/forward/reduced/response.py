@@ -76,8 +76,14 @@ class ReducedResponse:
         return table[:, 0], table[:, 1:]
 
     def error(self, p: Floats) -> float:
-        """Bound of the error of the stresses at p (n,) in energy, relative to what moves."""
-        return float(self.model.bounds(self._at(p)).relative[0])
+        """Bound of the error of the stresses at p (n,) in energy, relative to what moves.
+
+        Infinite where none can be found.
+        """
+        try:
+            return float(self.model.bounds(self._at(p)).relative[0])
+        except np.linalg.LinAlgError:
+            return np.inf
 
     def many(self, values: Floats) -> tuple[Floats, EnergyBounds]:
         """Readings (b, g) at parameter vectors (b, n), and bounds of the errors in energy."""

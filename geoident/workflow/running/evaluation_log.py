@@ -18,6 +18,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from geoident.errors import ModelError
 from geoident.identify.problem.problem import (
     AffineElastic,
     ComplementaritySystem,
@@ -190,9 +191,12 @@ class Remembered:
         kind = f"leap {key.hex()[:16]}"
         known = self._log.find(kind, p)
         if known is None:
-            if isinstance(inner, KeepsMarches):
-                inner.march_again(self._visited)
-            found = inner.leap(p, key, find) if self._visited else None
+            try:
+                if isinstance(inner, KeepsMarches):
+                    inner.march_again(self._visited)
+                found = inner.leap(p, key, find) if self._visited else None
+            except ModelError:  # such as no time for a march
+                return None
             known = {"found": np.zeros(0) if found is None else found}
             self._log.add(kind, p, known)
         return np.array(known["found"]) if known["found"].size else None
