@@ -82,7 +82,13 @@ class Kernels:
         )  # fmt: skip
 
     def subtract_product(self, c: Dense, a: Dense, b: Dense) -> None:
-        """C <- C - A B^T for A (r, s), B (q, s)."""
+        """C <- C - A B^T.
+
+        Args:
+            c: (r, q), changed in place.
+            a: (r, s).
+            b: (q, s).
+        """
         (r, s), q = a.shape, b.shape[0]
         if r and q:
             self._gemm(
@@ -115,7 +121,13 @@ class Kernels:
         return found
 
     def subtract_transposed(self, x: Dense, a: Dense, y: Dense) -> None:
-        """X <- X - A^T Y for A (r, s), rows x (s, k) and y (r, k) in C order."""
+        """X <- X - A^T Y.
+
+        Args:
+            x: (s, k) in C order, changed in place.
+            a: (r, s).
+            y: (r, k) in C order.
+        """
         (r, s), k = a.shape, x.shape[1]
         if k == 1:
             self._gemv(

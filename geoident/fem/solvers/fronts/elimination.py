@@ -207,9 +207,13 @@ def _blocks(strip: Dense, width: int) -> list[tuple[int, int]]:
 
 
 def pass_on(update: Strips, runs: Runs, strips: Strips, front: FrontLayout) -> None:
-    """Add an update matrix to a front.
+    """Add an update matrix to a front: rows stand together in runs, so by rectangles.
 
-    Rows stand together in runs, so this is done by rectangles.
+    Args:
+        update: its strips.
+        runs: how its rows stand in the front.
+        strips: of the front, changed in place.
+        front: the front.
     """
     if not runs.ordered:
         _pass_on_unordered(update, runs.place, strips, front)

@@ -27,8 +27,9 @@ class NodeGraph:
     Args:
         starts: (n_nodes + 1,) first unknown of each node.
         n_eliminated: number of nodes that are eliminated; the rest are rows only.
-        indptr, indices: for each eliminated node the nodes below it in the matrix, ascending.
-        cliques: sets of nodes, ascending, that are coupled by what was eliminated before.
+        indptr: (n_eliminated + 1,) starts of the eliminated nodes in ``indices``.
+        indices: (n_edges,) nodes below each of them in the matrix, ascending.
+        cliques: (k,) each, nodes, ascending, that are coupled by what was eliminated before.
     """
 
     starts: Ints
@@ -43,7 +44,7 @@ class NodeGraph:
         return np.diff(self.starts)
 
     def below(self, node: int) -> Ints:
-        """Nodes below an eliminated one in the matrix."""
+        """(k,) nodes below an eliminated one in the matrix."""
         return self.indices[self.indptr[node] : self.indptr[node + 1]]
 
 
@@ -55,9 +56,9 @@ def node_graph(
     Args:
         indptr: (n + 1,) starts of the columns of the lower triangle; of the unknowns that are not
             eliminated the columns are empty.
-        indices: rows, ascending, the diagonal first.
+        indices: (nnz,) rows, ascending, the diagonal first.
         n_eliminated: number of unknowns to be eliminated, the first.
-        cliques: sets of unknowns, ascending, that are coupled beside the matrix.
+        cliques: (k,) each, sets of unknowns, ascending, that are coupled beside the matrix.
     """
     n = len(indptr) - 1
     same = _like_the_next(indptr, indices, n_eliminated)

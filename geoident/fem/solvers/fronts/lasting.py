@@ -38,7 +38,7 @@ class LastingColumns:
 
     Args:
         indptr: (n + b + 1,) starts; those of unknowns at the border are empty.
-        indices: rows, those at the border numbered from n.
+        indices: (nnz,) rows, those at the border numbered from n.
         border: (b,) unknowns of the pattern at the border, ascending.
         key: what tells these columns from others.
     """
@@ -73,8 +73,8 @@ class KeptPart:
 
     Args:
         eliminated: their fronts.
-        values: for which it was made.
-        tolerance: by how much other values may differ from them, times a factor, and be the same.
+        values: (nnz,) for which it was made.
+        tolerance: (nnz,) difference from these, times a factor, that other values may have.
     """
 
     eliminated: Eliminated
@@ -82,7 +82,7 @@ class KeptPart:
     tolerance: Floats
 
     def factor_to(self, values: Floats) -> float | None:
-        """The factor c with values = c times its own, or None."""
+        """The factor c with values (nnz,) = c times its own, or None."""
         if np.array_equal(values, self.values):
             return 1.0
         largest = int(np.argmax(np.abs(self.values)))
@@ -108,7 +108,7 @@ class LastingPart:
         self._kept: KeptPart | None = None
 
     def cliques(self) -> list[Ints]:
-        """For each root that passes something on, its rows, counted along the border."""
+        """(h,) for each root that passes something on, its rows, counted along the border."""
         plan = self.plan
         return [plan.order[plan.fronts[k].rows] - self.n for k in plan.roots]
 
@@ -123,7 +123,7 @@ class LastingPart:
         """The elimination for some values, kept or made, and the factor by which it is multiplied.
 
         Args:
-            values: of the columns.
+            values: (nnz,) of the columns.
             diagonal: (n,) of the matrix.
             kernel: of the precision.
             counts: where to count.

@@ -121,9 +121,9 @@ def layout(
     Args:
         indptr: (n + 1,) starts of the columns of the lower triangle; those of unknowns that are
             not eliminated are empty.
-        indices: rows, ascending, the diagonal first.
+        indices: (nnz,) rows, ascending, the diagonal first.
         n_eliminated: number of unknowns to be eliminated.
-        cliques: unknowns of matrices that are added from outside, each ascending.
+        cliques: (h,) each, unknowns of matrices that are added from outside, each ascending.
         keep_order: leave pivots of a front in their order, which matrices from outside have.
     """
     graph = node_graph(indptr, indices, n_eliminated, cliques)

@@ -34,8 +34,8 @@ class Front:
     """A front, in nodes of the graph.
 
     Args:
-        pivots: nodes that are eliminated.
-        rows: nodes below that they are coupled to, ascending.
+        pivots: (w,) nodes that are eliminated.
+        rows: (h,) nodes below that they are coupled to, ascending.
         width: unknowns of the pivots.
         height: unknowns of the rows.
         children: fronts that pass their matrices on to this one.
@@ -78,7 +78,7 @@ def elimination_flops(
 
     Args:
         indptr: (n_nodes + 1,) starts of the rows of the graph.
-        indices: neighbours of each node.
+        indices: (n_edges,) neighbours of each node.
         order: (n_nodes,) order of elimination.
         size: unknowns of each node.
         first: how many nodes are the first.
