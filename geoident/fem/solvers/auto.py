@@ -11,7 +11,7 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
 )
 from geoident.fem.solvers.fronts.graph import node_graph
-from geoident.fem.solvers.fronts.tree import assembly_tree
+from geoident.fem.solvers.fronts.tree import assembly_tree, flops_at_most
 
 LARGE_WORK = 4.0e10
 """Operations from which on our own solver, which takes all cores, is the faster one."""
@@ -19,8 +19,8 @@ LARGE_WORK = 4.0e10
 KEEP_WORK = 3.0e9
 """Operations from which on it pays to keep what lasts from stage to stage."""
 
-COUNTED = 10_000
-"""Unknowns of a matrix whose operations are counted; those of smaller ones are few."""
+PLANE = 18.0
+"""Entries of a column of the lower triangle, on average, of which plane elements have fewer."""
 
 
 class AutoSolver:
@@ -48,8 +48,8 @@ class AutoSolver:
 
 
 def _work(pattern: LowerPattern) -> float:
-    """Operations of a factorization; 0 for a small matrix, which is not counted."""
-    if pattern.n < COUNTED:
+    """Operations of a factorization; 0 where they are surely few, since counting takes longer."""
+    if flops_at_most(pattern.n, plane=len(pattern.indices) < PLANE * pattern.n) < LARGE_WORK:
         return 0.0
     graph = node_graph(pattern.indptr, pattern.indices, pattern.n)
     return sum(front.flops for front in assembly_tree(graph))

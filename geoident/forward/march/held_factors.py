@@ -64,6 +64,11 @@ class HeldFactors:
         """Forget what must go before a factor of a matrix of some entries is made.
 
         Its own predecessor first, then the others, those held last before those held first.
+
+        Args:
+            ground: what stands at a stage.
+            kind: of the tangent.
+            size: entries of the matrix that is to come.
         """
         self._held.pop((ground, kind), None)
         others = [key for key in self._held if key[0] != ground]
@@ -71,7 +76,14 @@ class HeldFactors:
             del self._held[others.pop()]
 
     def keep(self, ground: _Ground, kind: str, factor: Factor, size: int) -> None:
-        """Hold a factor of a matrix of some entries."""
+        """Hold a factor.
+
+        Args:
+            ground: what stands at a stage.
+            kind: of the tangent.
+            factor: its factor.
+            size: entries of its matrix.
+        """
         self._held[ground, kind] = factor, size
 
 

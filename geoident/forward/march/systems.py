@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
-from geoident.fem.solvers.fronts.tree import elimination_flops
+from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
     GroupBlocks,
@@ -188,6 +188,8 @@ class StageSystems:
         stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
         if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
             return plain, 0
+        if flops_at_most(plain.size * mesh.dim, plane=mesh.dim == 2) < self._solver.keeps_from:
+            return plain, 0  # counting takes longer than such factorizations
         _, whole = elimination_flops(*graph, plain, mesh.dim, 0)
         if whole < self._solver.keeps_from:
             return plain, 0
