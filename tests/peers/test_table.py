@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 
@@ -99,7 +100,9 @@ def test_a_command_is_measured_with_what_it_prints():
     cost, printed = peers.measure([sys.executable, "-c", words])
     assert printed == "200000000\n"
     assert 0.2 < cost.seconds < 60.0
-    assert 0.2e9 < cost.peak < 0.6e9
+    # Linux counts what the parent held when it started the command
+    own = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert 0.2e9 < cost.peak < max(0.6e9, 1.1 * own)
     with pytest.raises(subprocess.CalledProcessError):
         peers.measure([sys.executable, "-c", "raise SystemExit(3)"])
 

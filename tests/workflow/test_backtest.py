@@ -144,7 +144,7 @@ def test_a_fit_too_early_for_a_model_error_does_not_fail_the_others(pit):
 def test_a_parameter_that_every_stage_wants_otherwise_does_not_settle(pit):
     """Rock that is weaker with every lift: its modulus drifts, and that is said."""
     rows = []
-    for k, E in enumerate((8.0, 6.0, 4.5, 3.4)):
+    for k, E in enumerate((8.0, 5.0, 3.0, 1.8)):
         truth = (f"parameters.E.start={E} GPa", SAME[1])
         rows += [r for r in readings_of(pit / "case.yaml", truth, seed=2) if r[1] == LIFTS[k]]
     write_readings(pit, rows)
@@ -354,10 +354,12 @@ class TestInterrupted:
             run(control=control)
         assert (pit / "case.backtest.checkpoint").exists()
         again, whole = run(), run(output="whole.h5")
-        assert again.counts == whole.counts
+        # a run that goes on may analyse the finer mesh, which no checkpoint holds, once more
+        assert again.counts.analyses - whole.counts.analyses in (0, 1)
+        assert replace(again.counts, analyses=0) == replace(whole.counts, analyses=0)
         for ours, theirs in zip(again.backtest.steps, whole.backtest.steps, strict=True):
             assert (ours.values == theirs.values).all()
-            assert ours.counts == theirs.counts
+            assert replace(ours.counts, analyses=0) == replace(theirs.counts, analyses=0)
 
     def test_running_out_of_time_after_the_fit_does_not_undo_it(self, pit):
         job = plan_fit(Request("case.yaml", output="some.h5"))

@@ -35,6 +35,7 @@ _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not n
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PROGRAM = 120e6  # bytes of Python and its libraries
+_PATTERNS = 9  # values and places of the entries of K that are there at once, in patterns
 
 
 def estimate_cost(
@@ -72,7 +73,7 @@ def estimate_cost(
     state += _YIELD_BYTES * points / 4 if model.yields else 0
     single = solver == LARGE and single_pays(0.0 if once else most, largest)
     size = _BYTES[solver] * (0.5 if single else 1.0)
-    memory = _PROGRAM + largest * size + 4 * stiffness + 4 * state
+    memory = _PROGRAM + largest * size + _PATTERNS * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
