@@ -19,7 +19,7 @@ def assert_exact(
     v, jacobian = response.evaluate(p)
     if isinstance(response, StagedResponse) and response.adjoints.obstacle is None:
         assert_adjoint(response, p)
-    np.testing.assert_allclose(response.readings(p), v, rtol=1e-12)
+    np.testing.assert_allclose(response.readings(p), v, rtol=1e-12, atol=1e-14 * np.abs(v).max())
     for h, name in enumerate(names):
         numeric = richardson(response.readings, p, h, step * abs(p[h]))
         scale = np.abs(jacobian[:, h]).max()

@@ -18,7 +18,7 @@ is all that it costs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,9 +134,10 @@ def followed(
         return assessment, None
     walk = _Walk(assessment, problem, values, at, evaluate, i)
     points = walk.points()
+    # an estimate on its bound and the end of the way there are one place
+    points = None if points is None else _distinct(points)
     if points is None or len(points) < 3:
         return assessment, None
-    points = sorted(points, key=lambda point: point.t)
     path = OpenPath(
         i,
         np.array([point.t for point in points]),
@@ -275,6 +276,15 @@ class _Walk:
             abs(point.phi - self.here.phi - grown) < _SAME_PHI
             and np.all(np.abs(point.bend) <= _SAME_READING * sd + 1e-300)
         )
+
+
+def _distinct(points: Iterable[_Point]) -> list[_Point]:
+    """Points in their order along the path, the first of those at one place."""
+    found: list[_Point] = []
+    for point in sorted(points, key=lambda point: point.t):
+        if not found or point.t > found[-1].t:
+            found.append(point)
+    return found
 
 
 def _monotone(t: Floats, values: Floats) -> Callable[[Floats], Floats]:
