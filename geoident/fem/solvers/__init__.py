@@ -29,11 +29,12 @@ AUTO = "auto"
 
 _CLASSES = {
     "cholmod": "CholmodSolver",
+    "iterative": "IterativeSolver",
     "multifrontal": "MultifrontalSolver",
     "pardiso": "PardisoSolver",
     "splu": "SpluSolver",
 }
-_PACKAGES = {"cholmod": "cvxopt", "multifrontal": "scipy", "pardiso": "pypardiso", "splu": "scipy"}
+_PACKAGES = {"cholmod": "cvxopt", "multifrontal": "scipy", "iterative": "scipy", "pardiso": "pypardiso", "splu": "scipy"}
 
 SOLVERS = tuple(_CLASSES)
 """Names of the solvers.
