@@ -308,7 +308,7 @@ def node_graph(mesh: Mesh) -> tuple[Ints, Ints]:
 
 
 def nodes_on_edges(mesh: Mesh) -> Ints:
-    """(k, 3) nodes on edges of elements of second order, each once with the two ends of its edge."""
+    """(k, 3) nodes on edges of elements of second order, each with the two ends of its edge."""
     rows = [np.empty((0, 3), dtype=np.int64)]
     for block in mesh.blocks:
         cell = CELLS[block.kind]

@@ -141,7 +141,10 @@ class MultifrontalAnalysis(DirectAnalysis):
                 factor = self._parts(values, diagonal, kernels("f4"))
             except NotPositiveDefinite:
                 return self._in_double(values, diagonal)
-            if contraction(SymmetricMatrix(self.pattern, values), factor.precondition) < CONTRACTION:
+            if (
+                contraction(SymmetricMatrix(self.pattern, values), factor.precondition)
+                < CONTRACTION
+            ):
                 return factor.precondition
         return self._in_double(values, diagonal)
 

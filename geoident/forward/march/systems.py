@@ -265,7 +265,9 @@ class StageSystems:
     def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
-        parts = [lower.indptr, lower.indices, *([] if lower.names is None else [lower.names])]
+        parts = [lower.indptr, lower.indices]
+        parts += [] if lower.names is None else [lower.names]
+        parts += [] if lower.places is None else [lower.places.dofs]
         key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest(), spare
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)

@@ -72,9 +72,7 @@ def corners(places: Places) -> Coarser | None:
     interpolation = sp.csr_array(sp.coo_array(entries, shape=(n, len(stays))))
     dofs = places.dofs[stays]
     nothing = np.empty((0, 3), dtype=np.int64)
-    return Coarser(
-        interpolation, places.points[dofs // dim], Places(dofs, places.points, nothing)
-    )
+    return Coarser(interpolation, places.points[dofs // dim], Places(dofs, places.points, nothing))
 
 
 def aggregates(matrix: sp.csr_array, places: Places, step: sp.csr_array) -> Coarser:

@@ -7,12 +7,19 @@ positive definite operator M^-1 (Hackbusch, Multi-grid methods and applications,
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite, Places, SolverCounts
+from geoident.fem.solvers.direct import (
+    LowerPattern,
+    NotPositiveDefinite,
+    Places,
+    Solve,
+    SolverCounts,
+)
 from geoident.fem.solvers.multifrontal import MultifrontalAnalysis, MultifrontalSolver
 from geoident.fem.solvers.multilevel.coarser import Coarser, aggregates, corners
 from geoident.fem.solvers.multilevel.smoother import (
@@ -34,11 +41,15 @@ ROWS = 8
 """Parts in which the coarser matrix is made: bounds the memory."""
 
 
+FACTORIZED = 400_000
+"""Unknowns of corners up to which they are the coarsest level."""
+
+
 class Level(Protocol):
     """About solves a system."""
 
     def solve(self, rhs: Singles) -> Singles:
-        """x (n, k), about K^-1 of right-hand sides (n, k); symmetric and positive definite."""
+        """About K^-1 of right-hand sides (n, k); symmetric and positive definite."""
 
 
 class Hierarchy:
@@ -53,6 +64,10 @@ class Hierarchy:
         self._places, self._counts = places, counts
         self._corners = corners(places)
         self._coarsest: _Coarsest | None = None
+        self._below: Hierarchy | None = None
+        if self._corners is not None and len(self._corners.point) > FACTORIZED:
+            assert self._corners.places is not None
+            self._below = Hierarchy(self._corners.places, counts)
 
     def level(self, matrix: sp.csr_array) -> Level:
         """The finest level for a matrix (n, n).
@@ -72,9 +87,11 @@ class Hierarchy:
 
     def _factorized(self, coarser: Coarser, matrix: sp.csr_array) -> Level:
         found = projected(matrix, coarser.interpolation)
-        if self._coarsest is None or not self._coarsest.serves(found):
-            self._coarsest = _Coarsest(found, coarser.point, self._counts)
         try:
+            if self._below is not None:
+                return self._below.level(found)
+            if self._coarsest is None or not self._coarsest.serves(found):
+                self._coarsest = _Coarsest(found, coarser.point, self._counts)
             return self._coarsest.level(found)
         except NotPositiveDefinite as error:
             raise NotPositiveDefinite(_unknown(error.unknown, coarser)) from error
@@ -85,7 +102,7 @@ def projected(matrix: sp.csr_array, interpolation: sp.csr_array) -> sp.csr_array
     n, m = interpolation.shape
     total = sp.csr_array((m, m))
     ends = np.linspace(0, n, ROWS + 1).astype(np.int64)
-    for a, b in zip(ends, ends[1:], strict=False):
+    for a, b in pairwise(ends):
         product = matrix[a:b] @ interpolation
         total = total + interpolation[a:b].T @ product
     total.sort_indices()
@@ -159,11 +176,11 @@ class _Coarsest:
 class _Factorized:
     """The coarsest level."""
 
-    def __init__(self, order: Ints, solve: object) -> None:
+    def __init__(self, order: Ints, solve: Solve) -> None:
         self._order, self._solve = order, solve
 
     def solve(self, rhs: Singles) -> Singles:
         x = np.empty_like(rhs)
         right = np.array(rhs[self._order], dtype=np.float64, order="F")
-        x[self._order] = self._solve(right)  # type: ignore
+        x[self._order] = self._solve(right)
         return x

@@ -65,8 +65,8 @@ def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spect
     """The extreme eigenvalues of M^-1 K.
 
     Args:
-        product: K x.
-        precondition: M^-1 r.
+        product: multiplies with K.
+        precondition: multiplies with M^-1.
         diagonal: (n,) of K.
 
     Raises:

@@ -44,11 +44,11 @@ class Smoother:
         self._inverse = inverse * np.float32(1.0 / largest)
 
     def begin(self, rhs: Singles) -> Singles:
-        """x (n, k) from zero."""
+        """The error (n, k) of zero, about."""
         return self._run(np.zeros_like(rhs), rhs)
 
     def go_on(self, x: Singles, rhs: Singles) -> Singles:
-        """x (n, k) from another; changed in place."""
+        """A better solution than x (n, k), which is changed."""
         return self._run(x, rhs - self._matrix @ x)
 
     def _run(self, x: Singles, rest: Singles) -> Singles:
