@@ -232,7 +232,7 @@ def test_small_matrices_and_those_without_places_are_factorized():
 def test_the_choice_goes_by_counted_work_and_memory(monkeypatch):
     monkeypatch.setattr(auto, "memory_limit", lambda: 24e9)
     # the cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns
-    middle = Size(6.1e11, 280_000_000, 5_900_000, places=True)
+    middle = Size(5.11e11, 169_000_000, 5_900_000, places=True)
     large = Size(2.77e13, 2_650_000_000, 42_000_000, places=True)
     assert picked(middle) == "multifrontal"
     assert picked(large) == "iterative"

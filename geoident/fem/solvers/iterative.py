@@ -142,7 +142,7 @@ class _Preconditioner:
 
 
 def whole_matrix(pattern: LowerPattern, values: Floats) -> sp.csr_array:
-    """The matrix (n, n) of a lower triangle, rows ascending, zeros that are stored with it."""
+    """The matrix (n, n) of a lower triangle (nnz,), rows ascending, zeros that are stored with it."""
     n, indices, indptr = pattern.n, pattern.indices.astype(np.int32), pattern.indptr
     below = np.ones(len(values), dtype=bool)
     below[indptr[:-1]] = False
@@ -159,6 +159,6 @@ def whole_matrix(pattern: LowerPattern, values: Floats) -> sp.csr_array:
 
 
 def lower_values(matrix: sp.csr_array) -> Floats:
-    """Values of the lower triangle by columns: those of the upper one by rows."""
+    """Values (nnz,) of the lower triangle of K (n, n) by columns: of the upper one by rows."""
     rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     return np.asarray(matrix.data[matrix.indices >= rows])

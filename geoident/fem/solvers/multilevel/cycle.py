@@ -98,7 +98,7 @@ class Hierarchy:
 
 
 def projected(matrix: sp.csr_array, interpolation: sp.csr_array) -> sp.csr_array:
-    """P^T K P, some rows of K at a time."""
+    """P^T K P (m, m), some rows of K (n, n) at a time; P (n, m)."""
     n, m = interpolation.shape
     total = sp.csr_array((m, m))
     ends = np.linspace(0, n, ROWS + 1).astype(np.int64)

@@ -102,7 +102,7 @@ def _check_blocks(blocks: Floats, first: Ints) -> None:
 
 
 def largest_eigenvalue(matrix: sp.csr_array, inverse: sp.csr_array) -> float:
-    """A number above the largest eigenvalue of D^-1 K, both in single precision."""
+    """A number above the largest eigenvalue of D^-1 K, both (n, n) in single precision."""
     x = np.random.default_rng(0).normal(size=(matrix.shape[0], 1)).astype(np.float32)
     value = 0.0
     for _ in range(POWERS):
