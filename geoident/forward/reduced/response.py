@@ -46,8 +46,8 @@ class ReducedResponse:
         duals: ReadingDuals | None = None,
     ) -> None:
         self.model, self._observation = reduced, observation
-        self._rows, self._states, self._added = rows, states, added
-        self._admissible, self._duals = admissible, duals
+        self.rows, self.states, self._added = rows, states, added
+        self._admissible, self.duals = admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
 
@@ -98,15 +98,26 @@ class ReducedResponse:
         Raises:
             ValueError: it was made without adjoints.
         """
-        if self._duals is None:
+        if self.duals is None:
             msg = "the reduced model has no adjoints of these readings"
             raise ValueError(msg)
         self._evaluations += len(values)
         found = self.model.states(values, derivatives=False)
         table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
-        left = self._duals.bounds(found, self.model.bounds(found))
+        left = self.duals.bounds(found, self.model.bounds(found))
         rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
         return table, left.error + np.abs(left.correction) + rounding[:, None]
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what channels see at p (n,).
+
+        (n_states, n_channels), SI; 0 where they cannot be read, and in states after the last one
+        that is known.
+        """
+        seen = self.model.observed(self._at(p))[:, :, 0, 0]
+        base = np.arange(len(self._observation.readable))
+        base[: len(seen)] = [stage.base for stage in self.model.stages]
+        return self._observation.increments(seen, base)
 
     def _at(self, p: Floats) -> ReducedStates:
         if self._last is None or self._last[0] != p.tobytes():
@@ -123,8 +134,8 @@ class ReducedResponse:
         """Readings (g, b, 1 + n or 1)."""
         seen = self.model.observed(found)
         flat = seen.reshape(*seen.shape[:2], -1)
-        table = self._observation.readings(flat, self._rows, self._states)
-        table = table.reshape(len(self._rows), *seen.shape[2:])
+        table = self._observation.readings(flat, self.rows, self.states)
+        table = table.reshape(len(self.rows), *seen.shape[2:])
         slopes = self._added[:, 1:]
         table[..., 0] += self._added[:, :1] + slopes @ (values - self.model.reference).T
         if table.shape[2] > 1:

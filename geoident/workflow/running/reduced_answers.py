@@ -8,13 +8,14 @@ model is good; only the time does. The marches are the same in every run, and so
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.model.arrays import Bools, Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
@@ -33,7 +34,11 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: StagedResponse, centre: Floats, training: Floats, marches: int = MARCHES
+    response: StagedResponse,
+    centre: Floats,
+    training: Floats,
+    marches: int = MARCHES,
+    also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -42,10 +47,12 @@ def reduced_around(
         centre: (n,) parameters in the middle of what will be asked.
         training: (k, n) some of what will be asked.
         marches: of which it is made at most.
+        also: (n,) parameters of which it is to be made beside.
     """
-    response.keep_marches(economical=False, most=marches)
+    response.keep_marches(economical=False, most=marches + len(also))
     try:
-        response.by_tangents(centre)
+        for p in (centre, *also):
+            response.by_tangents(p)
         for _ in range(marches - 1):
             reduced = response.reduced()
             if reduced is None:
@@ -69,6 +76,7 @@ class ReducedAnswers:
         split: how many of its readings are those that are used.
         limit: (g + m,) by how much a reading may be off, SI.
         elsewhere: the model.
+        kept: it was made before, and kept.
 
     Attributes:
         by_reduced: answers that the reduced model gave.
@@ -79,6 +87,7 @@ class ReducedAnswers:
     split: int
     limit: Floats
     elsewhere: Compute
+    kept: bool = False
     by_reduced: int = 0
     by_model: int = 0
 
@@ -117,15 +126,21 @@ class ReducedAnswers:
         if not self.by_reduced:
             return f"All {count:,} evaluations are those of the full model."
         rest = "none is" if not self.by_model else f"{self.by_model:,} are"
+        whose = "the reduced model that the fit keeps" if self.kept else "a reduced model"
         return (
-            f"{self.by_reduced:,} of {count:,} evaluations are those of a reduced model, whose "
+            f"{self.by_reduced:,} of {count:,} evaluations are those of {whose}, whose "
             f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies; "
             f"{rest} of the full model."
         )
 
 
 def reduced_answers(
-    asked: Asked, centre: Floats, training: Floats, accuracy: Floats, elsewhere: Compute
+    asked: Asked,
+    centre: Floats,
+    training: Floats,
+    accuracy: Floats,
+    elsewhere: Compute,
+    kept: RestoredModel | None = None,
 ) -> ReducedAnswers | None:
     """Answers of a model with the help of its reduced one; None where it has none.
 
@@ -135,11 +150,15 @@ def reduced_answers(
         training: (k, n) some of what will be asked.
         accuracy: (g + m,) of the used readings and of all that can be read, SI.
         elsewhere: answers of the model.
+        kept: a reduced model that was made before: none is made where it gives all that is asked.
     """
-    response = asked.everything
-    if not isinstance(response, StagedResponse):
+    response, split = asked.everything, len(accuracy) - len(asked.places)
+    if kept is not None and kept.covers(asked.pairs):
+        reduced: ReducedResponse | None = kept.response(asked.pairs, asked.times)
+    elif isinstance(response, StagedResponse):
+        kept, reduced = None, reduced_around(response, centre, training)
+    else:
         return None
-    reduced = reduced_around(response, centre, training)
     if reduced is None:
         return None
-    return ReducedAnswers(reduced, len(accuracy) - len(asked.places), CLOSE * accuracy, elsewhere)
+    return ReducedAnswers(reduced, split, CLOSE * accuracy, elsewhere, kept=kept is not None)
