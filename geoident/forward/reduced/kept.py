@@ -15,12 +15,14 @@ import numpy as np
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.reduced.affine_march import AffineForm
 from geoident.forward.reduced.duals import ReadingDuals, StageDual
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.projection import ReducedStage, StressTerm, ZoneResidual
+from geoident.forward.reduced.projection import ReducedStage, ZoneResidual
 from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.reduced import FORM, KeptReducedModel
@@ -52,20 +54,20 @@ def kept_model(
         msg = "a reduced model without bounds of its readings is not kept"
         raise ValueError(msg)
     model = reduced.model
-    materials = tuple(model.spans)
+    materials = tuple(model.form.spans)
     packed = _Packed(materials)
-    packed.moduli(model.spans)
-    packed.loads(model.loads)
+    packed.moduli(model.form.spans)
+    packed.loads(model.form.loads)
     for number, (stage, dual) in enumerate(zip(model.stages, reduced.duals.stages, strict=True)):
         packed.stage(number, stage)
         packed.dual(number, dual)
     return KeptReducedModel(
         form=FORM,
-        names=model.names,
+        names=model.form.names,
         reference=model.reference,
         lower=np.array([q.lower for q in case.parameters]),
         upper=np.array([q.upper for q in case.parameters]),
-        marches=np.array(marches).reshape(-1, len(model.names)),
+        marches=np.array(marches).reshape(-1, len(model.form.names)),
         materials=materials,
         channels=observation.channels,
         weights=observation.weights,
@@ -215,10 +217,8 @@ class RestoredModel:
         self._blocks = blocks = _Blocks(kept)
         states = range(len(kept.readable))
         self.model = ReducedModel(
-            kept.names,
+            AffineForm(kept.names, self._spans(), self._loads()),
             kept.reference,
-            self._spans(),
-            self._loads(),
             tuple(blocks.stage(n) for n in states if blocks.get("base", n) is not None),
         )
         self._observation = Observation(

@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location
-from geoident.forward.model import StagedModel, StagedResponse
+from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats
@@ -94,7 +95,7 @@ def made_to_keep(
     if not pairs:
         return NONE.format("no gauge reads what it covers")
     response = model.response(pairs)
-    assert isinstance(response, StagedResponse)
+    assert isinstance(response, ReducibleResponse)
     training = spread_around(table, case.parameters)
     reduced = reduced_around(response, table.values, training, MARCHES, also=others)
     if reduced is None or response.reduction is None:

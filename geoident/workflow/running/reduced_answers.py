@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.model import StagedResponse
 from geoident.forward.reduced.kept import RestoredModel
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.model.arrays import Bools, Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
@@ -34,7 +34,7 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: StagedResponse,
+    response: ReducibleResponse,
     centre: Floats,
     training: Floats,
     marches: int = MARCHES,
@@ -155,7 +155,7 @@ def reduced_answers(
     response, split = asked.everything, len(accuracy) - len(asked.places)
     if kept is not None and kept.covers(asked.pairs):
         reduced: ReducedResponse | None = kept.response(asked.pairs, asked.times)
-    elif isinstance(response, StagedResponse):
+    elif isinstance(response, ReducibleResponse):
         kept, reduced = None, reduced_around(response, centre, training)
     else:
         return None
