@@ -48,6 +48,7 @@ from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.rivals import LOWER, kept_up
 from geoident.workflow.estimating.setup import (
     Setup,
+    kept_response,
     problem_of,
     structure_of_used,
     used_response,
@@ -95,7 +96,8 @@ def estimated(
     only = methods[0] if len(methods) == 1 else None
     staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
     if isinstance(only, ScanOptions) and staged:
-        problem = with_reduced_readings(problem, used_response(setup), only)
+        kept = kept_response(setup)
+        problem = with_reduced_readings(problem, used_response(setup), only, kept)
     first = _search(problem, methods, control)
     try:
         return _with_all_errors(setup, problem, first, methods, control)

@@ -236,5 +236,9 @@ def answer_note(model: ReducedCaseModel, path: str) -> str:
     times = "one parameter vector" if model.by_reduced == 1 else f"{model.by_reduced} vectors"
     return (
         f"The readings at {times} are those of the reduced model kept in {path}, "
-        f"proven to be off by at most {100 * CLOSE * model.worst:.2g} % of their accuracies{rest}."
+        f"proven to be off by at most {_percent(CLOSE * model.worst)} of their accuracies{rest}."
     )
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g} %" if part >= 1e-4 else "0.01 %"

@@ -8,6 +8,7 @@ make it less. So far from the readings, where phi is large, the reduced model ma
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
-from geoident.model.results.result import Counts
+from geoident.model.results.result import NO_COST, Counts
 from geoident.workflow.running.reduced_answers import reduced_around
 
 NEAR = 0.001
@@ -35,6 +36,9 @@ MARCHES_OF_GRID = 10
 _WORTH = 10
 """Points for each march of which the reduced model is made, from which on it is made."""
 
+_MOST = 0.9
+"""Part of the points of a grid at which a kept model must be close enough to be the only one."""
+
 _TRAINING = 400
 """Points of the grid at which its bound is looked at."""
 
@@ -48,6 +52,7 @@ class ReducedReadings:
         reduced: with bounds of its readings.
         discrepancy: of the problem.
         spent: what making it has cost.
+        kept: it was made before, and kept in a result.
 
     Attributes:
         by_reduced: evaluations that the reduced model made.
@@ -58,6 +63,7 @@ class ReducedReadings:
     reduced: ReducedResponse
     discrepancy: Discrepancy
     spent: Counts
+    kept: bool = False
     by_reduced: int = 0
     by_model: int = 0
 
@@ -83,15 +89,27 @@ class ReducedReadings:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
+        found, close = self._asked(p)
+        if close:
+            self.by_reduced += 1
+            return found
+        self.by_model += 1
+        return self.inner.readings(p)
+
+    def part_close(self, points: Floats) -> float:
+        """At which part of some points (k, n) the reduced model is close enough."""
+        return float(np.mean([self._asked(p)[1] for p in points])) if len(points) else 0.0
+
+    def _asked(self, p: Floats) -> tuple[Floats, bool]:
+        """What the reduced model says at p (n,), (g,), and whether that is close enough."""
+        none = np.full(len(self.discrepancy.problem.measured), np.nan)
+        if self.reduced.admissible(p) is not None:
+            return none, False
         try:
             found, error = self.reduced.certified(p[None])
         except (ValueError, np.linalg.LinAlgError):
-            found = error = np.full((1, len(self.discrepancy.problem.sd)), np.nan)
-        if self._close(p, found[0], error[0]):
-            self.by_reduced += 1
-            return np.asarray(found[0])
-        self.by_model += 1
-        return self.inner.readings(p)
+            return none, False
+        return np.asarray(found[0]), self._close(p, found[0], error[0])
 
     def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
         """Whether the discrepancy of readings v (g,) at p (n,) is right, with their errors."""
@@ -109,32 +127,39 @@ class ReducedReadings:
         """How many points are whose, a sentence."""
         count = self.by_reduced + self.by_model
         rest = "none is" if not self.by_model else f"{self.by_model:,} are"
+        whose = "a reduced model that was kept" if self.kept else "a reduced model"
         return (
-            f"{self.by_reduced:,} of {count:,} points of the grid are answered by a reduced model, "
-            f"whose misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
+            f"{self.by_reduced:,} of {count:,} points of the grid are answered by {whose}, whose "
+            f" misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
             f"{rest} answered by the full model."
         )
 
 
-def with_reduced_readings(problem: Problem, response: Response, options: ScanOptions) -> Problem:
+def with_reduced_readings(
+    problem: Problem,
+    response: Response,
+    options: ScanOptions,
+    kept: ReducedResponse | None = None,
+) -> Problem:
     """The problem of a scan, with a reduced model where the case has one and it is worth while.
 
     Args:
         problem: of the scan.
         response: of the model in the readings of the problem, not logged.
         options: the grid.
+        kept: a reduced model in these readings that was made before. Where it is close enough at
+            most points of the grid, or there are few of them, no other one is made.
     """
     axes = grid_axes(problem.parameters, options)
     count = math.prod(len(axis) for axis in axes.values())
-    if count < _WORTH * MARCHES_OF_GRID or not isinstance(response, ReducibleResponse):
+    training = _training(problem, response, axes)
+    worth = count >= _WORTH * MARCHES_OF_GRID and isinstance(response, ReducibleResponse)
+    if kept is not None:
+        led = ReducedReadings(problem.response, kept, Discrepancy(problem), NO_COST, kept=True)
+        if not worth or led.part_close(training) >= _MOST:
+            return replace(problem, response=led)
+    if not worth or not isinstance(response, ReducibleResponse):
         return problem
-    names = [q.name for q in problem.parameters]
-    every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
-    places = np.unravel_index(np.unique(every), [len(axis) for axis in axes.values()])
-    training = np.repeat(problem.start[None], len(places[0]), axis=0)
-    for (name, axis), place in zip(axes.items(), places, strict=True):
-        training[:, names.index(name)] = axis[place]
-    training = training[[response.admissible(p) is None for p in training]]
     before = response.counts
     reduced = None
     if len(training):
@@ -150,3 +175,15 @@ def with_reduced_readings(problem: Problem, response: Response, options: ScanOpt
     )
     led = ReducedReadings(problem.response, reduced, Discrepancy(problem), spent)
     return replace(problem, response=led)
+
+
+def _training(problem: Problem, response: Response, axes: Mapping[str, Floats]) -> Floats:
+    """Some points (k, n) of a grid that are in the domain."""
+    count = math.prod(len(axis) for axis in axes.values())
+    names = [q.name for q in problem.parameters]
+    every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
+    places = np.unravel_index(np.unique(every), [len(axis) for axis in axes.values()])
+    training = np.repeat(problem.start[None], len(places[0]), axis=0)
+    for (name, axis), place in zip(axes.items(), places, strict=True):
+        training[:, names.index(name)] = axis[place]
+    return training[[response.admissible(p) is None for p in training]]
