@@ -17,6 +17,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.io.case.file import parse_case
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats
@@ -26,9 +27,10 @@ from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import ParameterTable, Result
 from geoident.workflow.running.answers import readable
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import Inputs
+from geoident.workflow.running.jobs import NO_READINGS, Inputs
 from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import CLOSE, MARCHES, reduced_around
+from geoident.workflow.running.result_files import case_path
 
 _UNSEEN = frozenset({"title", "report", "fit", "readings", "parameters", "gauges"})
 """Sections of a case that a kept model does not ask for, or of which only parts."""
@@ -120,6 +122,25 @@ def restored_of(fit: Result, case: Case) -> RestoredModel | None:
     if fit.reduced is None or fit.reduced.form != FORM:
         return None
     return RestoredModel(fit.reduced, case)
+
+
+def restored_alone(result: Result, path: str) -> RestoredModel | None:
+    """The same from the result alone: its mesh and its readings need not be there.
+
+    Args:
+        result: of a fit.
+        path: of its file.
+
+    Raises:
+        InputError: the case in it cannot be read as this version reads it.
+    """
+    if result.reduced is None:
+        return None
+    where = case_path(path, result.provenance.case_file)
+    loaded = parse_case(
+        result.case_resolved, where, overrides=[NO_READINGS], with_mesh=False, with_texts=False
+    )
+    return restored_of(result, loaded.case)
 
 
 def restored_for(path: str, inputs: Inputs) -> RestoredModel:
