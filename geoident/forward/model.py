@@ -26,6 +26,7 @@ from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.ground.moduli import inadmissible_moduli
 from geoident.forward.march.fields import FieldRecorder
+from geoident.forward.march.kept import MOST_KEPT, KeptMarch
 from geoident.forward.march.march import March, Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd, UnitForces
 from geoident.forward.march.systems import StageSystems
@@ -105,12 +106,21 @@ class StagedModel:
         self._all_readings: dict[int, ReadingAdjoints] = {}
         self._other_readings: dict[tuple[int, bytes], ReadingAdjoints] = {}
         self._last_adjoints: AdjointTable | None = None
+        self._kept: KeptMarch | None = None
+        self._paid: tuple[bytes, int] = b"", -1
+        self._free = Counts()
+        self.reduction: Reduction | None = None
 
     @property
     def counts(self) -> Counts:
         """Costs so far."""
-        spent = self._solver.counts
-        return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
+        spent, free = self._solver.counts, self._free
+        return Counts(
+            self._evaluations,
+            spent.analyses,
+            spent.factorizations - free.factorizations,
+            spent.solves - free.solves,
+        )
 
     @property
     def yields(self) -> bool:
@@ -214,12 +224,82 @@ class StagedModel:
         if self.on_state is not None:
             self.on_state(state)
 
+    # A march that goes on where it was left
+
+    @property
+    def keeps_march(self) -> bool:
+        """Whether the states of a march are kept: nothing yields, and they are not too many."""
+        points = self.discretization.points
+        each = self.discretization.n_dofs + points.n_strain * points.n_points
+        return not self.yields and each * len(self.sequence.states) <= MOST_KEPT
+
+    def paid(self, p: Floats, last: int) -> None:
+        """A march at p (n,) up to a state was counted, in this run or in one that this goes on.
+
+        Should its states be computed again for what comes later, they are not counted again.
+        """
+        key, before = self._paid
+        self._paid = p.tobytes(), max(last, before) if key == p.tobytes() else last
+
+    def is_paid(self, p: Floats) -> bool:
+        """Whether the last march with derivatives that was counted is that at p (n,)."""
+        return self.keeps_march and self._paid[0] == p.tobytes()
+
+    def march_to(
+        self,
+        p: Floats,
+        last: int,
+        tell: Callable[[StageEnd, Run], None] | None = None,
+    ) -> KeptMarch:
+        """The march with derivatives at p (n,), which goes on where it was left, to a state.
+
+        Args:
+            p: (n,) parameters, SI.
+            last: index of the state.
+            tell: is given every state with its run while its factorization is there: the march is
+                made anew.
+
+        Raises:
+            ModelError: the stiffness of a stage is not positive definite.
+        """
+        kept = self._kept
+        if kept is None or kept.p != tuple(map(float, p)) or tell is not None:
+            self._kept = None  # its memory is free for the next
+            if self._paid[0] != p.tobytes():
+                self.count_evaluation()
+                self.paid(p, -1)
+            kept = KeptMarch(self.at(p, RunOptions()), self._see)
+        free = self._paid[1]
+        try:
+            for to in sorted({min(free, last), last}):
+                before = self._solver.counts.factorizations, self._solver.counts.solves
+                kept.go_on(to, tell)
+                if to <= free:
+                    self._set_free(*before)
+        except BaseException:
+            self._kept = None
+            raise
+        self._kept = kept
+        self.paid(p, last)
+        return kept
+
+    def _set_free(self, factorizations: int, solves: int) -> None:
+        """What was done since these counts is not to be counted."""
+        spent = self._solver.counts
+        self._free += Counts(0, 0, spent.factorizations - factorizations, spent.solves - solves)
+
+    def _see(self, end: StageEnd, run: Run) -> tuple[Floats, tuple[str, ...]]:
+        """What channels see of a state, and which read one of several equal stresses."""
+        state = MarchState(end, run.point, self.structures)
+        return self.observation.values(state), self.observation.coinciding(state)
+
     def survey(
         self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
     ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        One factorization per stage, more where ground yields.
+        One factorization per stage, more where ground yields; none for those of the march that was
+        made last, if that was here.
 
         Args:
             p: (n,) parameters.
@@ -231,23 +311,35 @@ class StagedModel:
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
-        self.count_evaluation()
-        values, observed = self.values(p), []
-        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
-        back = ways if ways.cost_less(len(self.names)) else None
-        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+        values = self.values(p)
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
-        equal: dict[str, int] = {}
-        for end in run.states():
-            state = MarchState(end, run.point, self.structures)
-            seen = self.observation.values(state) if back is None else back.observed(end, run)
-            observed.append(seen)
-            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+
+        def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
+
+        until = len(self.sequence.states) - 1 if last is None else last
+        back, equal = None, dict[str, int]()
+        if self.is_paid(p):
+            march = self.march_to(p, until)
+            run, observed = march.run, march.observed[: until + 1]
+            for end, names in zip(march.ends[: until + 1], march.equal, strict=False):
+                equal |= dict.fromkeys(names, end.state)
+                record(end)
+        else:
+            self.count_evaluation()
+            ways, observed = self._readings_until(until), []
+            back = ways if ways.cost_less(len(self.names)) else None
+            run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+            for end in run.states():
+                state = MarchState(end, run.point, self.structures)
+                seen = self.observation.values(state) if back is None else back.observed(end, run)
+                observed.append(seen)
+                equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+                record(end)
         seen_at = np.stack(observed)
         if back is None:
             table = self.relative(seen_at)
@@ -336,9 +428,30 @@ class StagedModel:
         missing = len(self.sequence.states) - len(table)
         return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
-    def computed(self, p: Floats) -> Floats:
-        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
-        return StageByStage(self, p).computed()
+    def computed(self, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives.
+
+        Args:
+            p: (n,) parameters, SI.
+            tell: is given every state, of which only the values count.
+        """
+        if not self.is_paid(p):
+            return StageByStage(self, p, tell).computed()
+        march = self.march_to(p, len(self.sequence.states) - 1)
+        for end in march.ends:
+            tell(end)
+        return self.readings_of(np.stack(march.observed)[..., :1], self.values(p))
+
+    def readings_of(self, observed: Floats, values: Values) -> Floats:
+        """All channels at all stages (n_channels, n_stages), SI; NaN of stages after the last.
+
+        Args:
+            observed: (m, n_channels, 1) what they see of the first m states.
+            values: parameters by name, SI.
+        """
+        table = self.with_later(self.relative(observed))
+        table = self.instrument_errors.added_to_all(table, values, ())
+        return np.asarray(table[1:, :, 0].T)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -364,11 +477,14 @@ class StageByStage:
     Args:
         model: the staged model.
         p: (n,) parameters, SI.
+        tell: is given every state.
     """
 
-    def __init__(self, model: StagedModel, p: Floats) -> None:
+    def __init__(
+        self, model: StagedModel, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None
+    ) -> None:
         model.count_evaluation()
-        self._model, self._values = model, model.values(p)
+        self._model, self._values, self._tell = model, model.values(p), tell
         self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
         self._states = self._run.states()
         self._observed: list[Floats] = []
@@ -387,9 +503,8 @@ class StageByStage:
         for end in islice(self._states, more):
             state = MarchState(end, self._run.point, model.structures)
             self._observed.append(model.observation.values(state))
-        table = model.with_later(model.relative(np.stack(self._observed)))
-        table = model.instrument_errors.added_to_all(table, self._values, ())
-        return np.asarray(table[1:, :, 0].T)
+            self._tell(end)
+        return model.readings_of(np.stack(self._observed), self._values)
 
 
 class StagedResponse:
@@ -441,10 +556,19 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        kept = self.reduction is not None and self.reduction.obstacle is None
-        if not kept and self.adjoints.cost_less(len(self.names)):
-            return self.by_adjoints(p)
-        return self.by_tangents(p)
+        return self.by_adjoints(p) if self._backwards else self.by_tangents(p)
+
+    @property
+    def _backwards(self) -> bool:
+        """Whether derivatives come by adjoints: a reduced model needs tangents."""
+        if not self.adjoints.cost_less(len(self.names)):
+            return False
+        return self.reduction is None or not self.reduction.covers()
+
+    def remembers(self, p: Floats) -> None:
+        """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
+        if self._model.keeps_march and not self._backwards:
+            self._model.paid(p, self._last)
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
@@ -459,10 +583,16 @@ class StagedResponse:
             most: how many marches count at most, the newest.
         """
         model = self._model
-        if self.reduction is None and model.observation.not_linear(self._row) is None:
-            self.reduction = Reduction(
-                model.march, model.observation, self._last, most=most, economical=economical
-            )
+        if self.reduction is not None or model.observation.not_linear(self._row) is not None:
+            return
+        known = model.reduction
+        if economical and known is not None and known.last >= self._last and known.economical:
+            self.reduction = known  # that of another response goes as far
+            return
+        self.reduction = Reduction(
+            model.march, model.observation, self._last, most=most, economical=economical
+        )
+        model.reduction = self.reduction
 
     def reduction_obstacle(self) -> str | None:
         """Why there is no reduced model, a clause, or None if there may be one."""
@@ -482,7 +612,7 @@ class StagedResponse:
         for number, p in list(enumerate(visited))[-reduction.most :]:
             if not reduction.knows(p):
                 reduction.number = number
-                self.by_tangents(p)
+                self._run(p, derivatives=True, again=True)
         reduction.order(visited[-reduction.most :])
 
     def expect_march(self, number: int) -> None:
@@ -527,7 +657,14 @@ class StagedResponse:
         values = model.values(made.reference)
         added = model.instrument_errors.added(values, self.names, self._places)
         return ReducedResponse(
-            made, model.observation, self._row, self._state, added, self.admissible, duals
+            made,
+            model.observation,
+            self._row,
+            self._state,
+            added,
+            model.sequence.bases,
+            self.admissible,
+            duals,
         )
 
     def increments(self, p: Floats) -> Floats:
@@ -644,9 +781,57 @@ class StagedResponse:
         return Condensed(table[:, 0], flexibility, -jacobian, -jacobian @ p - gap)
 
     def _run(
-        self, p: Floats, unit_forces: UnitForces | None = None, *, derivatives: bool = False
+        self,
+        p: Floats,
+        unit_forces: UnitForces | None = None,
+        *,
+        derivatives: bool = False,
+        again: bool = False,
     ) -> Floats:
-        """Readings (g, 1 + n + k)."""
+        """Readings (g, 1 + n + k).
+
+        Args:
+            p: (n,) parameters, SI.
+            unit_forces: forces along the readings.
+            derivatives: carry the derivatives by all parameters.
+            again: for what it leaves for the reduced model.
+        """
+        model = self._model
+        plain = unit_forces is None
+        if derivatives and plain and model.keeps_march:
+            observed = self._kept_march(p, again=again)
+            self._activity = p.tobytes(), None
+        elif plain and not derivatives and model.is_paid(p):
+            observed = np.stack(model.march_to(p, self._last).observed)[: self._last + 1, :, :1]
+        else:
+            observed = self._fresh_march(p, unit_forces, derivatives=derivatives)
+        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
+        self._increments = p.tobytes(), change
+        table = model.observation.readings(observed, self._row, self._state)
+        names = self.names if derivatives else ()
+        added = model.instrument_errors.added(model.values(p), names, self._places)
+        table[:, : added.shape[1]] += added
+        return np.asarray(table)
+
+    def _kept_march(self, p: Floats, *, again: bool) -> Floats:
+        """What channels see of a march at p (n,), which may go on later, (m, n_channels, 1 + n).
+
+        What it leaves for the reduced model of another response, whose marches go further, is not
+        recorded, but where it is made again for that.
+        """
+        model, reduction = self._model, self.reduction
+        recorder, last = None, self._last
+        if reduction is not None and (again or reduction.last == last) and not reduction.knows(p):
+            recorder, last = reduction.recorder(p), max(last, reduction.last)
+        march = model.march_to(p, last, None if recorder is None else recorder.add)
+        if reduction is not None and recorder is not None:
+            reduction.add(recorder.snapshot)
+        return np.stack(march.observed[: self._last + 1])
+
+    def _fresh_march(
+        self, p: Floats, unit_forces: UnitForces | None, *, derivatives: bool
+    ) -> Floats:
+        """What channels see of a march at p (n,) that is made now, (m, n_channels, 1 + n + k)."""
         model = self._model
         model.count_evaluation()
         # Where the loads collapse at the start, the user wants to know how much of them is carried;
@@ -664,15 +849,8 @@ class StagedResponse:
                 recorder.add(end, run)
         if kept is not None and recorder is not None:
             kept.add(recorder.snapshot)
-        observed = np.stack(seen)
         self._activity = p.tobytes(), run.findings.activity
-        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
-        self._increments = p.tobytes(), change
-        table = model.observation.readings(observed, self._row, self._state)
-        names = self.names if derivatives else ()
-        added = model.instrument_errors.added(model.values(p), names, self._places)
-        table[:, : added.shape[1]] += added
-        return np.asarray(table)
+        return np.stack(seen)
 
     def _unit_forces(self) -> UnitForces:
         """Unit forces along every reading: G^T.

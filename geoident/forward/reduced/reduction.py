@@ -52,6 +52,7 @@ class Reduction:
 
     Attributes:
         number: of the next march in a search; None to count those that are kept.
+        economical: as given.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Reduction:
         economical: bool = True,
     ) -> None:
         self._march, self._observation = march, observation
-        self.last, self.most, self._economical = last, most, economical
+        self.last, self.most, self.economical = last, most, economical
         self._names = tuple(q.name for q in march.case.parameters)
         self.snapshots: list[Snapshot] = []
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
@@ -93,7 +94,7 @@ class Reduction:
         self._second = self._entries(4 * columns) <= MOST_ENTRIES
         largest = columns + MOST_SECOND if self._second else columns
         self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(largest)))
-        return self._dear() if self._economical else None
+        return self._dear() if self.economical else None
 
     def _entries(self, columns: int) -> int:
         """Numbers that a march leaves: strains and stresses of all states."""
@@ -146,6 +147,12 @@ class Reduction:
             found.append(p)
         return np.array(found)
 
+    def covers(self) -> bool:
+        """Whether there is nothing against it; loads and moduli are looked at once."""
+        if not self._prepared and self.obstacle is None:
+            self._prepared, self.obstacle = True, self._prepare()
+        return self.obstacle is None
+
     def knows(self, p: Floats) -> bool:
         """Whether the march at p (n,) is kept."""
         return any(np.array_equal(s.p, p) for s in self.snapshots)
@@ -164,13 +171,11 @@ class Reduction:
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records a march at p (n,); None where the case has no reduced model."""
-        if not self._prepared and self.obstacle is None:
-            self._prepared, self.obstacle = True, self._prepare()
-        if self.obstacle is not None:
+        if not self.covers():
             return None
         parts = self._zones, self._spans, self._loads
         number = len(self.snapshots) if self.number is None else self.number
-        second = number < _WITH_SECOND or not self._economical
+        second = number < _WITH_SECOND or not self.economical
         second = second and self._second
         return Recorder(self._march, self._observation, *parts, p, second=second)
 
