@@ -54,7 +54,7 @@ class Marches:
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
-        self._paid = b"", -1
+        self._paid: tuple[bytes | None, int] = None, -1
         self._free = Counts()
 
     @property
