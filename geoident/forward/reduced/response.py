@@ -54,7 +54,7 @@ class ReducedResponse:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the n parameters."""
-        return self.model.names
+        return self.model.form.names
 
     @property
     def counts(self) -> Counts:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.model.arrays import Bools, Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
@@ -33,7 +33,7 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: StagedResponse, centre: Floats, training: Floats, marches: int = MARCHES
+    response: ReducibleResponse, centre: Floats, training: Floats, marches: int = MARCHES
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -137,7 +137,7 @@ def reduced_answers(
         elsewhere: answers of the model.
     """
     response = asked.everything
-    if not isinstance(response, StagedResponse):
+    if not isinstance(response, ReducibleResponse):
         return None
     reduced = reduced_around(response, centre, training)
     if reduced is None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -126,7 +126,7 @@ def with_reduced_readings(problem: Problem, response: Response, options: ScanOpt
     """
     axes = grid_axes(problem.parameters, options)
     count = math.prod(len(axis) for axis in axes.values())
-    if count < _WORTH * MARCHES_OF_GRID or not isinstance(response, StagedResponse):
+    if count < _WORTH * MARCHES_OF_GRID or not isinstance(response, ReducibleResponse):
         return problem
     names = [q.name for q in problem.parameters]
     every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
