@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.identify import refusals
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
@@ -141,7 +141,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     staged = used_response(setup)
     # the closed form costs nothing: there is nothing to remember
     response: Response = staged
-    if isinstance(staged, StagedResponse):
+    if isinstance(staged, ReducibleResponse):
         if case.fit.reduced:
             staged.keep_marches()
         response = Remembered(staged, log, before=control.stop.check)
