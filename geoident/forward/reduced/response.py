@@ -7,6 +7,7 @@ what the march and this model round.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -105,16 +106,27 @@ class ReducedResponse:
     def certified(self, values: Floats) -> tuple[Floats, Floats]:
         """Readings (b, g) at parameter vectors (b, n), and bounds (b, g) of their errors, SI.
 
+        Both are NaN outside the domain, and of all where the reduced model has no answer for one.
+
         Raises:
             ValueError: it was made without adjoints.
         """
         if self._duals is None:
             msg = "the reduced model has no adjoints of these readings"
             raise ValueError(msg)
+        inside = np.array([self._admissible(p) is None for p in values], dtype=bool)
+        table, error = np.full((2, len(values), len(self._rows)), np.nan)
+        if inside.any():
+            with suppress(ValueError, np.linalg.LinAlgError):
+                table[inside], error[inside] = self._bounded(self._duals, values[inside])
+        return table, error
+
+    def _bounded(self, duals: ReadingDuals, values: Floats) -> tuple[Floats, Floats]:
+        """Readings and bounds of their errors, all inside the domain."""
         self._evaluations += len(values)
         found = self.model.states(values, derivatives=False)
         table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
-        left = self._duals.bounds(found, self.model.bounds(found))
+        left = duals.bounds(found, self.model.bounds(found))
         rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
         return table, left.error + np.abs(left.correction) + rounding[:, None]
 
