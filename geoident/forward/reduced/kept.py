@@ -231,6 +231,8 @@ class RestoredModel:
             ("",) * len(kept.channels),
         )
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
+        self._bases = np.arange(len(kept.readable))
+        self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]
         self._place = {
             (kept.channels[row], case.stage_names[state]): n
             for n, (row, state) in enumerate(zip(kept.rows, kept.states, strict=True))
@@ -315,6 +317,7 @@ class RestoredModel:
             kept.rows[some],
             kept.states[some],
             self.instrument_errors.added(values, kept.names, places),
+            self._bases,
             self.admissible,
             ReadingDuals(model, duals),
         )

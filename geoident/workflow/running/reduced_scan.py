@@ -22,7 +22,7 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
 from geoident.model.results.result import NO_COST, Counts
-from geoident.workflow.running.reduced_answers import reduced_around
+from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -39,33 +39,26 @@ _WORTH = 10
 _MOST = 0.9
 """Part of the points of a grid at which a kept model must be close enough to be the only one."""
 
+KEPT = "a reduced model that was kept"
+"""What it is called then."""
+
 _TRAINING = 400
 """Points of the grid at which its bound is looked at."""
 
 
 @dataclass
-class ReducedReadings:
-    """A response whose readings are those of a reduced model where that is close enough.
+class ReducedReadings(LedByReduced):
+    """A response whose readings are those of a reduced model where the discrepancy is right.
 
     Args:
         inner: the model.
-        reduced: with bounds of its readings.
         discrepancy: of the problem.
-        spent: what making it has cost.
-        kept: it was made before, and kept in a result.
-
-    Attributes:
-        by_reduced: evaluations that the reduced model made.
-        by_model: evaluations that the model made.
+        spent: what making the reduced model has cost.
     """
 
     inner: Response
-    reduced: ReducedResponse
     discrepancy: Discrepancy
     spent: Counts
-    kept: bool = False
-    by_reduced: int = 0
-    by_model: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,12 +69,7 @@ class ReducedReadings:
     def counts(self) -> Counts:
         """Costs so far: of the model, and of making the reduced one."""
         made, own = self.spent, self.inner.counts
-        return Counts(
-            own.evaluations + made.evaluations,
-            max(own.analyses, made.analyses),
-            own.factorizations + made.factorizations,
-            own.solves + made.solves,
-        )
+        return replace(own + made, analyses=max(own.analyses, made.analyses))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain of the model, or None if it is inside."""
@@ -89,27 +77,18 @@ class ReducedReadings:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        found, close = self._asked(p)
-        if close:
+        found, error = self.reduced.certified(p[None])
+        if self._close(p, found[0], error[0]):
             self.by_reduced += 1
-            return found
+            return np.asarray(found[0])
         self.by_model += 1
         return self.inner.readings(p)
 
     def part_close(self, points: Floats) -> float:
         """At which part of some points (k, n) the reduced model is close enough."""
-        return float(np.mean([self._asked(p)[1] for p in points])) if len(points) else 0.0
-
-    def _asked(self, p: Floats) -> tuple[Floats, bool]:
-        """What the reduced model says at p (n,), (g,), and whether that is close enough."""
-        none = np.full(len(self.discrepancy.problem.measured), np.nan)
-        if self.reduced.admissible(p) is not None:
-            return none, False
-        try:
-            found, error = self.reduced.certified(p[None])
-        except (ValueError, np.linalg.LinAlgError):
-            return none, False
-        return np.asarray(found[0]), self._close(p, found[0], error[0])
+        found, error = self.reduced.certified(points)
+        close = [self._close(*each) for each in zip(points, found, error, strict=True)]
+        return float(np.mean(close)) if close else 0.0
 
     def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
         """Whether the discrepancy of readings v (g,) at p (n,) is right, with their errors."""
@@ -125,14 +104,8 @@ class ReducedReadings:
     @property
     def note(self) -> str:
         """How many points are whose, a sentence."""
-        count = self.by_reduced + self.by_model
-        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
-        whose = "a reduced model that was kept" if self.kept else "a reduced model"
-        return (
-            f"{self.by_reduced:,} of {count:,} points of the grid are answered by {whose}, whose "
-            f" misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
-            f"{rest} answered by the full model."
-        )
+        proven = f"misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}"
+        return self.shares("points of the grid", proven)
 
 
 def with_reduced_readings(
@@ -155,7 +128,7 @@ def with_reduced_readings(
     training = _training(problem, response, axes)
     worth = count >= _WORTH * MARCHES_OF_GRID and isinstance(response, ReducibleResponse)
     if kept is not None:
-        led = ReducedReadings(problem.response, kept, Discrepancy(problem), NO_COST, kept=True)
+        led = ReducedReadings(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
         if not worth or led.part_close(training) >= _MOST:
             return replace(problem, response=led)
     if not worth or not isinstance(response, ReducibleResponse):
@@ -167,13 +140,8 @@ def with_reduced_readings(
     if reduced is None:
         return problem
     after = response.counts
-    spent = Counts(
-        after.evaluations - before.evaluations,
-        after.analyses,
-        after.factorizations - before.factorizations,
-        after.solves - before.solves,
-    )
-    led = ReducedReadings(problem.response, reduced, Discrepancy(problem), spent)
+    spent = replace(after - before, analyses=after.analyses)
+    led = ReducedReadings(reduced, problem.response, Discrepancy(problem), spent)
     return replace(problem, response=led)
 
 
