@@ -32,6 +32,7 @@ class ReducedResponse:
         states: (g,) states of their readings.
         added: what instruments add to them and its derivatives (g, 1 + n) at the reference;
             linear in the parameters.
+        bases: (n_states,) the state on which each builds.
         admissible: says why parameters (n,) are outside the domain, or None.
         duals: adjoints of the readings, where their errors are to be bounded.
     """
@@ -43,12 +44,13 @@ class ReducedResponse:
         rows: Ints,
         states: Ints,
         added: Floats,
+        bases: Ints,
         admissible: Callable[[Floats], str | None],
         duals: ReadingDuals | None = None,
     ) -> None:
         self.model, self._observation = reduced, observation
         self._rows, self._states, self._added = rows, states, added
-        self._admissible, self._duals = admissible, duals
+        self._bases, self._admissible, self._duals = bases, admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
 
@@ -85,6 +87,14 @@ class ReducedResponse:
             return float(self.model.bounds(self._at(p)).relative[0])
         except np.linalg.LinAlgError:
             return np.inf
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what channels see at p (n,), SI.
+
+        (n_states, n_channels); 0 for those that read something else than motions.
+        """
+        seen = self.model.observed(self._at(p))[:, :, 0, 0]
+        return self._observation.increments(seen, self._bases)
 
     def many(self, values: Floats) -> tuple[Floats, EnergyBounds]:
         """Readings (b, g) at parameter vectors (b, n), and bounds of the errors in energy."""
