@@ -174,7 +174,7 @@ def predict(
         stages=(stages,) if isinstance(stages, str) else tuple(stages),
         case=None if new is None else new.path,
         overrides=() if new is None else new.overrides,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         solver=solver,
         force=force,
         fresh=fresh,
@@ -220,7 +220,7 @@ def sample(
         result=path_of(fitted),
         draws=draws,
         effective=effective,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         seed=seed,
         force=force,
         fresh=fresh,
@@ -231,6 +231,10 @@ def sample(
 def path_of(found: ResultFile | AnyPath) -> str:
     """The path of a result, from itself or its path."""
     return found.path if isinstance(found, ResultFile) else os.fspath(found)
+
+
+def _place(output: AnyPath | None) -> str | None:
+    return None if output is None else os.fspath(output)
 
 
 def _request(
@@ -246,7 +250,7 @@ def _request(
     return Request(
         case=origin.path,
         overrides=origin.overrides,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         seed=seed,
         solver=solver,
         force=force,
