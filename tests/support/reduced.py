@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from geoident.forward.model import StagedModel
+from geoident.forward.reduced.model import ReducedModel, ReducedStates
+from geoident.forward.reduced.reduction import Reduction
+from geoident.forward.reduced.zones import Zone
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Floats
 from geoident.model.case import Material, Stage
@@ -127,6 +132,31 @@ PAIRS_PLANE = [
 PAIRS_SOLID = [
     ("roof", "first"), ("roof", "lined"), ("wall", "lined"), ("far", "first"), ("far", "lined"),
 ]  # fmt: skip
+
+
+def reduced_stresses(
+    reduction: Reduction, model: ReducedModel, found: ReducedStates, state: int
+) -> Iterator[tuple[Zone, Floats]]:
+    """Zones of a state with their stress (s, q), Pa, at the first of the parameter vectors.
+
+    Args:
+        reduction: what made the model.
+        model: the one that was made last.
+        found: its states.
+        state: which.
+    """
+    projection, in_situ = reduction.projection, model.form.loads.stress
+    for zone in projection.affine.zones[state]:
+        mine = zone.points
+        stress = np.zeros((in_situ.shape[0], len(mine)))
+        if zone.history.virgin is not None:
+            stress += in_situ[:, mine] @ found.at.loads[0]
+        for other, name, sign in zone.parts:
+            if other in projection.turn:
+                coordinates = projection.turn[other] @ found.states[other][0, :, 0]
+                E = model.form.spans[name].matrix(found.at.moduli[name][0])
+                stress += sign * (E @ (projection.strains(other, mine) @ coordinates))
+        yield zone, stress
 
 
 def spread(staged: StagedModel, count: int, seed: int = 0, part: float = 1.0) -> Floats:

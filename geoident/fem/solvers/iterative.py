@@ -142,7 +142,7 @@ class _Preconditioner:
 
 
 def whole_matrix(pattern: LowerPattern, values: Floats) -> sp.csr_array:
-    """The matrix (n, n) of a lower triangle (nnz,), rows ascending, zeros that are stored with it."""
+    """The matrix (n, n) of a lower triangle (nnz,), rows ascending, stored zeros with it."""
     n, indices, indptr = pattern.n, pattern.indices.astype(np.int32), pattern.indptr
     below = np.ones(len(values), dtype=bool)
     below[indptr[:-1]] = False

@@ -29,14 +29,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.march.march import March, Run
+from geoident.forward.march.march import Run
 from geoident.forward.march.stage import factorize
-from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
-from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.projection import GalerkinProjection, StressTerm, parts_of
-from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import Zone
+from geoident.forward.reduced.projection import GalerkinProjection
+from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Floats
 
 _AT_ONCE = 24
@@ -80,7 +77,7 @@ class ReadingDuals:
     """
 
     def __init__(self, reduced: ReducedModel, stages: Sequence[StageDual]) -> None:
-        self._reduced, self._stages = reduced, tuple(stages)
+        self._reduced, self.stages = reduced, tuple(stages)
 
     def bounds(self, found: ReducedStates, energy: EnergyBounds) -> ReadingBounds:
         """Corrections and bounds of all readings.
@@ -96,11 +93,11 @@ class ReadingDuals:
             for name, own in energy.moduli.items()
         }
         at, stages = found.at, self._reduced.stages
-        shape = len(at.loads), self._stages[0].loads.shape[0]
+        shape = len(at.loads), self.stages[0].loads.shape[0]
         correction, error = np.zeros(shape), np.zeros(shape)
         left = [np.zeros(shape) for _ in stages]  # what the states that build on one leave it
         for number in reversed(range(len(stages))):
-            stage, dual = stages[number], self._stages[number]
+            stage, dual = stages[number], self.stages[number]
             squared = np.zeros(shape)
             for name, own in dual.energy.items():
                 squared += chi[name][:, None] ** 2 * own
@@ -121,28 +118,14 @@ class DualMarch:
     """Takes readings back through the stages at the reference of a reduced model.
 
     Args:
-        march: of the case.
-        zones: of every state.
-        spans: of every material.
-        loads: in-situ stress and forces.
-        snapshots: of which the reduced model was made.
         projection: what made it.
         run: a traced run at the reference, all its states done.
     """
 
-    def __init__(
-        self,
-        march: March,
-        zones: Sequence[Sequence[Zone]],
-        spans: Mapping[str, MaterialSpan],
-        loads: LoadForm,
-        snapshots: Sequence[Snapshot],
-        projection: GalerkinProjection,
-        run: Run,
-    ) -> None:
-        self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
-        self._snapshots, self._projection, self._run = snapshots, projection, run
-        self._points = march.systems.discretization.points
+    def __init__(self, projection: GalerkinProjection, run: Run) -> None:
+        self._projection, self._affine, self._run = projection, projection.affine, run
+        self._systems = projection.affine.march.systems
+        self._points = self._systems.discretization.points
 
     def stages(self, rows: sp.csr_array, weights: Floats) -> tuple[StageDual, ...]:
         """The adjoints of readings in all states.
@@ -163,7 +146,7 @@ class DualMarch:
         s, points = self._points.n_strain, self._points.n_points
         left: dict[int, Floats] = {}
         found: list[StageDual] = [self._nothing(k) for _ in range(n_states)]
-        for number in range(n_states - 1, 0 if not self._loads.settles else -1, -1):
+        for number in range(n_states - 1, 0 if not self._affine.form.loads.settles else -1, -1):
             trace = self._run.traces[number]
             task, system = trace.task, trace.task.system
             a = left.pop(number, np.zeros((s, points, k)))
@@ -173,7 +156,7 @@ class DualMarch:
             if number:
                 rest += rows.T @ np.diag(weights[number])
             w, dofs = np.zeros_like(rest), system.pattern.dofs
-            factor = factorize(task, self._march.systems, self._run.factors)
+            factor = factorize(task, self._systems, self._run.factors)
             if factor is not None and trace.stepped:
                 w[dofs] = factor.solve(rest[dofs])
             strain = self._points.strain(w)
@@ -183,7 +166,7 @@ class DualMarch:
             if number:
                 state = task.state
                 for group in state.placed:
-                    a[:, self._march.systems.discretization.points_of[group]] = 0.0
+                    a[:, self._systems.discretization.points_of[group]] = 0.0
                 base = state.base
                 left[base] = left[base] + a if base in left else a
         return found
@@ -191,7 +174,7 @@ class DualMarch:
     def _stressed(self, number: int, strain: Floats) -> Floats:
         """E eps of adjoint strains (s, n_points, k)."""
         found = np.zeros_like(strain)
-        for zone in self._zones[number]:
+        for zone in self._affine.zones[number]:
             E = self._projection.reference_matrix(zone.material)
             found[:, zone.points] = np.tensordot(E, strain[:, zone.points], axes=1)
         return found
@@ -203,30 +186,23 @@ class DualMarch:
         energy: dict[str, Floats] = {}
         work = np.zeros((k, particular.shape[1]))
         terms: dict[StressTerm, Floats] = {}
-        for zone in self._zones[number]:
+        for zone in self._affine.zones[number]:
             mine = zone.points
             volume = self._points.volume[mine][:, None]
             own, E = b[:, mine], self._projection.reference_matrix(zone.material)
             squares = np.sum(own * np.tensordot(E, own, axes=1) * volume, axis=(0, 1))
             energy[zone.material] = energy.get(zone.material, 0.0) + squares
             test = (strain[:, mine] * volume).reshape(-1, k)
-            columns = [s.stress[number][:, mine] for s in self._snapshots]
-            if zone.history.virgin is not None:
-                in_situ = self._loads.stress[:, mine]
-                columns = [
-                    c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)
-                ]
-            joined = np.concatenate(columns, axis=-1)
+            joined = self._projection.stresses(zone, number, mine)
             work += test.T @ joined.reshape(len(test), -1) @ particular
-            for state, material, sign in parts_of(zone):
+            for state, material, sign in zone.parts:
                 if state not in turn:
                     continue
-                eps = [s.strain[state][:, mine] for s in self._snapshots]
-                raw = sign * np.concatenate(eps, axis=-1)
+                raw = sign * self._projection.strains(state, mine)
                 found = np.stack(
                     [
                         test.T @ np.tensordot(J, raw, axes=1).reshape(len(test), -1) @ turn[state]
-                        for J in self._spans[material].basis
+                        for J in self._affine.form.spans[material].basis
                     ]
                 )
                 key = state, material

@@ -28,11 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from geoident.forward.march.march import March
-from geoident.forward.reduced.loads import LoadForm
-from geoident.forward.reduced.moduli import MaterialSpan
+from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import Zone
+from geoident.forward.reduced.zones import StressTerm, Zone
 from geoident.forward.stages import Index
 from geoident.model.arrays import Floats, Ints
 
@@ -47,9 +45,6 @@ _ROWS = 256
 
 _POINTS = 1024
 """Strain points of which columns are made at once: they stay near the processor."""
-
-StressTerm = tuple[int, str]
-"""State and material: E_material C u_state is part of the stress of a zone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,33 +105,30 @@ class GalerkinProjection:
     """Makes the stages of a reduced model from snapshots.
 
     Args:
-        march: of the case.
-        zones: of every state.
-        spans: of every material.
-        loads: in-situ stress and forces.
+        affine: the march with the form of its moduli and loads.
         snapshots: at least one.
         reference: (n,) parameters whose moduli measure.
+
+    Attributes:
+        turn: by state, (M, N) what makes its basis of the columns of the snapshots.
+        particular: (M, r) what makes columns with loads of one psi each of them.
     """
 
     def __init__(
-        self,
-        march: March,
-        zones: Sequence[Sequence[Zone]],
-        spans: Mapping[str, MaterialSpan],
-        loads: LoadForm,
-        snapshots: Sequence[Snapshot],
-        reference: Floats,
+        self, affine: AffineMarch, snapshots: Sequence[Snapshot], reference: Floats
     ) -> None:
-        self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
-        self._snapshots = snapshots
-        self._points = march.systems.discretization.points
-        self._at_reference = {n: s.coordinates(reference[None])[0][0] for n, s in spans.items()}
+        self.affine, self._snapshots = affine, tuple(snapshots)
+        self._spans, self._loads = affine.form.spans, affine.form.loads
+        self._base = [state.base for state in affine.march.sequence.states]
+        self._points = affine.march.systems.discretization.points
+        at = affine.form.at(reference[None])
+        self._at_reference = {name: c[0] for name, c in at.moduli.items()}
         self._inverse_root = {
-            name: np.linalg.inv(np.linalg.cholesky(span.matrix(self._at_reference[name])))
-            for name, span in spans.items()
+            name: np.linalg.inv(np.linalg.cholesky(self.reference_matrix(name)))
+            for name in self._spans
         }
-        self.turn: dict[int, Floats] = {}  # what makes the basis of a state of its columns
-        self.particular = np.zeros((0, 0))  # (M, r) columns with loads of one psi each
+        self.turn: dict[int, Floats] = {}
+        self.particular = np.zeros((0, 0))
 
     def stages(self) -> tuple[ReducedStage, ...] | None:
         """All states; None where the loads of the snapshots do not yet span those of the case."""
@@ -155,6 +147,24 @@ class GalerkinProjection:
         """E (s, s) of a material at the reference."""
         return self._spans[material].matrix(self._at_reference[material])
 
+    def strains(self, state: int, points: Index) -> Floats:
+        """Columns (s, q, M) of the snapshots: strains of the displacements of a state."""
+        return np.concatenate([s.strain[state][:, points] for s in self._snapshots], axis=-1)
+
+    def stresses(self, zone: Zone, state: int, points: Index) -> Floats:
+        """Columns (s, q, M): stresses of a zone in a state, less those in situ.
+
+        Args:
+            zone: the zone.
+            state: the state.
+            points: (q,) some of the zone.
+        """
+        columns = [s.stress[state][:, points] for s in self._snapshots]
+        if zone.history.virgin is not None:
+            in_situ = self._loads.stress[:, points]
+            columns = [c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)]
+        return np.concatenate(columns, axis=-1)
+
     def _combination(self) -> tuple[Floats, Floats] | None:
         """(M, r) and (M, h): what makes columns with loads of one psi each, and without loads."""
         psi = np.hstack([snapshot.psi for snapshot in self._snapshots])
@@ -169,13 +179,12 @@ class GalerkinProjection:
         return particular, right[rank:].T
 
     def _nothing(self, state: int) -> ReducedStage:
-        base, seen = self._march.sequence.states[state].base, self._snapshots[0].observed[state]
         r = self._loads.stress.shape[-1]
-        empty = np.zeros((len(seen), 0))
-        return ReducedStage(base, empty, {}, np.zeros((0, r)), (), {}, ())
+        empty = np.zeros((len(self._snapshots[0].observed[state]), 0))
+        return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, ())
 
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
-        factors = [self._factor(zone, state) for zone in self._zones[state]]
+        factors = [self._factor(zone, state) for zone in self.affine.zones[state]]
         strains = [self._energy(factor, state) for factor in factors]
         # what settles is known as a small difference of stresses
         least = DEPENDENT if state else 1e3 * DEPENDENT
@@ -201,10 +210,10 @@ class GalerkinProjection:
             square = made.rest.T @ made.rest
             normal[made.material] = normal.get(made.material, 0.0) + square
         observed = np.hstack([s.observed[state] for s in self._snapshots]) @ turn
-        changes = {(z.before, z.material) for z in self._zones[state] if z.before != z.material}
-        base = self._march.sequence.states[state].base
+        zones = self.affine.zones[state]
+        changes = sorted({(z.before, z.material) for z in zones if z.before != z.material})
         return ReducedStage(
-            base, observed, matrices, load, tuple(residuals), normal, tuple(sorted(changes))
+            self._base[state], observed, matrices, load, tuple(residuals), normal, tuple(changes)
         )
 
     def _energy(self, factor: _Factor, state: int) -> Floats:
@@ -215,7 +224,7 @@ class GalerkinProjection:
 
     def _factor(self, zone: Zone, state: int) -> _Factor:
         """R of a zone in a state."""
-        parts = [part for part in parts_of(zone) if part[0] or self._loads.settles]
+        parts = [part for part in zone.parts if part[0] or self._loads.settles]
         signs: dict[StressTerm, float] = {}
         for other, material, sign in parts:
             signs[other, material] = signs.get((other, material), 0.0) + sign
@@ -223,16 +232,9 @@ class GalerkinProjection:
         count = sum(s.columns for s in self._snapshots)
         blocks = []
         for points in _runs_of(zone.points):
-            columns = [s.stress[state][:, points] for s in self._snapshots]
-            if zone.history.virgin is not None:
-                in_situ = self._loads.stress[:, points]
-                columns = [
-                    c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)
-                ]
+            columns = [self.stresses(zone, state, points)]
             for (other, name), sign in signs.items():
-                strain = np.concatenate(
-                    [s.strain[other][:, points] for s in self._snapshots], axis=-1
-                )
+                strain = self.strains(other, points)
                 columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
             joined = np.concatenate(columns, axis=-1)
             joined = np.tensordot(self._inverse_root[zone.material], joined, axes=1)
@@ -259,21 +261,6 @@ def _residual(
         for (key, columns), piece in zip(terms.items(), pieces[2:], strict=True)
     }
     return ZoneResidual(material, pieces[0], pieces[1], shaped)
-
-
-def parts_of(zone: Zone) -> list[tuple[int, str, float]]:
-    """States whose displacements are part of the stress of a zone, with material and sign.
-
-    Of the virgin state it is the motion that balanced it.
-    """
-    found: list[tuple[int, str, float]] = []
-    if zone.history.virgin is not None:
-        found.append((0, zone.history.virgin, 1.0))
-    for segment in zone.history.segments:
-        found.append((segment.end, segment.material, 1.0))
-        if segment.start is not None:
-            found.append((segment.start, segment.material, -1.0))
-    return found
 
 
 def _runs_of(points: Ints) -> Iterator[Index]:

@@ -13,18 +13,15 @@ to second order in the moduli, whatever the loads.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import March, Run
+from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
-from geoident.forward.reduced.loads import LoadForm
-from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.projection import parts_of
+from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.forward.reduced.snapshots import Snapshot, settling_strain
-from geoident.forward.reduced.zones import Zone
 from geoident.model.arrays import Floats
 
 _NOISE = 1e-9
@@ -38,35 +35,23 @@ class Recorder:
     """Records one march with derivatives.
 
     Args:
-        march: of the case.
-        observation: its gauges.
-        zones: of every state.
-        spans: of every material.
-        loads: in-situ stress and forces.
+        affine: the march with the form of its moduli and loads.
+        observation: the gauges.
         p: (n,) parameters of the march.
         second: whether second derivatives are added.
     """
 
     def __init__(
-        self,
-        march: March,
-        observation: Observation,
-        zones: Sequence[Sequence[Zone]],
-        spans: Mapping[str, MaterialSpan],
-        loads: LoadForm,
-        p: Floats,
-        *,
-        second: bool,
+        self, affine: AffineMarch, observation: Observation, p: Floats, *, second: bool
     ) -> None:
-        self._march, self._observation = march, observation
-        self._zones, self._spans, self._loads = zones, spans, loads
-        self._points = march.systems.discretization.points
-        self._scale = np.concatenate([[1.0], loads.scale])
-        psi, slopes = loads.coordinates(p[None])
-        self._psi = np.hstack([psi[0][:, None], slopes[0]])
-        found = {name: span.coordinates(p[None]) for name, span in spans.items()}
-        self._moduli = {name: c[0] for name, (c, _) in found.items()}
-        self._slopes = {name: dc[0] for name, (_, dc) in found.items()}
+        self._march, self._observation, self._zones = affine.march, observation, affine.zones
+        self._spans, self._loads = affine.form.spans, affine.form.loads
+        self._points = affine.march.systems.discretization.points
+        self._scale = np.concatenate([[1.0], self._loads.scale])
+        at = affine.form.at(p[None])
+        self._psi = np.hstack([at.loads[0][:, None], at.load_slopes[0]])
+        self._moduli = {name: c[0] for name, c in at.moduli.items()}
+        self._slopes = {name: dc[0] for name, dc in at.slopes.items()}
         self._pairs = self.second_pairs()[:MOST_SECOND] if second else []
         none = np.zeros((len(self._psi), len(self._pairs)))
         self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]))
@@ -141,7 +126,7 @@ class Recorder:
         found = np.zeros((*strains[number].shape[:2], count))
         for zone in self._zones[number]:
             mine = zone.points
-            for state, material, sign in parts_of(zone):
+            for state, material, sign in zone.parts:
                 if state == 0:
                     continue
                 eps = strains[state][:, mine]

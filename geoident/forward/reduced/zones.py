@@ -19,6 +19,9 @@ import numpy as np
 from geoident.forward.stages import CaseOnMesh, numbers
 from geoident.model.arrays import Ints
 
+StressTerm = tuple[int, str]
+"""State and material: E_material C u_state is part of the stress of a zone."""
+
 
 @dataclass(frozen=True)
 class Segment:
@@ -77,6 +80,21 @@ class Zone:
     material: str
     before: str
     history: StressHistory
+
+    @property
+    def parts(self) -> list[tuple[int, str, float]]:
+        """States whose displacements are part of its stress, with material and sign.
+
+        Of the virgin state it is the motion that balanced it.
+        """
+        found: list[tuple[int, str, float]] = []
+        if self.history.virgin is not None:
+            found.append((0, self.history.virgin, 1.0))
+        for segment in self.history.segments:
+            found.append((segment.end, segment.material, 1.0))
+            if segment.start is not None:
+                found.append((segment.start, segment.material, -1.0))
+        return found
 
 
 def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:

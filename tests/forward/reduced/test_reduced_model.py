@@ -11,6 +11,7 @@ from support.reduced import (
     PAIRS_PLANE,
     PAIRS_SOLID,
     plane,
+    reduced_stresses,
     settling,
     solid,
     spread,
@@ -76,16 +77,15 @@ def test_the_error_of_the_stresses_is_below_its_bound(name):
     """In complementary energy, where the stress of the march is at hand."""
     staged, response, reduced, _ = made(name)
     points, model = staged.discretization.points, reduced.model
-    reduction = response.reduction
     for p in spread(staged, 5, seed=2):
         states = model.states(p[None])
         bounds = model.bounds(states)
         run = staged.at(p, RunOptions(derivatives=False))
         for end in run.states():
             number, squared, whole = end.state, 0.0, 0.0
-            for zone, stress in reduction.stresses(model, states, number):
+            for zone, stress in reduced_stresses(response.reduction, model, states, number):
                 mine = zone.points
-                span = model.spans[zone.material]
+                span = model.form.spans[zone.material]
                 E = span.matrix(span.coordinates(p[None])[0][0])
                 gap = end.stress[:, mine, 0] - stress
                 squared += np.sum(points.volume[mine] * gap * np.linalg.solve(E, gap))
