@@ -46,6 +46,7 @@ class Options:
     force: bool = False
     fresh: bool = False
     as_json: bool = False
+    reduced: str | None = None
     quiet: bool = False
     verbose: bool = False
 
@@ -147,6 +148,12 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         default="auto",
         show_default=True,
         help="Sparse direct solver.",
+    ),
+    "reduced": click.option(
+        "--reduced",
+        metavar="RESULT",
+        type=click.Path(),
+        help="Ask the reduced model that this fit keeps (fit.reduced: keep) first.",
     ),
     "dry_run": click.option(
         "--dry-run", is_flag=True, help="Print what would be done, without computing."

@@ -50,6 +50,7 @@ from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.rivals import LOWER, kept_up
 from geoident.workflow.estimating.setup import (
     Setup,
+    kept_response,
     problem_of,
     structure_of_used,
     used_response,
@@ -113,7 +114,8 @@ def estimated(
     only = methods[0] if len(methods) == 1 else None
     staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
     if isinstance(only, ScanOptions) and staged:
-        problem = with_reduced_readings(problem, used_response(setup), only)
+        kept = kept_response(setup)
+        problem = with_reduced_readings(problem, used_response(setup), only, kept)
     search = _Search(methods, control)
     with led(problem.response) if near else nullcontext():
         first = Estimate(setup, problem, search.identified(problem, methods))
