@@ -206,7 +206,13 @@ def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[
 
 
 def read_counts(group: TableReader, name: str, rows: int) -> Ints:
-    """One of `COUNTS` (rows,)."""
+    """One of `COUNTS` (rows,).
+
+    Args:
+        group: that has it.
+        name: of it.
+        rows: of the table.
+    """
     if name in NEWER_COUNTS and name not in group:
         return np.full(rows, NEWER_COUNTS[name], dtype=np.int64)
     return group.ints(name, rows)
