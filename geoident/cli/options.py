@@ -144,10 +144,10 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=OneOf(["auto", "multifrontal", "cholmod", "pardiso", "splu"]),
+        type=OneOf(["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]),
         default="auto",
         show_default=True,
-        help="Sparse direct solver.",
+        help="Sparse solver.",
     ),
     "reduced": click.option(
         "--reduced",
