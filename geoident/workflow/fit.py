@@ -122,7 +122,7 @@ def _last_stage(
 
 
 def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:
-    """Sentences on readings of which the unit is suspected, the search having begun at the start."""
+    """Sentences on readings whose unit is suspected, the search having begun at the start."""
     stated = [parameter.start for parameter in setup.case.parameters]
     if not found.outcome.iterations:
         return ()
