@@ -10,9 +10,12 @@ from geoident.fem.solvers.direct import Solver
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.adjoints import AdjointTable
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.moduli import inadmissible_moduli
+from geoident.forward.march.kept import MOST_KEPT, KeptMarch
 from geoident.forward.march.march import March, Run, RunOptions
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
@@ -50,12 +53,20 @@ class Marches:
         self.structures = self.systems.structures
         self.march = March(on_mesh, self.systems)
         self.actions = self.march.actions
+        self._kept: KeptMarch | None = None
+        self._paid: tuple[bytes | None, int] = None, -1
+        self._free = Counts()
 
     @property
     def counts(self) -> Counts:
         """Costs so far."""
-        spent = self._solver.counts
-        return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
+        spent, free = self._solver.counts, self._free
+        return Counts(
+            self._evaluations,
+            spent.analyses,
+            spent.factorizations - free.factorizations,
+            spent.solves - free.solves,
+        )
 
     @property
     def yields(self) -> bool:
@@ -92,6 +103,73 @@ class Marches:
             options: how to march.
         """
         return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
+
+    @property
+    def keeps_march(self) -> bool:
+        """Whether the states of a march are kept: nothing yields, and they are not too many."""
+        points = self.discretization.points
+        each = self.discretization.n_dofs + points.n_strain * points.n_points
+        return not self.yields and each * len(self.sequence.states) <= MOST_KEPT
+
+    def paid(self, p: Floats, last: int) -> None:
+        """A march at p (n,) up to a state was counted, in this run or in one that this goes on.
+
+        Should its states be computed again for what comes later, they are not counted again.
+        """
+        key, before = self._paid
+        self._paid = p.tobytes(), max(last, before) if key == p.tobytes() else last
+
+    def is_paid(self, p: Floats) -> bool:
+        """Whether the last march with derivatives that was counted is that at p (n,)."""
+        return self.keeps_march and self._paid[0] == p.tobytes()
+
+    def march_to(
+        self,
+        p: Floats,
+        last: int,
+        tell: Callable[[StageEnd, Run], None] | None = None,
+    ) -> KeptMarch:
+        """The march with derivatives at p (n,), which goes on where it was left, to a state.
+
+        Args:
+            p: (n,) parameters, SI.
+            last: index of the state.
+            tell: is given every state with its run while its factorization is there: the march is
+                made anew.
+
+        Raises:
+            ModelError: the stiffness of a stage is not positive definite.
+        """
+        kept = self._kept
+        if kept is None or kept.p != tuple(map(float, p)) or tell is not None:
+            self._kept = None  # its memory is free for the next
+            if self._paid[0] != p.tobytes():
+                self.count_evaluation()
+                self.paid(p, -1)
+            kept = KeptMarch(self.at(p), self._see)
+        free = self._paid[1]
+        try:
+            for to in sorted({min(free, last), last}):
+                before = self._solver.counts.factorizations, self._solver.counts.solves
+                kept.go_on(to, tell)
+                if to <= free:
+                    self._set_free(*before)
+        except BaseException:
+            self._kept = None
+            raise
+        self._kept = kept
+        self.paid(p, last)
+        return kept
+
+    def _set_free(self, factorizations: int, solves: int) -> None:
+        """What was done since these counts is not to be counted."""
+        spent = self._solver.counts
+        self._free += Counts(0, 0, spent.factorizations - factorizations, spent.solves - solves)
+
+    def _see(self, end: StageEnd, run: Run) -> tuple[Floats, tuple[str, ...]]:
+        """What channels see of a state, and which read one of several equal stresses."""
+        state = MarchState(end, run.point, self.structures)
+        return self.observation.values(state), self.observation.coinciding(state)
 
     def _tell(self, state: int) -> None:
         if self.on_state is not None:

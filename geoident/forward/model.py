@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 
 import numpy as np
@@ -25,7 +25,7 @@ from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.marches import Marches
 from geoident.forward.protocols import Survey
-from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.model.arrays import Floats
@@ -72,6 +72,7 @@ class StagedModel(Marches):
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
         super().__init__(on_mesh, observation, solver=solver)
+        self._shared = SharedReduction()
         self._all_readings: dict[int, ReadingAdjoints] = {}
         self._other_readings: dict[tuple[int, bytes], ReadingAdjoints] = {}
 
@@ -135,14 +136,15 @@ class StagedModel(Marches):
             pairs: what was read.
             times: when each was read, seconds since 1970; None for what is known of its stage.
         """
-        return ReducibleResponse(self, pairs, times)
+        return ReducibleResponse(self, self._shared, pairs, times)
 
     def survey(
         self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
     ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        One factorization per stage, more where ground yields.
+        One factorization per stage, more where ground yields; none for those of the march that was
+        made last, if that was here.
 
         Args:
             p: (n,) parameters.
@@ -154,23 +156,35 @@ class StagedModel(Marches):
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
-        self.count_evaluation()
-        values, observed = self.values(p), []
-        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
-        back = ways if ways.cost_less(len(self.names)) else None
-        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+        values = self.values(p)
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
-        equal: dict[str, int] = {}
-        for end in run.states():
-            state = MarchState(end, run.point, self.structures)
-            seen = self.observation.values(state) if back is None else back.observed(end, run)
-            observed.append(seen)
-            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+
+        def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
+
+        until = len(self.sequence.states) - 1 if last is None else last
+        back, equal = None, dict[str, int]()
+        if self.is_paid(p):
+            march = self.march_to(p, until)
+            run, observed = march.run, march.observed[: until + 1]
+            for end, names in zip(march.ends[: until + 1], march.equal, strict=False):
+                equal |= dict.fromkeys(names, end.state)
+                record(end)
+        else:
+            self.count_evaluation()
+            ways, observed = self._readings_until(until), []
+            back = ways if ways.cost_less(len(self.names)) else None
+            run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+            for end in run.states():
+                state = MarchState(end, run.point, self.structures)
+                seen = self.observation.values(state) if back is None else back.observed(end, run)
+                observed.append(seen)
+                equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+                record(end)
         seen_at = np.stack(observed)
         if back is None:
             table = self.relative(seen_at)
@@ -255,9 +269,30 @@ class StagedModel(Marches):
         missing = len(self.sequence.states) - len(table)
         return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
-    def computed(self, p: Floats) -> Floats:
-        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
-        return StageByStage(self, p).computed()
+    def computed(self, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives.
+
+        Args:
+            p: (n,) parameters, SI.
+            tell: is given every state, of which only the values count.
+        """
+        if not self.is_paid(p):
+            return StageByStage(self, p, tell).computed()
+        march = self.march_to(p, len(self.sequence.states) - 1)
+        for end in march.ends:
+            tell(end)
+        return self.readings_of(np.stack(march.observed)[..., :1], self.values(p))
+
+    def readings_of(self, observed: Floats, values: Values) -> Floats:
+        """All channels at all stages (n_channels, n_stages), SI; NaN of stages after the last.
+
+        Args:
+            observed: (m, n_channels, 1) what they see of the first m states.
+            values: parameters by name, SI.
+        """
+        table = self.with_later(self.relative(observed))
+        table = self.instrument_errors.added_to_all(table, values, ())
+        return np.asarray(table[1:, :, 0].T)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -283,11 +318,14 @@ class StageByStage:
     Args:
         model: the staged model.
         p: (n,) parameters, SI.
+        tell: is given every state.
     """
 
-    def __init__(self, model: StagedModel, p: Floats) -> None:
+    def __init__(
+        self, model: StagedModel, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None
+    ) -> None:
         model.count_evaluation()
-        self._model, self._values = model, model.values(p)
+        self._model, self._values, self._tell = model, model.values(p), tell
         self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
         self._states = self._run.states()
         self._observed: list[Floats] = []
@@ -306,9 +344,8 @@ class StageByStage:
         for end in islice(self._states, more):
             state = MarchState(end, self._run.point, model.structures)
             self._observed.append(model.observation.values(state))
-        table = model.with_later(model.relative(np.stack(self._observed)))
-        table = model.instrument_errors.added_to_all(table, self._values, ())
-        return np.asarray(table[1:, :, 0].T)
+            self._tell(end)
+        return model.readings_of(np.stack(self._observed), self._values)
 
 
 def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:

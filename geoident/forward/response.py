@@ -25,6 +25,9 @@ from geoident.model.response import BilinearSystem, Condensed
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
+Tell = Callable[[StageEnd, Run], None]
+"""Is given a state with its run."""
+
 _DEPENDENT = 1e-10
 """Singular value of S, relative to the largest, below which readings count as dependent."""
 
@@ -77,9 +80,17 @@ class StagedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        if self.adjoints.cost_less(len(self.names)):
-            return self.by_adjoints(p)
-        return self.by_tangents(p)
+        return self.by_adjoints(p) if self.backwards else self.by_tangents(p)
+
+    @property
+    def backwards(self) -> bool:
+        """Whether derivatives come by adjoints."""
+        return self.adjoints.cost_less(len(self.names))
+
+    def remembers(self, p: Floats) -> None:
+        """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
+        if self._marches.keeps_march and not self.backwards:
+            self._marches.paid(p, self._last)
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
@@ -208,9 +219,43 @@ class StagedResponse:
         unit_forces: UnitForces | None = None,
         *,
         derivatives: bool = False,
-        tell: Callable[[StageEnd, Run], None] | None = None,
+        last: int = 0,
+        tell: Tell | None = None,
     ) -> Floats:
-        """Readings (g, 1 + n + k) of a march that tells of every state, while it is there."""
+        """Readings (g, 1 + n + k).
+
+        Args:
+            p: (n,) parameters, SI.
+            unit_forces: forces along the readings.
+            derivatives: carry the derivatives by all parameters.
+            last: index of a later state to which it is to go.
+            tell: is given every state with its run, while it is there.
+        """
+        marches = self._marches
+        plain, goes_on = unit_forces is None, max(last, self._last)
+        if plain and (marches.keeps_march if derivatives else marches.is_paid(p)):
+            kept = marches.march_to(p, goes_on, tell).observed[: self._last + 1]
+            observed = np.stack(kept)[..., : None if derivatives else 1]
+            self._activity = p.tobytes(), None
+        else:
+            observed = self._march(p, unit_forces, derivatives=derivatives, tell=tell)
+        change = marches.observation.increments(observed[:, :, 0], marches.sequence.bases)
+        self._increments = p.tobytes(), change
+        table = marches.observation.readings(observed, self._row, self._state)
+        names = self.names if derivatives else ()
+        added = marches.instrument_errors.added(marches.values(p), names, self._places)
+        table[:, : added.shape[1]] += added
+        return np.asarray(table)
+
+    def _march(
+        self,
+        p: Floats,
+        unit_forces: UnitForces | None,
+        *,
+        derivatives: bool,
+        tell: Tell | None,
+    ) -> Floats:
+        """What channels see, (m, n_channels, 1 + n + k), of a march that is not kept."""
         marches = self._marches
         marches.count_evaluation()
         # Where the loads collapse at the start, the user wants to know how much of them is carried;
@@ -224,15 +269,8 @@ class StagedResponse:
             seen.append(marches.observation.values(MarchState(end, run.point, marches.structures)))
             if tell is not None:
                 tell(end, run)
-        observed = np.stack(seen)
         self._activity = p.tobytes(), run.findings.activity
-        change = marches.observation.increments(observed[:, :, 0], marches.sequence.bases)
-        self._increments = p.tobytes(), change
-        table = marches.observation.readings(observed, self._row, self._state)
-        names = self.names if derivatives else ()
-        added = marches.instrument_errors.added(marches.values(p), names, self._places)
-        table[:, : added.shape[1]] += added
-        return np.asarray(table)
+        return np.stack(seen)
 
     def _unit_forces(self) -> UnitForces:
         """Unit forces along every reading: G^T.

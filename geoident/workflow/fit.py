@@ -38,12 +38,16 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
 from geoident.workflow.scoring.trials import LastStage, added, last_stage
+
+ENOUGH = 1e-4
+"""Bound of the relative error in energy with which the reduced model tells whether the model is
+linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -63,7 +67,8 @@ def _fit(job: Job, control: Control) -> Finished:
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
-        return _result(job, setup, found, _last_stage(setup, outcome, log, control))
+        last = _last_stage(setup, problem, outcome, log, control)
+        return _result(job, setup, found, last)
 
     return searched(job, control, result)
 
@@ -79,18 +84,23 @@ def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
     if found.outcome.status != "converged":
         return found
     before = setup.model.counts
-    said = linearity_findings(problem, found.assessment, found.outcome.values)
+    with led(problem.response, ENOUGH):
+        said = linearity_findings(problem, found.assessment, found.outcome.values)
     assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
     counts = further(found.counts, before, setup.model.counts)
     return replace(found, assessment=assessment, counts=counts)
 
 
-def _last_stage(setup: Setup, outcome: Outcome, log: Log, control: Control) -> LastStage:
+def _last_stage(
+    setup: Setup, problem: Problem, outcome: Outcome, log: Log, control: Control
+) -> LastStage:
     """The last fitted stage, predicted from those before it: the cheapest backtest."""
     if not setup.case.fit.backtest or outcome.status == STOPPED:
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
-    return last_stage(setup, outcome.values, log, left)
+    response = problem.response
+    visited = response.evaluated() if isinstance(response, Remembered) else ()
+    return last_stage(setup, outcome.values, log, left, visited)
 
 
 def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from geoident.forward.march.march import RunOptions
 from geoident.forward.marches import Marches
@@ -13,6 +14,17 @@ from geoident.model.arrays import Floats
 from geoident.model.response import CertifiedResponse
 
 
+@dataclass
+class SharedReduction:
+    """The marches of the search that was begun last: other responses of the model may use them.
+
+    Args:
+        reduction: those; None where none are kept.
+    """
+
+    reduction: Reduction | None = None
+
+
 class ReducibleResponse(StagedResponse):
     """Readings of some (channel, stage) pairs, and the reduced model of the marches for them.
 
@@ -20,6 +32,7 @@ class ReducibleResponse(StagedResponse):
 
     Args:
         marches: of the case.
+        shared: the marches of other responses.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
 
@@ -30,24 +43,39 @@ class ReducibleResponse(StagedResponse):
     def __init__(
         self,
         marches: Marches,
+        shared: SharedReduction,
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
         super().__init__(marches, pairs, times)
+        self._shared = shared
         self.reduction: Reduction | None = None
 
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): column by column while marches are kept."""
-        kept = self.reduction is not None and self.reduction.obstacle is None
-        return self.by_tangents(p) if kept else super().evaluate(p)
+    @property
+    def backwards(self) -> bool:
+        """Whether derivatives come by adjoints: not while marches are kept."""
+        if not super().backwards:
+            return False
+        return self.reduction is None or not self.reduction.covers()
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept."""
-        recorder = None if self.reduction is None else self.reduction.recorder(p)
-        if self.reduction is None or recorder is None:
+        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept.
+
+        What it leaves for a reduced model that other marches, which go further, are made for is
+        not recorded.
+        """
+        own = self.reduction is not None and self.reduction.last == self._last
+        return self._recorded(p) if own else super().by_tangents(p)
+
+    def _recorded(self, p: Floats) -> tuple[Floats, Floats]:
+        """The same by a march that is recorded for the reduced model."""
+        reduction = self.reduction
+        known = reduction is None or reduction.knows(p)
+        recorder = None if reduction is None or known else reduction.recorder(p)
+        if reduction is None or recorder is None:
             return super().by_tangents(p)
-        table = self._run(p, derivatives=True, tell=recorder.add)
-        self.reduction.add(recorder.snapshot)
+        table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
+        reduction.add(recorder.snapshot)
         return table[:, 0], table[:, 1:]
 
     def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
@@ -58,10 +86,16 @@ class ReducibleResponse(StagedResponse):
             most: how many marches count at most, the newest.
         """
         marches = self._marches
-        if self.reduction is None and marches.observation.not_linear(self._row) is None:
-            self.reduction = Reduction(
-                marches.march, marches.observation, self._last, most=most, economical=economical
-            )
+        if self.reduction is not None or marches.observation.not_linear(self._row) is not None:
+            return
+        known = self._shared.reduction
+        if economical and known is not None and known.economical and known.last >= self._last:
+            self.reduction = known  # that of another response goes as far
+            return
+        self.reduction = Reduction(
+            marches.march, marches.observation, self._last, most=most, economical=economical
+        )
+        self._shared.reduction = self.reduction
 
     def reduction_obstacle(self) -> str | None:
         """Why there is no reduced model, a clause, or None if there may be one."""
@@ -81,7 +115,7 @@ class ReducibleResponse(StagedResponse):
         for number, p in list(enumerate(visited))[-reduction.most :]:
             if not reduction.knows(p):
                 reduction.number = number
-                self.by_tangents(p)
+                self._recorded(p)
         reduction.order(visited[-reduction.most :])
 
     def expect_march(self, number: int) -> None:
@@ -126,5 +160,12 @@ class ReducibleResponse(StagedResponse):
         values = marches.values(made.reference)
         added = marches.instrument_errors.added(values, self.names, self._places)
         return ReducedResponse(
-            made, marches.observation, self._row, self._state, added, self.admissible, duals
+            made,
+            marches.observation,
+            self._row,
+            self._state,
+            added,
+            marches.sequence.bases,
+            self.admissible,
+            duals,
         )

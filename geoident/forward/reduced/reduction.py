@@ -46,6 +46,7 @@ class Reduction:
         snapshots: the marches that are kept.
         projection: what made the last model.
         number: of the next march in a search; None to count those that are kept.
+        economical: as given.
         obstacle: why there is no reduced model, a clause, or None as far as is known.
     """
 
@@ -59,7 +60,7 @@ class Reduction:
         economical: bool = True,
     ) -> None:
         self._march, self._observation = march, observation
-        self.last, self.most, self._economical = last, most, economical
+        self.last, self.most, self.economical = last, most, economical
         self.snapshots: list[Snapshot] = []
         self._affine: AffineMarch | None = None  # found when the first march is to be recorded
         self._second = False
@@ -80,7 +81,7 @@ class Reduction:
         self._second = self._entries(affine, 4 * columns) <= MOST_ENTRIES
         largest = columns + MOST_SECOND if self._second else columns
         self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(affine, largest)))
-        return self._dear(affine) if self._economical else None
+        return self._dear(affine) if self.economical else None
 
     def _entries(self, affine: AffineMarch, columns: int) -> int:
         """Numbers that a march leaves: strains and stresses of all states."""
@@ -112,6 +113,12 @@ class Reduction:
             return None
         return "for a mesh of this size it costs more than the marches that it saves"
 
+    def covers(self) -> bool:
+        """Whether there is nothing against it; loads and moduli are looked at once."""
+        if self._affine is None and self.obstacle is None:
+            self.obstacle = self._prepare()
+        return self.obstacle is None
+
     def knows(self, p: Floats) -> bool:
         """Whether the march at p (n,) is kept."""
         return any(np.array_equal(s.p, p) for s in self.snapshots)
@@ -130,12 +137,10 @@ class Reduction:
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records a march at p (n,); None where the case has no reduced model."""
-        if self._affine is None and self.obstacle is None:
-            self.obstacle = self._prepare()
-        if self._affine is None or self.obstacle is not None:
+        if not self.covers() or self._affine is None:
             return None
         number = len(self.snapshots) if self.number is None else self.number
-        second = self._second and (number < _WITH_SECOND or not self._economical)
+        second = self._second and (number < _WITH_SECOND or not self.economical)
         return Recorder(self._affine, self._observation, p, second=second)
 
     def model(self, reference: Floats | None = None) -> ReducedModel | None:

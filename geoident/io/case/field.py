@@ -448,25 +448,29 @@ def _check_repeated(points: list[PointValue], context: Context) -> None:
 _Row: TypeAlias = "list[tuple[str, int]]"
 
 
-def with_measured(places: Places, folder: Path) -> Places:
+def with_measured(places: Places, folder: Path, faults: Faults) -> Places:
     """The case with the values of the files that its fields name.
 
-    Raises:
-        InputError: a file cannot be read, or is no table of measured values, with every fault.
+    Args:
+        places: the case.
+        folder: of the case.
+        faults: is told where a file cannot be read, or is no table of measured values.
     """
     wanted = list(_named(places.data))
     if not wanted:
         return places
-    data, faults = deepcopy(places.data), Faults(places)
+    data = deepcopy(places.data)
     solid = isinstance(places.data, dict) and places.data.get("analysis") == "solid"
     for path, name in wanted:
         dimension = "angle" if path[-4] == "friction" else "pressure"
+        before = len(faults.found)
         values = _Table(folder / name, path, solid=solid, dimension=dimension).read(faults)
+        if len(faults.found) > before:
+            faults.spoils(path)
         node: Any = data
         for step in path[:-1]:
             node = node[step]
         node[path[-1]] = {"file": name, "values": values}
-    faults.raise_any()
     return replace(places, data=data)
 
 

@@ -24,7 +24,7 @@ from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
-from geoident.io.readings.table import Layout
+from geoident.io.readings.table import FaultyReadings, Layout
 from geoident.io.schema.values import Given
 from geoident.io.text.dates import date_text, offset_text, read_date
 from geoident.io.text.faults import Faults
@@ -152,9 +152,10 @@ def _of_file(
         return [], True
     survey = surveyed(described, check.section, check.faults, path)
     check.mapped(described, path)
-    rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
     if len(check.faults.found) > before:
         return [], True
+    rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
+    sound = len(check.faults.found) == before
     dated = any(row.time is not None for row in rows)
     if dated and not calendar.dates:
         message = f"the readings of '{described.paths[0]}' have dates, but the stages have none"
@@ -170,7 +171,7 @@ def _of_file(
     zero = "first" if survey is not None else several if described.rezero else ""
     assigned = assign(rows, calendar, several=several, zero=zero)
     notes += assigned.notes
-    check.zeroed(assigned.unzeroed)
+    check.zeroed(assigned.unzeroed if sound else ())
     check.measured_zeros |= assigned.zeros
     return assigned.readings, not several
 
@@ -183,6 +184,9 @@ def _rows(
     for path in paths:
         try:
             rows += format_of(path).read(path, layout)
+        except FaultyReadings as error:
+            faults.extend(error.faults)
+            rows += error.rows
         except InputError as error:
             faults.extend(error.faults)
     rows = _on_one_clock(rows, notes)

@@ -183,7 +183,7 @@ def _of_used(
             return replace(judged, found=finer.everywhere(model.computed(p)))
         except (ModelError, MemoryError) as error:
             finer = not_computed(error)
-    found = by_recovery(model, p, model.computed(p), finer)
+    found = by_recovery(model, p, finer)
     return judged_mesh(found, problem, pairs, outcome)
 
 

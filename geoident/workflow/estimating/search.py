@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +56,7 @@ from geoident.workflow.estimating.setup import (
 )
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.errors import gauge_errors
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, known_nearly, led
 from geoident.workflow.running.readings import (
     reading_table,
 )
@@ -69,8 +70,12 @@ def estimated(
     control: Control,
     *,
     start: Floats | None = None,
+    near: bool = False,
 ) -> tuple[Setup, Problem, Outcome]:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
+
+    A search that begins where another ended is led by the reduced model, if there is one that is
+    `EXACT` there; the model itself is asked at the end of it.
 
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
@@ -81,6 +86,7 @@ def estimated(
         log: takes what is evaluated, and gives it again.
         control: progress, budget and stops.
         start: (n,) where to begin, SI; None for the start values of the case.
+        near: another fit of the same model has ended there.
 
     Returns:
         The setup with the accuracies that were estimated, the problem, and the outcome.
@@ -96,7 +102,8 @@ def estimated(
     staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
     if isinstance(only, ScanOptions) and staged:
         problem = with_reduced_readings(problem, used_response(setup), only)
-    first = _search(problem, methods, control)
+    with led(problem.response) if near else nullcontext():
+        first = _search(problem, methods, control)
     try:
         return _with_all_errors(setup, problem, first, methods, control)
     except TimeIsUp:
@@ -116,12 +123,14 @@ def _with_all_errors(
         TimeIsUp: the time ended within an evaluation that they need.
         Interrupted: a stop was asked for.
     """
-    setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
-    found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
-    mesh = _mesh_beside_accuracies(found, problem, outcome)
-    if mesh is not None:
-        setup, weighted, begun = _counted(setup, mesh, problem, begun, methods, control)
+    with led(problem.response):
+        setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
         found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
+        mesh = _mesh_beside_accuracies(found, problem, outcome)
+        if mesh is not None:
+            setup, weighted, begun = _counted(setup, mesh, problem, begun, methods, control)
+            found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
+    outcome = _confirmed(final, outcome, methods, control)
     if final is problem or not first.minima:
         return found, final, outcome
     # the weights are others now, and so are the minima
@@ -225,6 +234,19 @@ def _with_errors(
         if found is not None:
             return found
     return _with_accuracies(setup, problem, outcome, methods, control)
+
+
+def _confirmed(
+    problem: Problem, outcome: Outcome, methods: Sequence[MethodOptions], control: Control
+) -> Outcome:
+    """An outcome that the model itself has confirmed, where the reduced model led to it.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
+        return outcome
+    return after(outcome, _descent(problem.begun_at(outcome.values), methods, control))
 
 
 def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:

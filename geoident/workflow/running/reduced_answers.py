@@ -9,14 +9,14 @@ model is good; only the time does. The marches are the same in every run, and so
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
 
 CLOSE = 0.02
@@ -61,14 +61,11 @@ def reduced_around(
 
 
 @dataclass
-class ReducedAnswers:
-    """Answers by the reduced model where its bounds allow, by the model elsewhere.
+class LedByReduced:
+    """What is answered by a reduced model where that is close enough, by the model elsewhere.
 
     Args:
         reduced: with bounds of its readings.
-        split: how many of its readings are those that are used.
-        limit: (g + m,) by how much a reading may be off, SI.
-        elsewhere: the model.
 
     Attributes:
         by_reduced: answers that the reduced model gave.
@@ -76,17 +73,46 @@ class ReducedAnswers:
     """
 
     reduced: ReducedResponse
+    by_reduced: int = field(default=0, kw_only=True)
+    by_model: int = field(default=0, kw_only=True)
+
+    def shares(self, answers: str, proven: str) -> str:
+        """How many answers are whose, a sentence.
+
+        Args:
+            answers: what they are called.
+            proven: how close those of the reduced model are, a clause.
+        """
+        count = self.by_reduced + self.by_model
+        if not self.by_reduced:
+            return f"All {count:,} {answers} are those of the full model."
+        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
+        return (
+            f"{self.by_reduced:,} of {count:,} {answers} are those of a reduced model, whose "
+            f"{proven}; {rest} of the full model."
+        )
+
+
+@dataclass
+class ReducedAnswers(LedByReduced):
+    """Answers whose readings all are close enough.
+
+    Args:
+        split: how many of its readings are those that are used.
+        limit: (g + m,) by how much a reading may be off, SI.
+        elsewhere: the model.
+    """
+
     split: int
     limit: Floats
     elsewhere: Compute
-    by_reduced: int = 0
-    by_model: int = 0
 
     def __call__(self, points: Floats) -> Iterator[Answer]:
         """Answers at p (k, n), SI, in their order."""
         for first in range(0, len(points), _AT_ONCE):
             some = points[first : first + _AT_ONCE]
-            values, close = self._close(some)
+            values, error = self.reduced.certified(some)
+            close = np.all((error <= self.limit) & np.isfinite(values), axis=1)
             full = iter(self.elsewhere(some[~close]))
             for v, near in zip(values, close, strict=True):
                 if near:
@@ -96,32 +122,11 @@ class ReducedAnswers:
                     self.by_model += 1
                     yield next(full)
 
-    def _close(self, points: Floats) -> tuple[Floats, Bools]:
-        """Readings (k, g + m) by the reduced model, and where they are close enough (k,)."""
-        inside = np.array([self.reduced.admissible(p) is None for p in points], dtype=bool)
-        values = np.full((len(points), len(self.limit)), np.nan)
-        close = np.zeros(len(points), dtype=bool)
-        if inside.any():
-            try:
-                found, error = self.reduced.certified(points[inside])
-            except (ValueError, np.linalg.LinAlgError):
-                return values, close
-            values[inside] = found
-            close[inside] = np.all(error <= self.limit, axis=1) & np.isfinite(found).all(axis=1)
-        return values, close
-
     @property
     def note(self) -> str:
         """How many answers are whose, a sentence."""
-        count = self.by_reduced + self.by_model
-        if not self.by_reduced:
-            return f"All {count:,} evaluations are those of the full model."
-        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
-        return (
-            f"{self.by_reduced:,} of {count:,} evaluations are those of a reduced model, whose "
-            f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies; "
-            f"{rest} of the full model."
-        )
+        proven = f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies"
+        return self.shares("evaluations", proven)
 
 
 def reduced_answers(

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.forward.reduced.reducible import ReducibleResponse
-from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
@@ -21,7 +20,7 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
 from geoident.model.results.result import Counts
-from geoident.workflow.running.reduced_answers import reduced_around
+from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -40,26 +39,18 @@ _TRAINING = 400
 
 
 @dataclass
-class ReducedReadings:
-    """A response whose readings are those of a reduced model where that is close enough.
+class ReducedReadings(LedByReduced):
+    """A response whose readings are those of a reduced model where the discrepancy is right.
 
     Args:
         inner: the model.
-        reduced: with bounds of its readings.
         discrepancy: of the problem.
-        spent: what making it has cost.
-
-    Attributes:
-        by_reduced: evaluations that the reduced model made.
-        by_model: evaluations that the model made.
+        spent: what making the reduced model has cost.
     """
 
     inner: Response
-    reduced: ReducedResponse
     discrepancy: Discrepancy
     spent: Counts
-    by_reduced: int = 0
-    by_model: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,12 +61,7 @@ class ReducedReadings:
     def counts(self) -> Counts:
         """Costs so far: of the model, and of making the reduced one."""
         made, own = self.spent, self.inner.counts
-        return Counts(
-            own.evaluations + made.evaluations,
-            max(own.analyses, made.analyses),
-            own.factorizations + made.factorizations,
-            own.solves + made.solves,
-        )
+        return replace(own + made, analyses=max(own.analyses, made.analyses))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain of the model, or None if it is inside."""
@@ -83,10 +69,7 @@ class ReducedReadings:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        try:
-            found, error = self.reduced.certified(p[None])
-        except (ValueError, np.linalg.LinAlgError):
-            found = error = np.full((1, len(self.discrepancy.problem.sd)), np.nan)
+        found, error = self.reduced.certified(p[None])
         if self._close(p, found[0], error[0]):
             self.by_reduced += 1
             return np.asarray(found[0])
@@ -107,13 +90,8 @@ class ReducedReadings:
     @property
     def note(self) -> str:
         """How many points are whose, a sentence."""
-        count = self.by_reduced + self.by_model
-        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
-        return (
-            f"{self.by_reduced:,} of {count:,} points of the grid are answered by a reduced model, "
-            f"whose misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
-            f"{rest} answered by the full model."
-        )
+        proven = f"misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}"
+        return self.shares("points of the grid", proven)
 
 
 def with_reduced_readings(problem: Problem, response: Response, options: ScanOptions) -> Problem:
@@ -142,11 +120,6 @@ def with_reduced_readings(problem: Problem, response: Response, options: ScanOpt
     if reduced is None:
         return problem
     after = response.counts
-    spent = Counts(
-        after.evaluations - before.evaluations,
-        after.analyses,
-        after.factorizations - before.factorizations,
-        after.solves - before.solves,
-    )
-    led = ReducedReadings(problem.response, reduced, Discrepancy(problem), spent)
+    spent = replace(after - before, analyses=after.analyses)
+    led = ReducedReadings(reduced, problem.response, Discrepancy(problem), spent)
     return replace(problem, response=led)
