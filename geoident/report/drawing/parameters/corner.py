@@ -285,7 +285,8 @@ def _draw_histogram(panel: Axes, one: _Axis, places: Floats, bins: int) -> None:
     top = float(counts.max())
     if one.prior is not None:
         before, wide = _prior_on_scale(one)
-        x = np.linspace(*scaled(np.array([one.low, one.high]), log=one.log), 200)
+        low_end, high_end = scaled(np.array([one.low, one.high]), log=one.log)
+        x = np.linspace(float(low_end), float(high_end), 200)
         density = np.exp(-0.5 * ((x - before) / wide) ** 2) / (wide * np.sqrt(2.0 * np.pi))
         panel.plot(one.shown(x), density, "--", color=FAINT, lw=1.2)
         top = max(top, float(density.max()))
@@ -302,8 +303,8 @@ def _draw_pair(panel: Axes, axes: tuple[_Axis, _Axis], x: Floats, y: Floats) -> 
     panel.plot(axes[0].shown(border[0]), axes[1].shown(border[1]), ":", color="black", lw=0.9)
     places, density, levels = draws_density(np.stack([x, y]))
     if levels:
-        at = (one.shown(place) for one, place in zip(axes, places, strict=True))
-        panel.contour(*at, density, levels=levels, colors=[colour(0)], linewidths=0.9)
+        lines = (one.shown(place) for one, place in zip(axes, places, strict=True))
+        panel.contour(*lines, density, levels=levels, colors=[colour(0)], linewidths=0.9)
 
 
 def draws_density(draws: Floats) -> tuple[tuple[Floats, Floats], Floats, list[float]]:
