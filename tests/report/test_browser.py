@@ -253,7 +253,7 @@ def pages_printed(folder, text):
     file = folder / "printed.pdf"
     chromium(folder, f"--print-to-pdf={file}", "--no-pdf-header-footer",
              (folder / "printed.html").as_uri())  # fmt: skip
-    subprocess.run(["pdftoppm", "-r", "36", "-png", file, folder / "sheet"], check=True)  # noqa: S607
+    subprocess.run(["pdftoppm", "-r", "36", "-png", file, folder / "sheet"], check=True)
     found = []
     for sheet in sorted(folder.glob("sheet-*.png")):
         pixels = imread(sheet)[..., :3]
