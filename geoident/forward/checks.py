@@ -10,6 +10,8 @@ to be wrong already. What was prepared is handed on (`CaseOnMesh`): a model need
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from geoident.errors import Fault, InputError, Location, ModelError
@@ -170,12 +172,20 @@ def imbalance_notes(imbalance: float) -> list[str]:
     ]
 
 
-def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Values) -> str | None:
+class MadeOf(Protocol):
+    """What knows of which materials there is ground in any state."""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Their names."""
+
+
+def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | None:
     """Why parameter values are outside the domain of a case, a sentence, or None if they are not.
 
     Args:
         case: the case.
-        sequence: its states; materials that none of them uses do not count.
+        sequence: such as its states; materials that none of them uses do not count.
         values: parameter values by name, SI.
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):

@@ -40,6 +40,7 @@ from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
@@ -68,7 +69,8 @@ def _fit(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
         last = _last_stage(setup, problem, outcome, log, control)
-        return _result(job, setup, found, last)
+        written = _result(job, setup, found, last)
+        return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
 
@@ -89,6 +91,21 @@ def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
     assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
     counts = further(found.counts, before, setup.model.counts)
     return replace(found, assessment=assessment, counts=counts)
+
+
+def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
+    """The same with a reduced model made around the answer, or with a note why there is none."""
+    if result.status == STOPPED:
+        return replace(result, notes=(*result.notes, NONE.format("the search was cut short")))
+    control.monitor.detail("making a reduced model")
+    rivals, before = result.rivals, setup.model.counts
+    others = () if rivals is None else tuple(rivals.values[1:])
+    clock = replace(control, out_of_time=False)  # running out of time here undoes no fit
+    found = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
+    counts = further(result.counts, before, setup.model.counts)
+    if isinstance(found, str):
+        return replace(result, counts=counts, notes=(*result.notes, found))
+    return replace(result, counts=counts, reduced=found)
 
 
 def _last_stage(

@@ -77,7 +77,7 @@ class ReadingDuals:
     """
 
     def __init__(self, reduced: ReducedModel, stages: Sequence[StageDual]) -> None:
-        self._reduced, self._stages = reduced, tuple(stages)
+        self._reduced, self.stages = reduced, tuple(stages)
 
     def bounds(self, found: ReducedStates, energy: EnergyBounds) -> ReadingBounds:
         """Corrections and bounds of all readings.
@@ -93,11 +93,11 @@ class ReadingDuals:
             for name, own in energy.moduli.items()
         }
         at, stages = found.at, self._reduced.stages
-        shape = len(at.loads), self._stages[0].loads.shape[0]
+        shape = len(at.loads), self.stages[0].loads.shape[0]
         correction, error = np.zeros(shape), np.zeros(shape)
         left = [np.zeros(shape) for _ in stages]  # what the states that build on one leave it
         for number in reversed(range(len(stages))):
-            stage, dual = stages[number], self._stages[number]
+            stage, dual = stages[number], self.stages[number]
             squared = np.zeros(shape)
             for name, own in dual.energy.items():
                 squared += chi[name][:, None] ** 2 * own

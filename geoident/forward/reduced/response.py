@@ -49,8 +49,8 @@ class ReducedResponse:
         duals: ReadingDuals | None = None,
     ) -> None:
         self.model, self._observation = reduced, observation
-        self._rows, self._states, self._added = rows, states, added
-        self._bases, self._admissible, self._duals = bases, admissible, duals
+        self.rows, self.states, self._added = rows, states, added
+        self._bases, self._admissible, self.duals = bases, admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
 
@@ -111,14 +111,14 @@ class ReducedResponse:
         Raises:
             ValueError: it was made without adjoints.
         """
-        if self._duals is None:
+        if self.duals is None:
             msg = "the reduced model has no adjoints of these readings"
             raise ValueError(msg)
         inside = np.array([self._admissible(p) is None for p in values], dtype=bool)
-        table, error = np.full((2, len(values), len(self._rows)), np.nan)
+        table, error = np.full((2, len(values), len(self.rows)), np.nan)
         if inside.any():
             with suppress(ValueError, np.linalg.LinAlgError):
-                table[inside], error[inside] = self._bounded(self._duals, values[inside])
+                table[inside], error[inside] = self._bounded(self.duals, values[inside])
         return table, error
 
     def _bounded(self, duals: ReadingDuals, values: Floats) -> tuple[Floats, Floats]:
@@ -145,8 +145,8 @@ class ReducedResponse:
         """Readings (g, b, 1 + n or 1)."""
         seen = self.model.observed(found)
         flat = seen.reshape(*seen.shape[:2], -1)
-        table = self._observation.readings(flat, self._rows, self._states)
-        table = table.reshape(len(self._rows), *seen.shape[2:])
+        table = self._observation.readings(flat, self.rows, self.states)
+        table = table.reshape(len(self.rows), *seen.shape[2:])
         slopes = self._added[:, 1:]
         table[..., 0] += self._added[:, :1] + slopes @ (values - self.model.reference).T
         if table.shape[2] > 1:

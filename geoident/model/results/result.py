@@ -17,6 +17,7 @@ from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -491,6 +492,7 @@ class Result:
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         reaction: of the ground around an opening in closed form, or None.
+        reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         model_error: how far the ground may differ from the model, or None for none.
@@ -526,6 +528,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     reaction: GroundReaction | None = None
+    reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None

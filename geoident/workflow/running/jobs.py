@@ -270,6 +270,7 @@ class Request:
         force: overwrite a result of other input.
         fresh: compute again what is up to date, and forget the checkpoint.
         text: of the case where it stands in no file.
+        reduced: path of a result whose reduced model is to be asked first; None for none.
     """
 
     case: str
@@ -280,6 +281,7 @@ class Request:
     force: bool = False
     fresh: bool = False
     text: str | None = None
+    reduced: str | None = None
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,13 @@ model is good; only the time does. The marches are the same in every run, and so
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.model.arrays import Floats
@@ -25,6 +26,11 @@ CLOSE = 0.02
 MARCHES = 8
 """Marches of which the reduced model is made at most."""
 
+MADE = "a reduced model"
+"""What one is called that a command makes for itself."""
+
+OF_FIT = "the reduced model that the fit keeps"
+
 _GOOD = 1e-5
 """Bound of the relative error in energy that needs no further march."""
 
@@ -33,7 +39,11 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: ReducibleResponse, centre: Floats, training: Floats, marches: int = MARCHES
+    response: ReducibleResponse,
+    centre: Floats,
+    training: Floats,
+    marches: int = MARCHES,
+    also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -42,10 +52,12 @@ def reduced_around(
         centre: (n,) parameters in the middle of what will be asked.
         training: (k, n) some of what will be asked.
         marches: of which it is made at most.
+        also: (n,) parameters of which it is to be made beside.
     """
-    response.keep_marches(economical=False, most=marches)
+    response.keep_marches(economical=False, most=marches + len(also))
     try:
-        response.by_tangents(centre)
+        for p in (centre, *also):
+            response.by_tangents(p)
         for _ in range(marches - 1):
             reduced = response.reduced()
             if reduced is None:
@@ -66,6 +78,7 @@ class LedByReduced:
 
     Args:
         reduced: with bounds of its readings.
+        whose: what it is called.
 
     Attributes:
         by_reduced: answers that the reduced model gave.
@@ -73,6 +86,7 @@ class LedByReduced:
     """
 
     reduced: ReducedResponse
+    whose: str = field(default=MADE, kw_only=True)
     by_reduced: int = field(default=0, kw_only=True)
     by_model: int = field(default=0, kw_only=True)
 
@@ -88,7 +102,7 @@ class LedByReduced:
             return f"All {count:,} {answers} are those of the full model."
         rest = "none is" if not self.by_model else f"{self.by_model:,} are"
         return (
-            f"{self.by_reduced:,} of {count:,} {answers} are those of a reduced model, whose "
+            f"{self.by_reduced:,} of {count:,} {answers} are those of {self.whose}, whose "
             f"{proven}; {rest} of the full model."
         )
 
@@ -130,7 +144,12 @@ class ReducedAnswers(LedByReduced):
 
 
 def reduced_answers(
-    asked: Asked, centre: Floats, training: Floats, accuracy: Floats, elsewhere: Compute
+    asked: Asked,
+    centre: Floats,
+    training: Floats,
+    accuracy: Floats,
+    elsewhere: Compute,
+    kept: RestoredModel | None = None,
 ) -> ReducedAnswers | None:
     """Answers of a model with the help of its reduced one; None where it has none.
 
@@ -140,11 +159,20 @@ def reduced_answers(
         training: (k, n) some of what will be asked.
         accuracy: (g + m,) of the used readings and of all that can be read, SI.
         elsewhere: answers of the model.
+        kept: a reduced model that was made before: none is made where it gives all that is asked.
     """
-    response = asked.everything
-    if not isinstance(response, ReducibleResponse):
+    response, split = asked.everything, len(accuracy) - len(asked.places)
+    whose = MADE
+    if kept is not None and kept.covers(asked.pairs):
+        whose, reduced = (
+            "the reduced model that the fit keeps",
+            kept.response(asked.pairs, asked.times),
+        )
+    elif isinstance(response, ReducibleResponse):
+        made = reduced_around(response, centre, training)
+        if made is None:
+            return None
+        reduced = made
+    else:
         return None
-    reduced = reduced_around(response, centre, training)
-    if reduced is None:
-        return None
-    return ReducedAnswers(reduced, len(accuracy) - len(asked.places), CLOSE * accuracy, elsewhere)
+    return ReducedAnswers(reduced, split, CLOSE * accuracy, elsewhere, whose=whose)
