@@ -18,6 +18,7 @@ from geoident.model.methods import method_name
 from geoident.model.parameter import Scalar
 from geoident.model.results.summary import (
     CaseSummary,
+    CostEstimate,
     GaugeSummary,
     GroupSummary,
     PlaceSummary,
@@ -28,6 +29,7 @@ from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import plausible_notes
+from geoident.workflow.running.reading_units import computed_at_start, unit_doubts
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.scoring.ladder import require_sound
 
@@ -52,7 +54,10 @@ class Checked:
 def check(
     path: str, *, overrides: Sequence[str] = (), solver: str = "auto", text: str | None = None
 ) -> Checked:
-    """Read a case and build its model; no stage after the virgin state is computed.
+    """Read a case and build its model.
+
+    Of a model that takes less than a second, the stages are computed once, at the start values, to
+    see whether readings may be in another unit; of others none after the virgin state.
 
     Args:
         path: of the case; ``-`` for stdin.
@@ -91,9 +96,10 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     virgin = staged.virgin_notes() if staged else ()
     solves = _right_hand_sides(model, readings)
     costs = () if solves is None else (_field_cost(model, *solves),)
-    doubtful = plausible_notes(case)
-    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
+    cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
+    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost))
+    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -110,7 +116,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=int(np.count_nonzero(readings.used)),
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
-        cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
+        cost=cost,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
         resolved=inputs.loaded.resolved,
@@ -120,6 +126,21 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
             yields=staged is not None and staged.yields,
         ),
     )
+
+
+_SOON = 1.0
+"""Seconds that an evaluation may take for the model to be asked what it reads."""
+
+
+def _unit_notes(
+    model: CaseModel, readings: ReadingTable, cost: CostEstimate | None
+) -> tuple[str, ...]:
+    """Readings of which the unit is suspected, where the model is small: a fit says it of any."""
+    if cost is not None and cost.seconds > _SOON:
+        return ()
+    case = model.case
+    computed = computed_at_start(case, model, readings)
+    return () if computed is None else unit_doubts(case, readings, computed)
 
 
 def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:

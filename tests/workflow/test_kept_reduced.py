@@ -134,9 +134,7 @@ def test_a_grid_near_the_fit_needs_no_new_march(kept, fitted):
 
     case = load_case(kept / "case.yaml", values)
     found = scan(case, reduced=fitted, output=kept / "kept.scan.h5")
-    assert found.notes[0].startswith(
-        "144 of 144 points of the grid are answered by a reduced model"
-    )
+    assert found.notes[0].startswith("144 of 144 points of the grid are those of a reduced model")
     assert "that was kept" in found.notes[0]
     plain = scan(case.with_values({"fit.reduced": False}), output=kept / "plain.scan.h5")
     np.testing.assert_allclose(found.grid.objective, plain.grid.objective, rtol=0.002, atol=0.02)

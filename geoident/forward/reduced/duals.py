@@ -125,7 +125,7 @@ class DualMarch:
     def __init__(self, projection: GalerkinProjection, run: Run) -> None:
         self._projection, self._affine, self._run = projection, projection.affine, run
         self._systems = projection.affine.march.systems
-        self._points = self._systems.discretization.points
+        self._points = projection.affine.points
 
     def stages(self, rows: sp.csr_array, weights: Floats) -> tuple[StageDual, ...]:
         """The adjoints of readings in all states.
@@ -150,9 +150,9 @@ class DualMarch:
             trace = self._run.traces[number]
             task, system = trace.task, trace.task.system
             a = left.pop(number, np.zeros((s, points, k)))
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             stress = self._stressed(number, a)
-            rest = -self._points.forces(stress, system.volume)
+            rest = -self._points.forces(stress, system)
             if number:
                 rest += rows.T @ np.diag(weights[number])
             w, dofs = np.zeros_like(rest), system.pattern.dofs
@@ -161,12 +161,11 @@ class DualMarch:
                 w[dofs] = factor.solve(rest[dofs])
             strain = self._points.strain(w)
             a += strain
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             found[number] = self._tested(number, a, strain)
             if number:
                 state = task.state
-                for group in state.placed:
-                    a[:, self._systems.discretization.points_of[group]] = 0.0
+                self._points.clear_begun(a, state)
                 base = state.base
                 left[base] = left[base] + a if base in left else a
         return found

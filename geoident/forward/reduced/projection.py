@@ -120,7 +120,7 @@ class GalerkinProjection:
         self.affine, self._snapshots = affine, tuple(snapshots)
         self._spans, self._loads = affine.form.spans, affine.form.loads
         self._base = [state.base for state in affine.march.sequence.states]
-        self._points = affine.march.systems.discretization.points
+        self._points = affine.points
         at = affine.form.at(reference[None])
         self._at_reference = {name: c[0] for name, c in at.moduli.items()}
         self._inverse_root = {

@@ -44,7 +44,7 @@ class Recorder:
     ) -> None:
         self._march, self._observation, self._zones = affine.march, observation, affine.zones
         self._spans, self._loads = affine.form.spans, affine.form.loads
-        self._points = affine.march.systems.discretization.points
+        self._points = affine.points
         self._scale = np.concatenate([[1.0], self._loads.scale])
         at = affine.form.at(p[None])
         self._psi = np.hstack([at.loads[0][:, None], at.load_slopes[0]])
@@ -66,7 +66,8 @@ class Recorder:
         kept = self.snapshot
         if end.state == 0:
             if self._loads.settles:
-                kept.settled = self._settled(end) * self._scale
+                virgin = self._points.joined(end.stress, end.members)
+                kept.settled = self._settled(virgin) * self._scale
             kept.motion.append(np.zeros((0, kept.columns)))
             kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
             return
@@ -103,7 +104,7 @@ class Recorder:
             return found
         system = self._march.systems[number]
         dofs = system.pattern.dofs
-        forces = self._points.forces(self._known(number, u), system.volume)
+        forces = self._points.forces(self._known(number, u), system)
         found[dofs] = -factor.solve(forces[dofs])
         return found
 
@@ -148,20 +149,24 @@ class Recorder:
                 table[rows] = observable.rows @ u
         return table
 
-    def _settled(self, end: StageEnd) -> Floats:
-        """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress."""
-        found = np.zeros_like(end.stress)
+    def _settled(self, virgin: Floats) -> Floats:
+        """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress.
+
+        Args:
+            virgin: (s, n_points, 1 + n) at the end of the virgin state.
+        """
+        found = np.zeros_like(virgin)
         given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
         for zone in self._zones[0]:
             span, mine = self._spans[zone.material], zone.points
             slopes = np.tensordot(self._slopes[zone.material], span.basis, axes=(0, 0))
             found[:, mine] = settling_strain(
-                end.stress[:, mine],
+                virgin[:, mine],
                 given[:, mine],
                 span.matrix(self._moduli[zone.material]),
                 np.moveaxis(slopes, 0, -1),
             )
             stress = np.tensordot(span.matrix(self._moduli[zone.material]), found[:, mine], axes=1)
             size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0) * self._scale)
-        found[..., size <= _NOISE * np.abs(end.stress[..., 0]).max()] = 0.0
+        found[..., size <= _NOISE * np.abs(virgin[..., 0]).max()] = 0.0
         return found

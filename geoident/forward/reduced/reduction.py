@@ -85,10 +85,10 @@ class Reduction:
 
     def _entries(self, affine: AffineMarch, columns: int) -> int:
         """Numbers that a march leaves: motions, what is seen of them, and how ground settled."""
-        points = self._march.systems.discretization.points
+        points, n_dofs = affine.points, self._march.systems.discretization.n_dofs
         settled = points.n_strain * points.n_points if affine.form.loads.settles else 0
         seen = (self.last + 1) * len(self._observation.channels)
-        return (self.last * points.n_dofs + seen + settled) * columns
+        return (self.last * n_dofs + seen + settled) * columns
 
     def _dear(self, affine: AffineMarch) -> str | None:
         """Why a reduced model would cost more than the marches that it saves; None if it does not.
