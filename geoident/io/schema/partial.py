@@ -159,15 +159,8 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
         holder[str(path[1])] = dict(_ANY)
         return True
     if key in _NAMED and len(path) > 1 and isinstance(holder, dict):
-        gauge = holder.get(str(path[1]))
-        if _is_zero(path) and isinstance(gauge, dict):
-            gauge.pop("zero", None)
-            return True
-        gone.append(holder.pop(str(path[1]), None))
-        names.add(str(path[1]))
+        _take_named(holder, path, names, gone)
         return True
-    if key not in data:
-        return key not in _KEPT  # gone already
     if key == "stages" and len(path) > 1 and isinstance(holder, list):
         return _blank_stage(holder, path[1], gone)
     if key not in _KEPT:
@@ -175,6 +168,16 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
         return True
     data[key] = next(iter(get_close_matches(str(holder), _KEPT[key], n=1)), None)
     return data[key] is not None
+
+
+def _take_named(holder: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> None:
+    """Take an entry that has a name; of a gauge with a wrong zero the zero alone."""
+    entry = holder.get(str(path[1]))
+    if _is_zero(path) and isinstance(entry, dict):
+        entry.pop("zero", None)
+    else:
+        gone.append(holder.pop(str(path[1]), None))
+        names.add(str(path[1]))
 
 
 def _is_zero(path: KeyPath) -> bool:
