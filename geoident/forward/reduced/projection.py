@@ -120,7 +120,7 @@ class GalerkinProjection:
         self.affine, self._snapshots = affine, tuple(snapshots)
         self._spans, self._loads = affine.form.spans, affine.form.loads
         self._base = [state.base for state in affine.march.sequence.states]
-        self._points = affine.march.systems.discretization.points
+        self._points = affine.points
         at = affine.form.at(reference[None])
         self._at_reference = {name: c[0] for name, c in at.moduli.items()}
         self._inverse_root = {
@@ -160,7 +160,7 @@ class GalerkinProjection:
             points: (q,) some of the zone.
         """
         columns = [s.stress[state][:, points] for s in self._snapshots]
-        if zone.history.virgin is not None:
+        if zone.history.given:
             in_situ = self._loads.stress[:, points]
             columns = [c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)]
         return np.concatenate(columns, axis=-1)

@@ -46,7 +46,7 @@ class Recorder:
     ) -> None:
         self._march, self._observation, self._zones = affine.march, observation, affine.zones
         self._spans, self._loads = affine.form.spans, affine.form.loads
-        self._points = affine.march.systems.discretization.points
+        self._points = affine.points
         self._scale = np.concatenate([[1.0], self._loads.scale])
         at = affine.form.at(p[None])
         self._psi = np.hstack([at.loads[0][:, None], at.load_slopes[0]])
@@ -70,8 +70,9 @@ class Recorder:
             kept.stress.append(none)
             kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
             return
-        strain = self._settled(end) if end.state == 0 else self._points.strain(end.u)
-        strain, stress = strain * self._scale, end.stress * self._scale
+        given = self._points.joined(end.stress, end.members)
+        strain = self._settled(given) if end.state == 0 else self._points.strain(end.u)
+        strain, stress = strain * self._scale, given * self._scale
         seen = self._seen(end.u) * self._scale
         if self._pairs:
             u, strain, stress = self._with_second(end, run, strain, stress)
@@ -113,7 +114,7 @@ class Recorder:
         factor, dofs = run.factors.find(self._march.sequence.states[number]), system.pattern.dofs
         if factor is None:  # it is not there any more: nothing would be in equilibrium
             return u, np.dstack([strain, more]), np.dstack([stress, more])
-        u[dofs] = -factor.solve(self._points.forces(known, system.volume)[dofs])
+        u[dofs] = -factor.solve(self._points.forces(known, system)[dofs])
         more = self._points.strain(u)
         for zone in self._zones[number]:
             E, mine = self._matrix(zone.material), zone.points
@@ -158,20 +159,24 @@ class Recorder:
                 table[rows] = observable.rows @ u
         return table
 
-    def _settled(self, end: StageEnd) -> Floats:
-        """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress."""
-        found = np.zeros_like(end.stress)
+    def _settled(self, virgin: Floats) -> Floats:
+        """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress.
+
+        Args:
+            virgin: (s, n_points, 1 + n) at the end of the virgin state.
+        """
+        found = np.zeros_like(virgin)
         given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
         for zone in self._zones[0]:
             span, mine = self._spans[zone.material], zone.points
             slopes = np.tensordot(self._slopes[zone.material], span.basis, axes=(0, 0))
             found[:, mine] = settling_strain(
-                end.stress[:, mine],
+                virgin[:, mine],
                 given[:, mine],
                 span.matrix(self._moduli[zone.material]),
                 np.moveaxis(slopes, 0, -1),
             )
             stress = np.tensordot(span.matrix(self._moduli[zone.material]), found[:, mine], axes=1)
             size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0) * self._scale)
-        found[..., size <= _NOISE * np.abs(end.stress[..., 0]).max()] = 0.0
+        found[..., size <= _NOISE * np.abs(virgin[..., 0]).max()] = 0.0
         return found

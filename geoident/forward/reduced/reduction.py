@@ -85,7 +85,7 @@ class Reduction:
 
     def _entries(self, affine: AffineMarch, columns: int) -> int:
         """Numbers that a march leaves: strains and stresses of all states."""
-        points = self._march.systems.discretization.points
+        points = affine.points
         states = self.last + int(affine.form.loads.settles)
         return 2 * states * points.n_strain * points.n_points * columns
 
