@@ -30,7 +30,7 @@ _FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 _BYTES = {"multifrontal": BYTES, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
-_ITERATED_BYTES = 55.0
+_ITERATED_BYTES = 40.0
 """Memory of conjugate gradients for each entry of the lower triangle: K twice, its levels."""
 
 _PRODUCT_FLOPS = 2.5e9  # a second, in products with sparse matrices
