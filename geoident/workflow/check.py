@@ -12,7 +12,7 @@ from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
-from geoident.model.gauges import ReadingTable
+from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
 from geoident.model.parameter import Scalar
@@ -99,7 +99,8 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
     doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost))
-    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
+    kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
+    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -149,6 +150,29 @@ def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, st
         return None
     pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
     return model.response(pairs).adjoints.columns(len(model.names))
+
+
+def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
+    """Why the reduced model that a fit is to keep will not be there, or what it does not give."""
+    if model is None:
+        return ("no reduced model will be kept: the case is a closed form, which costs nothing",)
+    response = model.response(())
+    response.keep_marches(economical=False)
+    why = response.reduction_obstacle()
+    if why is not None:
+        return (f"no reduced model will be kept: {why}",)
+    observation = model.observation
+    others = [
+        name
+        for row, name in enumerate(observation.channels)
+        if observation.not_linear(np.array([row])) is not None
+    ]
+    if not others:
+        return ()
+    return (
+        f"the reduced model that will be kept does not give {named_channels(others)}, which "
+        "read more than displacements: what needs them is computed by the model",
+    )
 
 
 def _field_cost(model: CaseModel, count: int, way: str) -> str:

@@ -65,8 +65,8 @@ def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
     [
         ("plane", 1000, 100),
         ("solid", 1000, 100),
-        ("strata", 40, 1000),
-        ("settling", 40, 1000),
+        ("strata", 40, 300),
+        ("settling", 40, 100),
         ("braced", 1000, 100),
     ],
 )
@@ -225,7 +225,7 @@ def test_older_marches_give_way_where_the_memory_is_small(monkeypatch, marches):
     """Of a march without second derivatives, the least; with them it is up to three times that."""
     staged = plane()
     points = staged.discretization.points
-    one = 2 * 4 * points.n_strain * points.n_points * (1 + len(staged.names))
+    one = (4 * points.n_dofs + 5 * len(staged.case.channels)) * (1 + len(staged.names))
     monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", int(marches * one))
     response = staged.response(PAIRS_PLANE)
     response.keep_marches(economical=False)
