@@ -144,6 +144,7 @@ def flags(options: Options) -> list[str]:
         "--force": options.force,
         "--fresh": options.fresh,
         "--json": options.as_json,
+        "--trust": options.trust,
         "--verbose": options.verbose,
         "--quiet": not options.verbose,
     }
