@@ -43,7 +43,7 @@ def noise_of(values: Floats) -> Floats:
     for start in range(len(found) - 3, -1, -1):
         three = found[start : start + 3]
         agree = three.max(axis=0) <= _AGREE * three.min(axis=0)
-        result[agree] = np.minimum(result[agree], three[0][agree])
+        result[agree] = three[0][agree]  # the lowest order that has lost what is smooth
     return np.asarray(np.maximum(result, ROUNDING * np.abs(values).max(axis=0)))
 
 

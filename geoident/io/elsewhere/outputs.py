@@ -20,7 +20,6 @@ import numpy as np
 
 from geoident.io.text.wording import shorten
 from geoident.model.elsewhere import (
-    TableCell,
     Finding,
     FunctionValue,
     Hdf5Value,
@@ -28,6 +27,7 @@ from geoident.model.elsewhere import (
     LineValue,
     Output,
     PatternValue,
+    TableCell,
 )
 
 LARGEST = 500 * 10**6

@@ -20,7 +20,6 @@ from geoident.io.text.faults import Faults
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.model.case import KeyPath
 from geoident.model.elsewhere import (
-    TableCell,
     Elsewhere,
     ExternalProgram,
     Finding,
@@ -32,6 +31,7 @@ from geoident.model.elsewhere import (
     Output,
     PatternValue,
     PythonFunction,
+    TableCell,
     Template,
 )
 from geoident.model.gauges import Channel
@@ -155,7 +155,7 @@ def _program(
         _check_fields(templates, around)
     code = [o.how.path for o in outputs if isinstance(o.how, FunctionValue)]
     local = section.command[0]
-    if "/" in local or "\\" in local:
+    if ("/" in local or "\\" in local) and not Path(local).is_absolute():
         place = around.folder / local
         if place.is_file():
             code.append(str(place))

@@ -91,7 +91,7 @@ def _row_shape(value: object) -> str:
     return "mapping" if isinstance(value, Mapping) else "number"
 
 
-CsvRow = Annotated[
+TableRow = Annotated[
     Annotated[CountedPlace, Tag("number")]
     | Annotated[dict[Name, Text], Field(min_length=1), Tag("mapping")],
     Discriminator(_row_shape),
@@ -135,7 +135,7 @@ class OutputSection(Section):
     column: Text | None = Field(
         None, description="CSV: name of the column, in the first row.", examples=["u_wall"]
     )
-    row: CsvRow | None = Field(
+    row: TableRow | None = Field(
         None,
         description="CSV: number of the row below the names (-1: the last, which is the default), "
         "or what stands in other columns of it.",
