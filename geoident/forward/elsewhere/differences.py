@@ -1,6 +1,6 @@
 """Derivatives of runs: differences with a step by the noise, updates between, central at the end.
 
-At the first point every parameter is moved once (forward differences; theory 4.9). At the next
+At the first point every parameter is moved once (forward differences; theory 4.7). At the next
 ones the derivatives are brought up to date by what the run there has shown (Broyden 1965): the
 smallest change with which they explain the difference to the nearest point. Where they had
 foretold it badly, all parameters are moved again. Where a search would end it asks for central

@@ -141,7 +141,7 @@ class CaseSection(Section):
         None,
         description="A program or a function of Python that gives the readings, in place of "
         "`mesh`, ground and supports: of a stage only its name is left then, of a gauge `kind: "
-        "reading` with its accuracy.",
+        "reading` with its accuracy. `analysis`, `materials` and `groups` are required without it.",
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")
