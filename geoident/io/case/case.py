@@ -509,7 +509,13 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
 
 
 def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
-    """What asks for the equations or the mesh of a model is not there."""
+    """What asks for the equations of a model is not there; offsets are of what is read."""
+    for name, gauge in section.gauges.items():
+        for key, given in (("offset", gauge.offset), ("drift_per_stage", gauge.drift_per_stage)):
+            if given is not None and given.parameter in section.parameters:
+                tie = replace(given, dimension=gauge.dimension)
+                path: KeyPath = ("gauges", name, key)
+                _check_tie(section, path, tie, str(given.parameter), faults)
     why = "the model is elsewhere ('model')"
     if section.fit.ladder:
         message = f"{why}, so geoident cannot make simpler ones of it"

@@ -64,6 +64,8 @@ ROW = 'column: "{gauge}", row: {stage: "{stage}"}'
          "no-place", "cannot place a gauge 'convergence'"),
         ("H: {kind: reading, accuracy: 0.02 mm}", "H: {kind: reading, accuracy: estimate}", 14,
          "no-size", "nothing is known of the usual accuracy"),
+        ("H: {kind: reading,", "H: {kind: reading, offset: 1 kPa,", 14, "unit", "is a pressure"),
+        ("H: {kind: reading,", "H: {kind: reading, offset: $E,", 14, "unit", "is a pressure"),
         ("files: [opening.py]", "files: [opening.py]\n  time_limit: soon", 7, "bad-time",
          "'soon' is not a time"),
     ],

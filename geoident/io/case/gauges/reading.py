@@ -10,13 +10,14 @@ from pydantic import Field, Tag, model_validator
 from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, ESTIMATE, SpreadOf
 from geoident.io.case.gauges.value import ValueGauge
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Given
+from geoident.io.schema.values import Given, Of
 from geoident.model.gauges import PARTS, Channel
-from geoident.units import DIMENSIONLESS
+from geoident.units import DIMENSIONLESS, unit_list, with_article
 
 OfAnyDimension = Annotated[
     Annotated[Given, SpreadOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
+PlainOffset = Annotated[Given, Of(None, tied=True)]
 
 
 class PlainReadingSection(ValueGauge):
@@ -32,6 +33,9 @@ class PlainReadingSection(ValueGauge):
         "errors are made of, where readings share some.",
         examples=["0.1 mm", {"reading": "0.1 mm", "epoch": "0.2 mm"}],
     )
+
+    offset: PlainOffset | None = Field(None, description="Added to all readings.")
+    drift_per_stage: PlainOffset | None = Field(None, description="Drift per stage.")
 
     @model_validator(mode="after")
     def _sizes_are_given(self) -> PlainReadingSection:
@@ -49,6 +53,13 @@ class PlainReadingSection(ValueGauge):
                 part: Given | None = getattr(given, name)
                 if part is not None and part.text == ESTIMATE:
                     faults.add(("accuracy", name), "no-size", message, hint)
+        for key, added in (("offset", self.offset), ("drift_per_stage", self.drift_per_stage)):
+            if added is None or added.parameter is not None:
+                continue
+            if added.dimension != self.dimension:
+                message = f"'{added.text}' is {with_article(added.dimension)}; the accuracy says "
+                message += f"that {with_article(self.dimension)} is read"
+                faults.add((key,), "unit", message, f"Its units: {unit_list(self.dimension)}.")
         faults.raise_any()
         return self
 
