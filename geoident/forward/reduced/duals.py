@@ -170,6 +170,9 @@ class DualMarch:
         n_states, k = weights.shape
         s, points = self._points.n_strain, self._points.n_points
         left: dict[int, Floats] = {}
+        read = np.unique(rows.indices)
+        seeds = rows[:, read].T.toarray()
+        seen = np.zeros((n_states, len(read), k))  # adjoints of the displacements that are read
         found: list[StageDual] = [self._nothing(k) for _ in range(n_states)]
         for number in range(n_states - 1, 0 if not self._affine.form.loads.settles else -1, -1):
             trace = self._run.traces[number]
@@ -179,7 +182,8 @@ class DualMarch:
             stress = self._stressed(number, a)
             rest = -self._points.forces(stress, system)
             if number:
-                rest += rows.T @ np.diag(weights[number])
+                seen[number] += seeds * weights[number]
+                rest[read] += seen[number]
             w, dofs = np.zeros_like(rest), system.pattern.dofs
             factor = factorize(task, self._systems, self._run.factors)
             if factor is not None and trace.stepped:
@@ -193,6 +197,7 @@ class DualMarch:
                 self._points.clear_begun(a, state)
                 base = state.base
                 left[base] = left[base] + a if base in left else a
+                seen[base][system.touched[read]] += seen[number][system.touched[read]]
         return found
 
     def _stressed(self, number: int, strain: Floats) -> Floats:
