@@ -29,6 +29,7 @@ from geoident.api.cases import (
 )
 from geoident.api.files import compare, export, read_result, report
 from geoident.api.plots import Drawing
+from geoident.api.reduced import KeptModel, ReducedReadings
 from geoident.api.results import (
     BacktestResult,
     FitResult,
@@ -56,11 +57,13 @@ __all__ = [
     "Drawing",
     "FitResult",
     "GaugeReadings",
+    "KeptModel",
     "ModelChoice",
     "ParameterEstimate",
     "Parameters",
     "PredictionResult",
     "Progress",
+    "ReducedReadings",
     "ResultFile",
     "ResultTable",
     "SampleResult",

@@ -31,7 +31,7 @@ from geoident.workflow.check import check as run_check
 from geoident.workflow.init import init_template
 from geoident.workflow.running.jobs import load_inputs
 from geoident.workflow.running.remade import write_readings
-from geoident.workflow.simulate import Noise, Simulated
+from geoident.workflow.simulate import ComputedBy, Noise, Simulated
 from geoident.workflow.simulate import simulate as run_simulation
 
 if TYPE_CHECKING:
@@ -318,6 +318,11 @@ class SimulationResult:
         return self.data.readings
 
     @property
+    def note(self) -> str:
+        """Whose the readings are, where a reduced model was asked; empty else."""
+        return self.data.note
+
+    @property
     def csv(self) -> str:
         """Lines ``gauge,stage,value,unit``, which a case takes as its readings."""
         return readings_csv(self.data.readings, self.data.case.channels)
@@ -380,6 +385,7 @@ def simulate(
     draw: bool = False,
     seed: int = 0,
     solver: str = "auto",
+    reduced: AnyPath | None = None,
 ) -> SimulationResult:
     """Compute what the gauges would read at the start values of the parameters.
 
@@ -392,9 +398,11 @@ def simulate(
         draw: draw what varies from place to place (fields); else fields have their means.
         seed: of the noise and of what is drawn.
         solver: name of the sparse solver, or ``auto``.
+        reduced: result of a fit that keeps a reduced model (``fit.reduced: keep``), which answers
+            where it is proven to be close enough; `SimulationResult.note` says whether it did.
 
     Raises:
-        InputError: with all faults of the case.
+        InputError: with all faults of the case; or the reduced model is of another case.
         ModelError: the model has no solution at the start values.
         UsageError: there is no such solver.
     """
@@ -405,7 +413,7 @@ def simulate(
         noise=Noise.ACCURACY if noise else Noise.NONE,
         draw=draw,
         seed=seed,
-        solver=solver,
+        by=ComputedBy(solver, None if reduced is None else os.fspath(reduced)),
         text=origin.text,
     )
     return SimulationResult(found)

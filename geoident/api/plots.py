@@ -94,7 +94,7 @@ class Plots:
 
     @spoken
     def overview(self) -> Drawing:
-        """Displacements around the gauges, and the gauges that moved most.
+        """Displacements around the gauges, and the gauges whose readings say most.
 
         Raises:
             MissingExtra: matplotlib is not installed.

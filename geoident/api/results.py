@@ -12,6 +12,7 @@ from geoident.api.arrays import dataset
 from geoident.api.calling import spoken
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
+from geoident.api.reduced import KeptModel
 from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_of, tables_of
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
@@ -21,6 +22,7 @@ from geoident.model.results.rivals import Evidence, ModelComparison
 from geoident.report.page.html import joined, table, tag
 from geoident.report.text.result import summary_text
 from geoident.report.text.rivals import MODELS_LEGEND, models_table, models_text
+from geoident.workflow.running.kept_reduced import restored_alone
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,6 +125,19 @@ class FitResult(ResultFile):
     def predictions(self) -> ResultTable:
         """Later stages with 95 % bands, in the units of the case; no rows where there are none."""
         return _predictions(self)
+
+    @property
+    def reduced(self) -> KeptModel | None:
+        """The reduced model that the fit keeps (``fit.reduced: keep``), else None.
+
+        Called with parameters it gives readings, with bounds of their errors, in a millisecond:
+        ``result.reduced({"E_rock": "12 GPa"})``. It needs neither the mesh nor the readings.
+
+        Raises:
+            InputError: the case in the file cannot be read as this version reads it.
+        """
+        restored = restored_alone(self.data, self.path)
+        return None if restored is None else KeptModel(restored, self.data.parameters.values)
 
     @property
     def evidence(self) -> Evidence | None:

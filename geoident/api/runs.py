@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
 from geoident.api.cases import CaseFile, origin_of
@@ -75,6 +76,7 @@ def scan(
     fresh: bool = False,
     progress: Progress | None = None,
     solver: str = "auto",
+    reduced: ResultFile | AnyPath | None = None,
 ) -> ScanResult:
     """Compute the misfit on a grid over one or two parameters (``fit.scan`` of the case).
 
@@ -86,6 +88,8 @@ def scan(
         fresh: compute again what is up to date.
         progress: is told of every point.
         solver: name of the sparse solver, or ``auto``.
+        reduced: what `fit` found, or the path of its result, with a reduced model that it keeps
+            (``fit.reduced: keep``): it answers where it is proven to be close enough.
 
     Raises:
         InputError: the case, its mesh or its readings are wrong; with all faults.
@@ -94,6 +98,8 @@ def scan(
         UsageError: there is no such solver.
     """
     request = _request(case, output, seed=0, force=force, fresh=fresh, solver=solver)
+    if reduced is not None:
+        request = replace(request, reduced=path_of(reduced))
     return ScanResult(*_run(request, plan_scan, run_scan, control(progress, max_time)))
 
 
@@ -168,7 +174,7 @@ def predict(
         stages=(stages,) if isinstance(stages, str) else tuple(stages),
         case=None if new is None else new.path,
         overrides=() if new is None else new.overrides,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         solver=solver,
         force=force,
         fresh=fresh,
@@ -214,7 +220,7 @@ def sample(
         result=path_of(fitted),
         draws=draws,
         effective=effective,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         seed=seed,
         force=force,
         fresh=fresh,
@@ -225,6 +231,10 @@ def sample(
 def path_of(found: ResultFile | AnyPath) -> str:
     """The path of a result, from itself or its path."""
     return found.path if isinstance(found, ResultFile) else os.fspath(found)
+
+
+def _place(output: AnyPath | None) -> str | None:
+    return None if output is None else os.fspath(output)
 
 
 def _request(
@@ -240,7 +250,7 @@ def _request(
     return Request(
         case=origin.path,
         overrides=origin.overrides,
-        output=None if output is None else os.fspath(output),
+        output=_place(output),
         seed=seed,
         solver=solver,
         force=force,

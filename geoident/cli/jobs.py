@@ -48,6 +48,7 @@ def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
             solver=options.solver,
             force=options.force,
             fresh=options.fresh,
+            reduced=options.reduced,
         )
         job = plan(request)
         if options.dry_run:

@@ -46,6 +46,7 @@ class Options:
     force: bool = False
     fresh: bool = False
     as_json: bool = False
+    reduced: str | None = None
     quiet: bool = False
     verbose: bool = False
 
@@ -143,10 +144,16 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=OneOf(["auto", "multifrontal", "cholmod", "pardiso", "splu"]),
+        type=OneOf(["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]),
         default="auto",
         show_default=True,
-        help="Sparse direct solver.",
+        help="Sparse solver.",
+    ),
+    "reduced": click.option(
+        "--reduced",
+        metavar="RESULT",
+        type=click.Path(),
+        help="Ask the reduced model that this fit keeps (fit.reduced: keep) first.",
     ),
     "dry_run": click.option(
         "--dry-run", is_flag=True, help="Print what would be done, without computing."

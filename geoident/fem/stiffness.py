@@ -27,8 +27,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import BlockGeometry
-from geoident.fem.solvers.direct import LowerPattern
+from geoident.fem.solvers.direct import LowerPattern, Places
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
 
 _CHUNK = 2_000_000  # gradient products made at once, in numbers
@@ -198,6 +199,7 @@ def stiffness_pattern(
     fixed: Bools,
     dim: int,
     lasting: int = 0,
+    places: Callable[[Ints], Places] | None = None,
 ) -> StiffnessPattern:
     """The pattern of the present groups.
 
@@ -207,6 +209,7 @@ def stiffness_pattern(
         fixed: (n_dofs,) degrees of freedom held by supports.
         dim: space dimensions.
         lasting: number of nodes, the first in the order, whose equations are those of all stages.
+        places: where unknowns stand in the mesh, by their degrees of freedom.
     """
     unknown, dofs = free_dofs(groups.values(), node_of_rank=node_of_rank, fixed=fixed, dim=dim)
     keys = _union([(g.column << 32) | g.row for g in groups.values()])
@@ -231,7 +234,8 @@ def stiffness_pattern(
         name: above[np.searchsorted(keys, (group.column << 32) | group.row)]
         for name, group in groups.items()
     }
-    lower = LowerPattern(indptr, indices[:-1])
+    where = None if places is None else places(dofs)
+    lower = LowerPattern(indptr, indices[:-1], places=where)
     if lasting:
         lower = replace(lower, lasting=int(np.count_nonzero(free[:lasting])), names=dofs)
     return StiffnessPattern(lower, dofs, columns, heights)
@@ -301,3 +305,15 @@ def node_graph(mesh: Mesh) -> tuple[Ints, Ints]:
     incidence.sort_indices()
     graph = (incidence.T @ incidence).tocsr()
     return graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+
+
+def nodes_on_edges(mesh: Mesh) -> Ints:
+    """(k, 3) nodes on edges of elements of second order, each with the two ends of its edge."""
+    rows = [np.empty((0, 3), dtype=np.int64)]
+    for block in mesh.blocks:
+        cell = CELLS[block.kind]
+        for n, (a, b) in enumerate(cell.edges):
+            rows.append(block.nodes[:, [cell.n_corners + n, a, b]])
+    found = np.concatenate(rows)
+    _, first = np.unique(found[:, 0], return_index=True)
+    return found[first]

@@ -2,12 +2,15 @@
 
 Each room checks its own (`ground`, `yielding`, `in_situ`, `actions`, `structures`, `gauges`), the
 mesh by itself `mesh_checks`; here
-their findings come together, in three rounds, since each round needs what the round before made
-sure of: groups that the mesh has; ground that is there when something needs it; gauges that can be
-read when they were. What the rounds prepared is handed on (`CaseOnMesh`): a model need not seek it.
+their findings come together. Where all groups are known, so is which ground is there when, and all
+is said at once; where the case names groups that the mesh lacks, what does not depend on them is
+said beside: points that lie outside the mesh. The same holds for a case of which parts are known
+to be wrong already. What was prepared is handed on (`CaseOnMesh`): a model need not seek it.
 """
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +27,12 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observation import Observation, observe, reading_faults
+from geoident.forward.gauges.observation import (
+    Observation,
+    gauges_outside,
+    observe,
+    reading_faults,
+)
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
@@ -64,16 +72,54 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    upright = oriented(mesh, kinematics_of(case.analysis))
-    on_mesh = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
-    _raise_any(_group_faults(on_mesh))
-    _raise_any(mesh_faults(on_mesh))
-    places = load_place_faults, zone_faults, structure_place_faults, _field_faults
-    _raise_any([fault for faults_of in places for fault in faults_of(on_mesh)])
-    observation, faults = observe(on_mesh)
-    _raise_any(faults or reading_faults(case, observation))
+    on_mesh = _on(mesh, case)
+    faults = _group_faults(on_mesh)
+    if faults:
+        raise InputError([*faults, *_points_outside(on_mesh)])
+    observation, faults = _all_faults(on_mesh)
+    if faults or observation is None:
+        raise InputError(faults)
     _refuse_mechanisms(on_mesh)
     return on_mesh, observation
+
+
+def faults_on_mesh(case: Case, mesh: Mesh, *, complete: bool) -> list[Fault]:
+    """What does not fit the mesh in a case of which some entries are left out, being wrong.
+
+    Args:
+        case: what is left of it.
+        mesh: its mesh.
+        complete: which ground is there at which stage is known nonetheless.
+    """
+    on_mesh = _on(mesh, case)
+    faults = _group_faults(on_mesh)
+    if faults or not complete:
+        return [*faults, *_points_outside(on_mesh)]
+    return _all_faults(on_mesh)[1]
+
+
+def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
+    upright = oriented(mesh, kinematics_of(case.analysis))
+    return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
+
+
+def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
+    """The gauges on a mesh that has all groups, and all that is wrong.
+
+    Gauges on structures that lack ground cannot be judged; there are no gauges then.
+    """
+    structures = structure_place_faults(on_mesh)
+    places = mesh_faults, load_place_faults, zone_faults, _field_faults
+    faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
+    if structures:
+        return None, [*faults, *_points_outside(on_mesh)]
+    observation, found = observe(on_mesh)
+    return observation, [*faults, *found, *reading_faults(on_mesh.case, observation, found)]
+
+
+def _points_outside(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Points that lie outside the mesh, whichever ground may be there when."""
+    return [*gauges_outside(on_mesh), *_fields_outside(on_mesh)]
 
 
 def notes_on_mesh(
@@ -126,12 +172,20 @@ def imbalance_notes(imbalance: float) -> list[str]:
     ]
 
 
-def inadmissible_numbers(case: Case, sequence: ConstructionSequence, values: Values) -> str | None:
+class MadeOf(Protocol):
+    """What knows of which materials there is ground in any state."""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Their names."""
+
+
+def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | None:
     """Why parameter values are outside the domain of a case, a sentence, or None if they are not.
 
     Args:
         case: the case.
-        sequence: its states; materials that none of them uses do not count.
+        sequence: such as its states; materials that none of them uses do not count.
         values: parameter values by name, SI.
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):
@@ -160,6 +214,16 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
 def _field_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Measured values of fields at points that are not in their material."""
     return field_faults(on_mesh.case, on_mesh.not_in)
+
+
+def _fields_outside(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Measured values of fields at points that are not in the mesh."""
+
+    def outside(_: str, point: tuple[float, ...]) -> str | None:
+        place = on_mesh.kinematics.in_section(point)[0]
+        return None if on_mesh.locator.sites(place) else on_mesh.not_in_mesh()
+
+    return field_faults(on_mesh.case, outside)
 
 
 def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -218,8 +282,3 @@ def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:
         f"{count} element{'s' * (count > 1)} of {', '.join(map(repr, names))} near"
         f" {format_point(loose.centre)} can {motion} freely: nothing holds the piece"
     )
-
-
-def _raise_any(faults: list[Fault]) -> None:
-    if faults:
-        raise InputError(faults)

@@ -3,39 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
 from itertools import islice
 
 import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.solvers.direct import Solver
-from geoident.forward.affine import condensation_obstacle
 from geoident.forward.checks import (
     check_on_mesh,
     imbalance_notes,
-    inadmissible_numbers,
     notes_on_mesh,
 )
-from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.adjoints import AdjointTable, ReadingAdjoints
-from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
-from geoident.forward.ground.moduli import inadmissible_moduli
 from geoident.forward.march.fields import FieldRecorder
-from geoident.forward.march.march import March, Run, RunFindings, RunOptions
-from geoident.forward.march.stage import StageEnd, UnitForces
-from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.march import Run, RunFindings, RunOptions
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
-from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
-from geoident.forward.openings.site import Circle
+from geoident.forward.marches import Marches
 from geoident.forward.protocols import Survey
-from geoident.forward.reduced.reduction import Reduction
-from geoident.forward.reduced.response import ReducedResponse
-from geoident.forward.staged_system import StagedSystem, bilinear
+from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.model.arrays import Floats
@@ -43,15 +33,6 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.response import BilinearSystem, CertifiedResponse, Condensed
-from geoident.model.results.result import Counts
-from geoident.model.yielding import Activity
-
-_DEPENDENT = 1e-10
-"""Singular value of S, relative to the largest, below which readings count as dependent."""
-
-WHOLE = RunOptions()
-"""All states with their derivatives."""
 
 
 def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
@@ -80,7 +61,7 @@ def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
     return on_mesh.with_fields(with_modes(case, fields), tuple(fields)) if fields else on_mesh
 
 
-class StagedModel:
+class StagedModel(Marches):
     """The staged forward model of a case (theory 1 and 2); it checks nothing (see `checks`).
 
     Args:
@@ -90,32 +71,10 @@ class StagedModel:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
-        self.on_mesh, self.observation = on_mesh, observation
-        self.case, self.mesh, self.sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
-        self.names = tuple(parameter.name for parameter in self.case.parameters)
-        self.instrument_errors = InstrumentErrors(self.case, self.sequence.built_on)
-        self._solver = solver
-        self._evaluations = 0
-        self.on_state: Callable[[int], None] | None = None  # is told of every state computed
-        self.discretization = on_mesh.discretization
-        self.systems = StageSystems(on_mesh, solver)
-        self.structures = self.systems.structures
-        self.march = March(on_mesh, self.systems)
-        self.actions = self.march.actions
+        super().__init__(on_mesh, observation, solver=solver)
+        self._shared = SharedReduction()
         self._all_readings: dict[int, ReadingAdjoints] = {}
         self._other_readings: dict[tuple[int, bytes], ReadingAdjoints] = {}
-        self._last_adjoints: AdjointTable | None = None
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-        spent = self._solver.counts
-        return Counts(self._evaluations, spent.analyses, spent.factorizations, spent.solves)
-
-    @property
-    def yields(self) -> bool:
-        """Whether any material of the case has yield limits."""
-        return any(material.yields for material in self.case.materials.values())
 
     @property
     def solver_name(self) -> str:
@@ -164,62 +123,28 @@ class StagedModel:
         accepted = " (accepted: in_situ.equilibrium)" if self.case.imbalance_accepted else ""
         return tuple(f"{fault.message}{accepted}" for fault in contradictions(self.march, values))
 
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        if not np.all(np.isfinite(p)):
-            return "a parameter is not finite"
-        values = self.values(p)
-        found = inadmissible_numbers(self.case, self.sequence, values)
-        for name in () if found else self.sequence.materials:
-            fields = self.on_mesh.elastic_fields(name)
-            if fields:
-                s = self.discretization.points.n_strain
-                found = found or inadmissible_moduli(self.case.materials[name], fields, values, s)
-        return found
-
-    def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values p (n,) by name."""
-        return dict(zip(self.names, map(float, p), strict=True))
-
-    def count_evaluation(self) -> int:
-        """One more parameter vector was evaluated: how many so far."""
-        self._evaluations += 1
-        return self._evaluations
-
     def unreadable(self, channel: str, stage: str) -> str | None:
         """Why a channel can't be read at a stage, or None if it can."""
         return self.observation.unreadable(channel, self.case.stage_names.index(stage))
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
-    ) -> StagedResponse:
+    ) -> ReducibleResponse:
         """The response in the readings of some (channel, stage) pairs.
 
         Args:
             pairs: what was read.
             times: when each was read, seconds since 1970; None for what is known of its stage.
         """
-        return StagedResponse(self, pairs, times)
-
-    def at(self, p: Floats, options: RunOptions = WHOLE) -> Run:
-        """One march at parameters p (n,); its states come one by one.
-
-        Args:
-            p: (n,) parameters.
-            options: how to march.
-        """
-        return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
-
-    def _tell(self, state: int) -> None:
-        if self.on_state is not None:
-            self.on_state(state)
+        return ReducibleResponse(self, self._shared, pairs, times)
 
     def survey(
         self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
     ) -> Survey:
         """All channels at all stages, their derivatives, and the fields if wanted.
 
-        One factorization per stage, more where ground yields.
+        One factorization per stage, more where ground yields; none for those of the march that was
+        made last, if that was here.
 
         Args:
             p: (n,) parameters.
@@ -231,23 +156,35 @@ class StagedModel:
         Raises:
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
-        self.count_evaluation()
-        values, observed = self.values(p), []
-        ways = self._readings_until(len(self.sequence.states) - 1 if last is None else last)
-        back = ways if ways.cost_less(len(self.names)) else None
-        run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+        values = self.values(p)
         recorder = FieldRecorder(self.on_mesh) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
-        equal: dict[str, int] = {}
-        for end in run.states():
-            state = MarchState(end, run.point, self.structures)
-            seen = self.observation.values(state) if back is None else back.observed(end, run)
-            observed.append(seen)
-            equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+
+        def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
+
+        until = len(self.sequence.states) - 1 if last is None else last
+        back, equal = None, dict[str, int]()
+        if self.is_paid(p):
+            march = self.march_to(p, until)
+            run, observed = march.run, march.observed[: until + 1]
+            for end, names in zip(march.ends[: until + 1], march.equal, strict=False):
+                equal |= dict.fromkeys(names, end.state)
+                record(end)
+        else:
+            self.count_evaluation()
+            ways, observed = self._readings_until(until), []
+            back = ways if ways.cost_less(len(self.names)) else None
+            run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
+            for end in run.states():
+                state = MarchState(end, run.point, self.structures)
+                seen = self.observation.values(state) if back is None else back.observed(end, run)
+                observed.append(seen)
+                equal |= dict.fromkeys(self.observation.coinciding(state), end.state)
+                record(end)
         seen_at = np.stack(observed)
         if back is None:
             table = self.relative(seen_at)
@@ -304,7 +241,7 @@ class StagedModel:
         """
         n = len(run.given.names)
         table = np.full((len(observed), len(self.observation.channels), 1 + n), np.nan)
-        known = self._last_adjoints
+        known = self.last_adjoints
         if known is not None and known.values == run.given.values:
             here = known.states <= ways.last
             table[known.states[here], known.rows[here]] = known.table[here]
@@ -327,18 +264,35 @@ class StagedModel:
             }
         return self._other_readings[key]
 
-    def keep_adjoints(self, table: AdjointTable) -> None:
-        """Keep readings with their derivatives, for a survey of the same parameters."""
-        self._last_adjoints = table
-
     def with_later(self, table: Floats) -> Floats:
         """Readings (n_states, n_channels, k), NaN of the states that are not in the table."""
         missing = len(self.sequence.states) - len(table)
         return np.pad(table, ((0, missing), (0, 0), (0, 0)), constant_values=np.nan)
 
-    def computed(self, p: Floats) -> Floats:
-        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives."""
-        return StageByStage(self, p).computed()
+    def computed(self, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives.
+
+        Args:
+            p: (n,) parameters, SI.
+            tell: is given every state, of which only the values count.
+        """
+        if not self.is_paid(p):
+            return StageByStage(self, p, tell).computed()
+        march = self.march_to(p, len(self.sequence.states) - 1)
+        for end in march.ends:
+            tell(end)
+        return self.readings_of(np.stack(march.observed)[..., :1], self.values(p))
+
+    def readings_of(self, observed: Floats, values: Values) -> Floats:
+        """All channels at all stages (n_channels, n_stages), SI; NaN of stages after the last.
+
+        Args:
+            observed: (m, n_channels, 1) what they see of the first m states.
+            values: parameters by name, SI.
+        """
+        table = self.with_later(self.relative(observed))
+        table = self.instrument_errors.added_to_all(table, values, ())
+        return np.asarray(table[1:, :, 0].T)
 
     def relative(self, observed: Floats) -> Floats:
         """Readings from what the channels see since placing: mostly less what was there at zero.
@@ -364,11 +318,14 @@ class StageByStage:
     Args:
         model: the staged model.
         p: (n,) parameters, SI.
+        tell: is given every state.
     """
 
-    def __init__(self, model: StagedModel, p: Floats) -> None:
+    def __init__(
+        self, model: StagedModel, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None
+    ) -> None:
         model.count_evaluation()
-        self._model, self._values = model, model.values(p)
+        self._model, self._values, self._tell = model, model.values(p), tell
         self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
         self._states = self._run.states()
         self._observed: list[Floats] = []
@@ -387,307 +344,8 @@ class StageByStage:
         for end in islice(self._states, more):
             state = MarchState(end, self._run.point, model.structures)
             self._observed.append(model.observation.values(state))
-        table = model.with_later(model.relative(np.stack(self._observed)))
-        table = model.instrument_errors.added_to_all(table, self._values, ())
-        return np.asarray(table[1:, :, 0].T)
-
-
-class StagedResponse:
-    """Readings of some (channel, stage) pairs as a function of the parameters.
-
-    Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
-    identifiers. The march ends with the last stage that a reading needs.
-
-    Args:
-        model: the staged model.
-        pairs: channel and stage of every reading.
-        times: when each was read; None for what is known of its stage.
-    """
-
-    def __init__(
-        self,
-        model: StagedModel,
-        pairs: Sequence[tuple[str, str]],
-        times: Sequence[float | None] = (),
-    ) -> None:
-        self._model = model
-        self._pairs, self._given_times = tuple(pairs), tuple(times)
-        self._start = np.array([parameter.start for parameter in model.case.parameters])
-        self._start_point = ParameterPoint(model.case.start, model.names)
-        self._activity: tuple[bytes, Activity | None] | None = None  # p and what was found there
-        self._increments: tuple[bytes, Floats] | None = None  # likewise
-        self._places = ReadingPlaces.of(model.case, pairs, times)
-        self._row, self._state = self._places.rows, self._places.states
-        self._last = int(self._state.max(initial=0))
-        self.reduction: Reduction | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self._model.names
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-        return self._model.counts
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        return self._model.admissible(p)
-
-    def readings(self, p: Floats) -> Floats:
-        """v(p), (g,), m."""
-        return self._run(p)[:, 0]
-
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n)."""
-        kept = self.reduction is not None and self.reduction.obstacle is None
-        if not kept and self.adjoints.cost_less(len(self.names)):
-            return self.by_adjoints(p)
-        return self.by_tangents(p)
-
-    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
-        table = self._run(p, derivatives=True)
-        return table[:, 0], table[:, 1:]
-
-    def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
-        """Keep what marches with derivatives find from now on, for a reduced model.
-
-        Args:
-            economical: only where it costs less than the marches that a search saves by it.
-            most: how many marches count at most, the newest.
-        """
-        model = self._model
-        if self.reduction is None and model.observation.not_linear(self._row) is None:
-            self.reduction = Reduction(
-                model.march, model.observation, self._last, most=most, economical=economical
-            )
-
-    def reduction_obstacle(self) -> str | None:
-        """Why there is no reduced model, a clause, or None if there may be one."""
-        not_linear = self._model.observation.not_linear(self._row)
-        if not_linear or self.reduction is None:
-            return not_linear
-        return self.reduction.obstacle
-
-    def march_again(self, visited: Sequence[Floats]) -> None:
-        """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
-
-        Those that were not made since they are kept are made now.
-        """
-        reduction = self.reduction
-        if reduction is None or reduction.obstacle is not None:
-            return
-        for number, p in list(enumerate(visited))[-reduction.most :]:
-            if not reduction.knows(p):
-                reduction.number = number
-                self.by_tangents(p)
-        reduction.order(visited[-reduction.most :])
-
-    def expect_march(self, number: int) -> None:
-        """The next march is the one of a number in a search, from 0."""
-        if self.reduction is not None:
-            self.reduction.number = number
-
-    def leap(
-        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
-    ) -> Floats | None:
-        """What is found with the reduced model of the marches that were kept, (k,); None for none.
-
-        Args:
-            p: (n,) where the search is.
-            key: tells this question from others that are asked there.
-            find: looks for it.
-        """
-        found = self.reduced()
-        return None if found is None else find(found)
-
-    def reduced(
-        self, *, bounded: bool = False, reference: Floats | None = None
-    ) -> ReducedResponse | None:
-        """The reduced model of the marches that were kept; None where there is none.
-
-        Args:
-            bounded: with bounds of the errors of the readings; costs a march and its way back.
-            reference: (n,) parameters whose moduli measure; None for those of the last march.
-        """
-        model, reduction = self._model, self.reduction
-        made = None if reduction is None else reduction.model(reference)
-        if reduction is None or made is None:
-            return None
-        duals = None
-        if bounded:
-            run = model.at(made.reference, RunOptions(last=self._last, traced=True))
-            for _ in run.states():
-                pass
-            rows = model.observation.operator(self._row)
-            weights = model.observation.weights_of_states(self._row, self._state, self._last)
-            duals = reduction.duals(run, rows, weights)
-        values = model.values(made.reference)
-        added = model.instrument_errors.added(values, self.names, self._places)
-        return ReducedResponse(
-            made, model.observation, self._row, self._state, added, self.admissible, duals
-        )
-
-    def increments(self, p: Floats) -> Floats:
-        """What the step of each state changes in what all channels see at p (n,).
-
-        (n_states, n_channels), SI, up to the last stage that a reading needs. Of the last run if
-        it was made there.
-        """
-        if self._increments is None or self._increments[0] != p.tobytes():
-            self.readings(p)
-        assert self._increments is not None
-        return self._increments[1]
-
-    def by_adjoints(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): one column a reading back through the stages.
-
-        Raises:
-            ValueError: ground yields, or a reading is not linear in the state.
-        """
-        model = self._model
-        model.count_evaluation()
-        run = model.at(p, RunOptions(last=self._last, traced=True))
-        observed = [(end, self.adjoints.observed(end, run)) for end in run.states()]
-        seen = np.stack([of_end for _, of_end in observed])
-        change = model.observation.increments(seen[:, :, 0], model.sequence.bases)
-        self._increments = p.tobytes(), change
-        table = self.adjoints.table(run, observed[-1][0], seen)
-        model.keep_adjoints(AdjointTable(run.given.values, self._row, self._state, table.copy()))
-        self._activity = p.tobytes(), run.findings.activity
-        table += model.instrument_errors.added(model.values(p), self.names, self._places)
-        return table[:, 0], table[:, 1:]
-
-    @cached_property
-    def adjoints(self) -> ReadingAdjoints:
-        """The way back from these readings."""
-        model = self._model
-        return ReadingAdjoints(model.march, model.observation, self._row, self._state, self._last)
-
-    def yields(self) -> bool:
-        """Whether any material of the case has yield limits."""
-        return self._model.yields
-
-    def activity(self, p: Floats) -> Activity:
-        """The yield planes at p (n,), of the last run if it was made there.
-
-        Raises:
-            ValueError: nothing can yield.
-        """
-        if self._activity is None or self._activity[0] != p.tobytes():
-            self.readings(p)
-        found = None if self._activity is None else self._activity[1]
-        if found is None:
-            raise ValueError("no material of the case yields")
-        return found
-
-    def system_obstacle(self) -> str | None:
-        """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
-        model = self._model
-        not_linear = model.observation.not_linear(self._row)
-        return not_linear or export_obstacle(model.march, self._start_point)
-
-    def system(self) -> BilinearSystem:
-        """The equations of all stages as one system of vectors."""
-        return bilinear(self.staged_system(), self._start)
-
-    def staged_system(self) -> StagedSystem:
-        """The equations stage by stage, as arrays."""
-        model, start = self._model, self._start_point
-        added = model.instrument_errors.added(start.values, self.names, self._places)
-        operator = model.observation.operator(self._row)
-        rows = ReadingRows(operator, self._active(), added)
-        return export(model.march, start, rows, self._last)
-
-    def opening(
-        self, centre: tuple[float, float] | None, radius: float | None
-    ) -> OpeningResponse | str:
-        """The closed form of these readings, or why there is none."""
-        model = self._model
-        found = opening_in_mesh(model.on_mesh, Circle(centre, radius))
-        return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
-
-    def obstacle(self) -> str | None:
-        """Why the equations are not affine in the parameters, or None if they are."""
-        model = self._model
-        return model.observation.not_linear(self._row) or condensation_obstacle(model.march)
-
-    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
-        """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
-
-        Let K be the operator of all stages together, block lower triangular, and G the one that
-        adds displacement increments up to readings. One march with the columns G^T gives
-        S = G K^-1 G^T; forces c with S c = measured - v, in least squares where readings depend on
-        each other, bring the displacements to the readings. The equation error of parameters q
-        there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the
-        Jacobian of a march under those forces: exact, since e is affine in q. Two factorizations a
-        stage.
-
-        Args:
-            p: (n,) parameters.
-            measured: (g,) readings, m.
-            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
-                that makes their errors independent and of size one.
-        """
-        unit = self._unit_forces()
-        table = self._run(p, unit)
-        gap, flexibility = measured - table[:, 0], table[:, 1:]
-        if sd.ndim == 1:
-            weighted, aim = flexibility / sd[:, None], gap / sd
-        else:
-            weighted, aim = sd @ flexibility, sd @ gap
-        multipliers = np.asarray(np.linalg.lstsq(weighted, aim, rcond=_DEPENDENT)[0])
-        corrected = replace(unit, multipliers=multipliers)
-        jacobian = self._run(p, corrected, derivatives=True)[:, 1:]
-        return Condensed(table[:, 0], flexibility, -jacobian, -jacobian @ p - gap)
-
-    def _run(
-        self, p: Floats, unit_forces: UnitForces | None = None, *, derivatives: bool = False
-    ) -> Floats:
-        """Readings (g, 1 + n + k)."""
-        model = self._model
-        model.count_evaluation()
-        # Where the loads collapse at the start, the user wants to know how much of them is carried;
-        # who searches elsewhere, only that they are not.
-        explain = bool(np.array_equal(p, self._start))
-        run = model.at(
-            p, RunOptions(derivatives, self._last, unit_forces=unit_forces, explain=explain)
-        )
-        kept = self.reduction if derivatives and unit_forces is None else None
-        recorder = None if kept is None else kept.recorder(p)
-        seen = []
-        for end in run.states():
-            seen.append(model.observation.values(MarchState(end, run.point, model.structures)))
-            if recorder is not None:
-                recorder.add(end, run)
-        if kept is not None and recorder is not None:
-            kept.add(recorder.snapshot)
-        observed = np.stack(seen)
-        self._activity = p.tobytes(), run.findings.activity
-        change = model.observation.increments(observed[:, :, 0], model.sequence.bases)
-        self._increments = p.tobytes(), change
-        table = model.observation.readings(observed, self._row, self._state)
-        names = self.names if derivatives else ()
-        added = model.instrument_errors.added(model.values(p), names, self._places)
-        table[:, : added.shape[1]] += added
-        return np.asarray(table)
-
-    def _unit_forces(self) -> UnitForces:
-        """Unit forces along every reading: G^T.
-
-        A reading adds up the increments of all stages that led to its own, less those that led to
-        its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
-        the stage after the zero on.
-        """
-        rows = self._model.observation.operator(self._row)
-        return UnitForces(rows.toarray().T, self._active())
-
-    def _active(self) -> Floats:
-        """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
-        built_on = self._model.sequence.built_on
-        return self._model.observation.steps(built_on, self._row, self._state)
+            self._tell(end)
+        return model.readings_of(np.stack(self._observed), self._values)
 
 
 def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:

@@ -232,12 +232,16 @@ class CaseOnMesh:
         """What is at a point (dim,) that is never in ground of a material; None where it is."""
         sites = self.locator.sites(self.kinematics.in_section(point)[0])
         if not sites:
-            return f"is not in the mesh {self.mesh.file}"
+            return self.not_in_mesh()
         states, group_of = self.sequence.states, self.sequence.group_of
         groups = {g for state in states for g, m in state.materials.items() if m == material}
         if any(int(group_of[site.element]) in groups for site in sites):
             return None
         return f"lies in the group {self.sequence.groups[group_of[sites[0].element]]!r}"
+
+    def not_in_mesh(self) -> str:
+        """Of a point that no element holds, a clause."""
+        return f"is not in the mesh {self.mesh.file}"
 
     def elastic_fields(self, material: str) -> tuple[PointField, ...]:
         """Elastic constants of a material that are fields."""

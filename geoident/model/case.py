@@ -180,6 +180,7 @@ class FitSettings:
         backtest: whether the last fitted stage is predicted from those before it, too.
         mesh_error: whether the error of the mesh is estimated, and counts.
         reduced: whether a reduced model may be used.
+        keep_reduced: whether a fit keeps one in its result.
         ladder: models that are fitted one after the other, from the simplest on; none for the one
             that the case describes.
     """
@@ -192,6 +193,7 @@ class FitSettings:
     backtest: bool = True
     mesh_error: bool = True
     reduced: bool = True
+    keep_reduced: bool = False
     ladder: tuple[Rung, ...] = ()
 
 

@@ -56,6 +56,9 @@ class CertifiedResponse(Response, Protocol):
     def error(self, p: Floats) -> float:
         """Bound of the error of its stresses at p (n,) in energy, relative to their own."""
 
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see, (n_states, n_channels)."""
+
 
 @runtime_checkable
 class HasReducedModel(Response, Protocol):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
-from geoident.fem.solvers import LARGE, SMALL, SolverInfo, picked, solver_report
+from geoident.fem.solvers import BEYOND, LARGE, SMALL, SolverInfo, picked, solver_report
+from geoident.fem.solvers.auto import FACTOR_SHARE
+from geoident.fem.solvers.memory_limit import memory_limit
 from geoident.workflow.running.jobs import versions
 
 EXTRAS = {
@@ -55,6 +58,10 @@ class Diagnosis:
         picked: name of the solver that ``auto`` takes for small systems.
         picked_large: of the one that it takes for large systems, and for stages that have most of
             their ground in common.
+        picked_beyond: of the one that it takes where a factor would take too much time, or more
+            than `factor_memory`.
+        memory: bytes that a process may take, None if the system does not say.
+        factor_memory: bytes that a factor may take, likewise.
         remedies: sentences on what to do, the most useful first.
         extras: parts that are installed on demand.
     """
@@ -68,11 +75,15 @@ class Diagnosis:
     picked_large: str
     remedies: tuple[str, ...]
     extras: tuple[Extra, ...] = ()
+    picked_beyond: str = BEYOND
+    memory: float | None = None
+    factor_memory: float | None = None
 
 
 def diagnose() -> Diagnosis:
     """Look at the installation."""
-    solvers, small = solver_report(), picked()
+    solvers, small, limit = solver_report(), picked(), memory_limit()
+    known = math.isfinite(limit)
     return Diagnosis(
         versions=versions(),
         platform=platform.platform(),
@@ -83,6 +94,8 @@ def diagnose() -> Diagnosis:
         picked_large=LARGE,
         remedies=_remedies(solvers, small),
         extras=tuple(_extra(name, *what) for name, what in EXTRAS.items()),
+        memory=limit if known else None,
+        factor_memory=FACTOR_SHARE * limit if known else None,
     )
 
 

@@ -38,12 +38,18 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.kept_reduced import NONE, made_to_keep
+from geoident.workflow.running.reading_units import noted, unit_doubts
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
 from geoident.workflow.scoring.trials import LastStage, added, last_stage
+
+ENOUGH = 1e-4
+"""Bound of the relative error in energy with which the reduced model tells whether the model is
+linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
 def fit(job: Job, control: Control) -> Finished:
@@ -63,7 +69,9 @@ def _fit(job: Job, control: Control) -> Finished:
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
-        return _result(job, setup, found, _last_stage(setup, outcome, log, control))
+        last = _last_stage(setup, problem, outcome, log, control)
+        written = _result(job, setup, found, last, _unit_findings(setup, found, log))
+        return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
 
@@ -79,21 +87,58 @@ def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
     if found.outcome.status != "converged":
         return found
     before = setup.model.counts
-    said = linearity_findings(problem, found.assessment, found.outcome.values)
+    with led(problem.response, ENOUGH):
+        said = linearity_findings(problem, found.assessment, found.outcome.values)
     assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
     counts = further(found.counts, before, setup.model.counts)
     return replace(found, assessment=assessment, counts=counts)
 
 
-def _last_stage(setup: Setup, outcome: Outcome, log: Log, control: Control) -> LastStage:
+def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
+    """The same with a reduced model made around the answer, or with a note why there is none."""
+    if result.status == STOPPED:
+        return replace(result, notes=(*result.notes, NONE.format("the search was cut short")))
+    control.monitor.detail("making a reduced model")
+    rivals, before = result.rivals, setup.model.counts
+    others = () if rivals is None else tuple(rivals.values[1:])
+    clock = replace(control, out_of_time=False)  # running out of time here undoes no fit
+    found = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
+    counts = further(result.counts, before, setup.model.counts)
+    if isinstance(found, str):
+        return replace(result, counts=counts, notes=(*result.notes, found))
+    return replace(result, counts=counts, reduced=found)
+
+
+def _last_stage(
+    setup: Setup, problem: Problem, outcome: Outcome, log: Log, control: Control
+) -> LastStage:
     """The last fitted stage, predicted from those before it: the cheapest backtest."""
     if not setup.case.fit.backtest or outcome.status == STOPPED:
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
-    return last_stage(setup, outcome.values, log, left)
+    response = problem.response
+    visited = response.evaluated() if isinstance(response, Remembered) else ()
+    return last_stage(setup, outcome.values, log, left, visited)
 
 
-def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
+def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:
+    """Sentences on readings whose unit is suspected, the search having begun at the start."""
+    stated = [parameter.start for parameter in setup.case.parameters]
+    if not found.outcome.iterations:
+        return ()
+    start = found.outcome.iterations[0].values  # of a scaled parameter, to the last bit
+    if not np.allclose(start, stated):
+        return ()
+    known = log.find("evaluate", start) or log.find("readings", start)
+    if known is None or len(known["v"]) != np.count_nonzero(setup.readings.used):
+        return ()
+    met = found.outcome.status == "converged" and not found.assessment.at_bound.any()
+    return noted(unit_doubts(setup.case, setup.readings, known["v"], met=met))
+
+
+def _result(
+    job: Job, setup: Setup, found: Estimate, last: LastStage, doubts: Sequence[str]
+) -> Result:
     case, survey = setup.case, found.survey
     gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
@@ -115,6 +160,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         findings=(
             *collapse_findings(survey),
             *opposite_findings(gauges, job.inputs.case),
+            *doubts,
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),

@@ -10,6 +10,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.problem.problem import Outcome
@@ -49,6 +50,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     provenance,
 )
+from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
 from geoident.workflow.running.readings import (
     accuracies,
@@ -188,15 +190,30 @@ def predict(task: Task, control: Control) -> Finished:
     if before is not None:
         return before
     require_free(found, place, force=request.force, inputs=task.files_read)
-    model = build_model(task.inputs, solver=request.solver)
+    model = _model(task)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
     require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
+    if isinstance(model, ReducedCaseModel) and not model.by_model:  # the fit has it all
+        fit = task.fit
+        survey = replace(survey, fields=fit.fields, members=fit.members, reaction=fit.reaction)
     result = _result(task, _followed(task, known, survey, model), survey, model)
     took = time.monotonic() - control.started
     result = replace(result, provenance=replace(result.provenance, seconds=took))
     return write(result, place, found, inputs=task.files_read, force=request.force)
+
+
+def _model(task: Task) -> CaseModel:
+    """The case to predict, answered by the reduced model that its fit keeps where there is one."""
+
+    def build() -> CaseModel:
+        return build_model(task.inputs, solver=task.request.solver)
+
+    case = task.inputs.case
+    same = task.request.case is None and case.fit.reduced
+    restored = restored_of(task.fit, case) if same else None
+    return build() if restored is None else answered(restored, case, build)
 
 
 def _read_fit(path: str) -> Result:
@@ -499,5 +516,17 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
-        notes=(*left_out, *bad_notes(readings), *score(gauges, prediction)),
+        notes=(
+            *left_out,
+            *_by_reduced(task, model),
+            *bad_notes(readings),
+            *score(gauges, prediction),
+        ),
     )
+
+
+def _by_reduced(task: Task, model: CaseModel) -> tuple[str, ...]:
+    """Whose the readings are, where a reduced model was asked."""
+    if not isinstance(model, ReducedCaseModel):
+        return ()
+    return (answer_note(model, task.request.result),)

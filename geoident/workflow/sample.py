@@ -45,6 +45,7 @@ from geoident.workflow.running.jobs import (
     inputs_of_result,
     job_provenance,
 )
+from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
@@ -276,23 +277,13 @@ def _reduced(
     staged = isinstance(asked.model, StagedModel) and case.fit.reduced
     if not staged or not np.all(np.isfinite(table.covariance)):
         return None
-    control.monitor.detail("making a reduced model")
+    kept = restored_of(fit, case)
+    if kept is None:
+        control.monitor.detail("making a reduced model")
     used = fit.gauges.readings.sd[fit.gauges.readings.used]
     accuracy = np.concatenate([used, accuracies(case)[tuple(asked.places.T)]])
-    training = _spread_around(table, case.parameters)
-    return reduced_answers(asked, table.values, training, accuracy, compute)
-
-
-def _spread_around(table: ParameterTable, parameters: Sequence[Parameter]) -> Floats:
-    """Some draws (k, n) of the approximation of the posterior at a fit, half again as wide."""
-    rng = np.random.default_rng(0)
-    p, n = table.values, len(table.values)
-    steps = 1.5 * rng.multivariate_normal(np.zeros(n), table.covariance, size=40, method="svd")
-    log = np.array([q.scale == "log" for q in parameters])
-    size = np.where(log, p, 1.0)
-    grown = p * np.exp(np.clip(steps / size, -3.0, 3.0))
-    ends = np.array([(q.lower, q.upper) for q in parameters])
-    return np.clip(np.where(log, grown, p + steps), ends[:, 0], ends[:, 1])
+    training = spread_around(table, case.parameters)
+    return reduced_answers(asked, table.values, training, accuracy, compute, kept)
 
 
 def _watch(control: Control) -> SamplingWatch:
@@ -351,6 +342,7 @@ class _Found:
             evidence=None,
             rivals=None,
             certificate=None,
+            reduced=None,
             sensitivity=None,
             grid=None,
         )

@@ -10,12 +10,20 @@ import numpy as np
 
 from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.workflow.running.errors import error_structure, own_sd
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, start_values
+from geoident.workflow.running.jobs import (
+    NO_READINGS,
+    Inputs,
+    build_model,
+    load_inputs,
+    start_values,
+)
+from geoident.workflow.running.kept_reduced import answer_note, answered, restored_for
 
 
 class Noise(Enum):
@@ -23,6 +31,24 @@ class Noise(Enum):
 
     NONE = "nothing"
     ACCURACY = "Gaussian noise with the accuracy of each gauge"
+
+
+@dataclass(frozen=True)
+class ComputedBy:
+    """What computes readings.
+
+    Args:
+        solver: name of the sparse solver, or ``auto``.
+        reduced: path of a result whose reduced model answers where that is close enough; None to
+            compute the model.
+    """
+
+    solver: str = "auto"
+    reduced: str | None = None
+
+
+BY_MODEL = ComputedBy()
+"""By the model, with the solver that suits it."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +60,14 @@ class Simulated:
         case: whose gauges they are.
         readings: by stage, SI.
         files_read: paths of all that the case consists of, which no output may replace.
+        note: whose the readings are, where a reduced model was asked; empty else.
     """
 
     path: str
     case: Case
     readings: tuple[Reading, ...]
     files_read: tuple[str, ...]
+    note: str = ""
 
 
 def simulate(
@@ -49,7 +77,7 @@ def simulate(
     noise: Noise = Noise.NONE,
     draw: bool = False,
     seed: int = 0,
-    solver: str = "auto",
+    by: ComputedBy = BY_MODEL,
     output: str | None = None,
     text: str | None = None,
 ) -> Simulated:
@@ -63,18 +91,19 @@ def simulate(
         noise: what is added.
         draw: the fields of the case are drawn from what is known of them before readings.
         seed: of the noise and of what is drawn.
-        solver: name of the sparse solver, or ``auto``.
+        by: what computes them.
         output: where they are going to be written, or None.
         text: of the case where it stands in no file.
 
     Raises:
+        InputError: the reduced model is of another case or mesh.
         OutputError: the output is the case, or a file that it names.
         ModelError: the model has no solution at the start values.
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS], text=text)
     if output is not None:
         refuse_inputs(output, inputs.files)
-    model = build_model(inputs, solver=solver)
+    model = _model(inputs, by)
     p = start_values(model.case, model)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
@@ -82,7 +111,21 @@ def simulate(
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
-    return Simulated(path, inputs.case, readings, inputs.files)
+    note = ""
+    if isinstance(model, ReducedCaseModel) and by.reduced is not None:
+        note = answer_note(model, by.reduced)
+    return Simulated(path, inputs.case, readings, inputs.files, note)
+
+
+def _model(inputs: Inputs, by: ComputedBy) -> CaseModel:
+    """The model of a case; one that asks a reduced model first where one is given."""
+
+    def build() -> CaseModel:
+        return build_model(inputs, solver=by.solver)
+
+    if by.reduced is None:
+        return build()
+    return answered(restored_for(by.reduced, inputs), inputs.case, build)
 
 
 def _drawn(model: CaseModel, p: Floats, generator: np.random.Generator) -> Floats:

@@ -37,6 +37,7 @@ def test_a_case_says_what_it_is(case):
         ("parameters.K0.bounds", np.array([0.1, 2.0]), lambda c: c.parameters[1].upper),
         ("fit.mesh_error", True, lambda c: c.fit.mesh_error),
         ("fit.reduced", False, lambda c: c.fit.reduced),
+        ("fit.reduced", "keep", lambda c: c.fit.keep_reduced),
         ("title", "a: b", lambda c: c.title),
         ("title", "[one, two] \u2013 \U0001f600", lambda c: c.title),
     ],

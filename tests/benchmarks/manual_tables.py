@@ -19,18 +19,16 @@ with the same versions makes the same table, but for the seconds in that of the 
 from __future__ import annotations
 
 import argparse
-import platform
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import version
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import fields
 import model_choice
 import wrong_models
-
-import geoident
+from support.versions import versions
 
 TABLES: dict[str, Callable[[argparse.Namespace], Iterable[str]]] = {
     "wrong-models": lambda given: wrong_models.tables(given, cavern=False),
@@ -61,20 +59,7 @@ def made_by(name: str, given: argparse.Namespace) -> str:
     """
     options = {key: value for key, value in vars(given).items() if key != "kept"}
     said = " ".join(f"{key}={value}" for key, value in sorted(options.items()))
-    found = [f"geoident {geoident.__version__}{_commit()}", f"Python {platform.python_version()}"]
-    found += [f"{library} {version(library)}" for library in ("numpy", "scipy", "gmsh")]
-    return f"`manual_tables.py {name}` with {said}; {', '.join(found)}"
-
-
-def _commit() -> str:
-    """The commit in brackets, after a blank; nothing without git."""
-    root = Path(__file__).resolve().parents[2]
-    words = ["git", "-C", str(root), "describe", "--always", "--dirty"]
-    try:
-        done = subprocess.run(words, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return f" ({done.stdout.strip()})"
+    return f"`manual_tables.py {name}` with {said}; {', '.join(versions())}"
 
 
 def show(name: str, given: argparse.Namespace) -> None:

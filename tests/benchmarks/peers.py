@@ -33,14 +33,12 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support import calculix
-
-import geoident
+from support.versions import versions
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZES = {"30k": 30_000, "150k": 150_000, "400k": 400_000, "1000k": 1_040_000}
@@ -378,23 +376,12 @@ def table(measured: Mapping[str, Measured]) -> Iterable[str]:
 
 def made_by(rows: Sequence[str]) -> str:
     """How a table comes about: command, date, machine and versions."""
-    found = [f"geoident {geoident.__version__}{_commit()}", f"Python {platform.python_version()}"]
-    found += [f"{library} {version(library)}" for library in ("numpy", "scipy", "gmsh")]
-    found += [_peer_version()]
+    found = [*versions(), _peer_version()]
     load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
     return (
         f"`peers.py --rows {' '.join(rows)}`, {date.today()}; {_processor()}, "
         f"{os.cpu_count()} cores, {_memory():.0f} GB, load {load}; {', '.join(found)}"
     )
-
-
-def _commit() -> str:
-    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
-    try:
-        done = subprocess.run(words, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return f" ({done.stdout.strip()})"
 
 
 def _processor() -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.reducible import ReducibleResponse
 
 
 @pytest.mark.parametrize("command", ["fit", "scan"])
 def test_a_case_may_leave_it_out(trench, run, monkeypatch, command):
     asked = []
-    monkeypatch.setattr(StagedResponse, "keep_marches", lambda self, **_: asked.append(command))
+    monkeypatch.setattr(ReducibleResponse, "keep_marches", lambda self, **_: asked.append(command))
     scan = ("--set", "fit.scan.points=11") if command == "scan" else ()
     run(command, "case.yaml", *scan, "--set", "fit.reduced=false")
     assert asked == []

@@ -1,4 +1,4 @@
-"""Sparse direct solvers: each solves, says what is not positive definite, and counts its work."""
+"""Sparse solvers: each solves, says what is not positive definite, and counts its work."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from geoident.errors import UsageError
 from geoident.fem import solvers
 from geoident.fem.solvers import (
+    BEYOND,
     LARGE,
     SMALL,
     SOLVERS,
@@ -256,7 +257,8 @@ def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
 def test_small_systems_go_to_the_first_installed_solver_and_large_ones_to_ours(monkeypatch):
     small = next(name for name in (*SMALL, LARGE) if INSTALLED[name])
     assert picked() == small
-    assert picked(1e12) == picked(0.0, lasting=True) == LARGE
+    large = auto.Size(1e12, 10**8, 10**7)
+    assert picked(large) == picked(auto.Size(0.0, 0, 0, lasting=True)) == LARGE
     pattern, values = lower(truss(4))
     solver = pick_solver()
     kinds = [type(pick_solver(name).analyse(pattern)) for name in (small, LARGE)]
@@ -281,7 +283,7 @@ def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
     monkeypatch.setattr(
         solvers,
         "_create",
-        lambda name, *counts: create(name, *counts) if name == LARGE else missing(name),
+        lambda name, *counts: create(name, *counts) if name in (LARGE, BEYOND) else missing(name),
     )
     assert picked() == LARGE
     assert pick_solver().analyse(lower(laplacian(3))[0])
@@ -293,7 +295,7 @@ def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
 
 
 def test_an_unknown_solver_is_named_with_the_choices():
-    with pytest.raises(UsageError, match="auto, cholmod, multifrontal, pardiso, splu"):
+    with pytest.raises(UsageError, match="auto, cholmod, iterative, multifrontal, pardiso, splu"):
         pick_solver("mumps")
 
 

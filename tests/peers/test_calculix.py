@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from support import calculix
 from support.anisotropy import every_symmetry, random_rotation
-from support.cases import material, model, rollers
+from support.cases import material, model
 from support.meshes import KINDS_2D, KINDS_3D, box, regroup
 
 from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Analysis, Material, Stage, Support
-from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
 
@@ -22,14 +21,7 @@ def test_first_stage_equals_calculix(kind, tmp_path, verification):
         box(kind, (5, 5, 5), size=(5.0, 5.0, 5.0), distortion=0.05),
         hole=lambda c: np.all(np.abs(c - [0.5, 2.5, 2.5]) < [0.6, 1.5, 1.5], axis=1),
     )
-    staged = model(
-        mesh,
-        materials={"rock": material("rock", 8e9, 0.25)},
-        groups={"rock": "rock", "hole": "rock"},
-        supports=(*rollers(3), Support("x1", (0,)), Support("y1", (1,))),
-        in_situ=HeimStress(K0=Scalar(1.3), vertical=Scalar(6e6)),
-        stages=(Stage("open", excavate=("hole",)),),
-    )
+    staged = calculix.opened(mesh)
     calculix.write_first_stage(staged, tmp_path / "stage.inp")
     peer = calculix.solve(tmp_path / "stage.inp", threads=1)
     ours = staged.survey(np.empty(0), fields=True).fields.displacement[-1]

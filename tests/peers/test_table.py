@@ -12,12 +12,8 @@ import yaml
 from benchmarks import cube, peers
 from benchmarks.peers import Cost
 from support import calculix
-from support.cases import material, model, rollers
 from support.meshes import box, regroup
 
-from geoident.model.case import Stage, Support
-from geoident.model.in_situ import HeimStress
-from geoident.model.parameter import Scalar
 from geoident.workflow.check import check
 
 FIT = {"evaluations": 6.0, "factorizations": 54.0}
@@ -133,14 +129,7 @@ def test_ground_removed_in_a_second_step_moves_as_ground_that_was_never_there(tm
         box("tet10", (3, 3, 3), size=(5.0, 5.0, 5.0)),
         hole=lambda c: np.all(np.abs(c - [2.5, 2.5, 2.5]) < 1.0, axis=1),
     )
-    staged = model(
-        mesh,
-        materials={"rock": material("rock", 8e9, 0.25)},
-        groups={"rock": "rock", "hole": "rock"},
-        supports=(*rollers(3), Support("x1", (0,)), Support("y1", (1,))),
-        in_situ=HeimStress(K0=Scalar(1.3), vertical=Scalar(6e6)),
-        stages=(Stage("open", excavate=("hole",)),),
-    )
+    staged = calculix.opened(mesh)
     moved = {}
     for name, removal in (("at-once", False), ("removed", True)):
         path = tmp_path / f"{name}.inp"

@@ -13,7 +13,8 @@ from matplotlib.text import Text
 from geoident.report.drawing import album as album_module
 from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields.panels import bands
-from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.overview import overview_figure, overview_pictures
+from geoident.report.drawing.scene import Scene, scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import drawing_style, image
 from geoident.report.page.svg import inline_svg
@@ -266,3 +267,20 @@ def test_signs_are_drawn_for_the_gauges_of_forces_that_there_are(plane):
     (picture,) = sign_pictures(replace(plane, case_resolved=text))
     titles = [axes.get_title() for axes in picture.draw().axes if axes.get_title()]
     assert titles == ["bolt, anchor: tension", "strut: compression", "beam: N, M, Q"]
+
+
+def test_the_overview_says_which_gauges_it_shows_and_is_wider_than_high(plane):
+    table = plane.gauges
+    count = len(set(table.gauges))
+    (picture,) = overview_pictures(plane, None)
+    assert "gauges the" not in picture.caption  # all are there
+    more = tuple(f"{k}{name}" for k in range(4) for name in table.channels)
+    arrays = ("measured", "computed", "sd", "used", "first", "second", "bad")
+    many = changed_gauges(
+        table, channels=more, **{k: np.concatenate([getattr(table, k)] * 4) for k in arrays}
+    )
+    (picture,) = overview_pictures(replace(plane, gauges=many), None)
+    assert f"Of {4 * count} gauges the 6 with the largest computed readings" in picture.caption
+    with drawing_style():
+        width, height = overview_figure(plane, scene_of(plane)).get_size_inches()
+    assert height < width

@@ -159,3 +159,24 @@ def test_no_mark_of_a_support_stands_outside_of_its_panel(name):
                 marks += len(points)
                 assert ((points >= low - 1e-9) & (points <= high + 1e-9)).all()
     assert marks
+
+
+def test_names_of_gauges_across_a_shaft_stand_in_the_room_beyond_the_axis():
+    loaded = read_case(str(CASES / "shaft" / "case.yaml"))
+    mesh = read_mesh(str(CASES / "shaft" / loaded.mesh_path), dim=2)
+    figure = drawn(loaded.case, mesh)
+    (closer,) = [axes for axes in figure.axes if axes.get_title(loc="left") == "the dotted part"]
+    to_data = closer.transData.inverted()
+    at = {t.get_text(): to_data.transform(t.get_window_extent().extents.reshape(2, 2)).T
+          for t in placed(closer)}  # fmt: skip
+    assert all(at[f"CV-{k}"][0].max() < 0.0 for k in (2, 3, 4, 5))
+    assert all(at[f"IN-{k}"][1].mean() > -60.0 for k in range(1, 6))  # not at their common foot
+
+
+def test_a_figure_of_a_high_closer_view_is_not_a_tall_one():
+    for name in ("shaft", "cavern"):
+        loaded = read_case(str(CASES / name / "case.yaml"))
+        mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=2)
+        with drawing_style():
+            width, height = model_figure(loaded.case, mesh).get_size_inches()
+        assert height < width, name

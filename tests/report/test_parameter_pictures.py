@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import label
 from scipy.stats import chi2
 
 from geoident.model.results.result import Grid
-from geoident.report.drawing.parameters.corner import ellipse, pair_figure, pair_pictures
+from geoident.report.drawing.parameters.corner import (
+    draws_density,
+    ellipse,
+    pair_figure,
+    pair_pictures,
+)
 from geoident.report.drawing.parameters.intervals import parameter_figure
 from geoident.report.drawing.parameters.scan import region, region_levels, scan_figure
 from geoident.report.drawing.style import drawing_style
@@ -128,3 +134,18 @@ def test_pairs_have_the_ellipse_of_their_covariance_on_their_scales():
     assert 0.3 <= low < 1.5 < high <= 3.0  # not beyond the bounds
     alone = replace(result, parameters=parameters().picked(np.array([0])))
     assert pair_pictures(alone) == ()
+
+
+def test_contours_of_draws_hold_their_parts_close_and_follow_a_narrow_valley():
+    rng = np.random.default_rng(2)
+    draws = rng.multivariate_normal([12.0, 8.0], [[1.0, 0.97], [0.97, 1.0]], 600).T
+    (x, y), density, levels = draws_density(draws)
+    at = RegularGridInterpolator((y, x), density)(draws[::-1].T)
+    for level, share in zip(levels, (0.95, 0.5), strict=True):
+        assert np.mean(at > level) == pytest.approx(share, abs=0.02)
+        rim = np.concatenate([density[0], density[-1], density[:, 0], density[:, -1]])
+        assert rim.max() < level  # the contour closes
+    inside = np.array(np.meshgrid(x, y))[:, density > levels[0]]
+    # as wide across the valley as the ellipse, which is 0.3 there and 3.4 along it
+    assert np.abs(inside[1] - inside[0] + 4.0).max() < 2.448 * np.sqrt(2 * 0.03) * 1.35
+    assert draws_density(np.stack([draws[0], draws[0]]))[2] == []

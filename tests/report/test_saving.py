@@ -49,11 +49,14 @@ def places(picture, *, lean):
             if axes.name != "3d":
                 for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
                     found += text.get_window_extent().bounds
+                spine = axes.spines.left
+                found += spine.get_transform().transform(spine.get_path().vertices).ravel().tolist()
         return np.array(found)
 
 
 @pytest.mark.parametrize(
-    "name", ["overview", "parameters", "readings-1", "displacement-parts", "residuals", "history"]
+    "name",
+    ["overview", "parameters", "pairs", "readings-1", "displacement-parts", "residuals", "history"],
 )
 def test_lean_axes_are_laid_out_as_those_of_matplotlib(plane, name):
     (picture,) = [p for p in album(plane).all if p.name == name]

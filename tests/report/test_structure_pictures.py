@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -195,3 +196,19 @@ def test_bars_stand_where_they_are_as_wide_as_their_force(members):
         if len(line.get_xdata()) == 2
     }  # fmt: skip
     assert wide[12.0, 22.0, 0.0, 22.0] > wide[12.0, 21.0, 17.0, 20.0]
+
+
+def test_a_caption_says_which_stages_are_drawn_only_where_these_are_not_all():
+    found = ring()
+    (few,) = [p for p in structure_pictures(SimpleNamespace(members=found)) if p.name == "forces-1"]
+    assert "Drawn" not in few.caption
+    times = 3  # six stages
+    many = replace(
+        found,
+        stages=tuple(f"{name} {k}" for k in range(times) for name in found.stages),
+        **{key: np.tile(getattr(found, key), times)
+           for key in ("axial", "moment", "shear", "hoop", "prestress")},
+    )  # fmt: skip
+    pictures = {p.name: p for p in structure_pictures(SimpleNamespace(members=many))}
+    assert "Drawn are 4 of the 6 stages with forces." in pictures["forces-1"].caption
+    assert "Drawn" not in pictures["bars-along"].caption  # the bolt stands in three stages

@@ -22,14 +22,30 @@ from geoident.forward.actions.supports import fixed_dofs
 from geoident.forward.model import StagedModel, staged_model
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
+from geoident.model.case import Stage, Support
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Anisotropic, Elastic, Orthotropic, constants
-from support.cases import in_situ_stress
+from geoident.model.in_situ import HeimStress
+from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
+from support.cases import in_situ_stress, material, model, rollers
 
 PROGRAM = shutil.which("ccx")
 REMEDY = "CalculiX is not installed: apt-get install calculix-ccx"
 TYPES = {"tet4": "C3D4", "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20"}
 TYPES |= {"tri3": "CAX3", "tri6": "CAX6", "quad4": "CAX4", "quad8": "CAX8"}
+
+
+def opened(mesh: Mesh) -> StagedModel:
+    """Rock with a ``hole`` that the first stage excavates, on rollers and fixed at its corner."""
+    return model(
+        mesh,
+        materials={"rock": material("rock", 8e9, 0.25)},
+        groups={"rock": "rock", "hole": "rock"},
+        supports=(*rollers(3), Support("x1", (0,)), Support("y1", (1,))),
+        in_situ=HeimStress(K0=Scalar(1.3), vertical=Scalar(6e6)),
+        stages=(Stage("open", excavate=("hole",)),),
+    )
 
 
 def write_first_stage(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geoident.forward.model import StagedResponse
+from geoident.forward.response import StagedResponse
 
 
 def assert_exact(

@@ -50,18 +50,25 @@ def _text(found: Diagnosis) -> str:
         [extra.use, f"{extra.package} {extra.version}" if extra.version else extra.remedy]
         for extra in found.extras
     ]
+    memory = ""
+    if found.memory is not None:
+        memory = f", {found.memory / 1e9:.1f} GB of memory"
     limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
     return sections(
         TextTable(("program", "version"), versions).text,
         TextTable(("solver", "from", "threads", ""), solvers, right="llrl").text,
         TextTable(("extra", "from"), extras).text,
-        f"{found.platform}, {found.cores} cores" + (f", {limits}" if limits else ""),
+        f"{found.platform}, {found.cores} cores{memory}" + (f", {limits}" if limits else ""),
         section("To be faster", bullets(found.remedies)),
     )
 
 
 def _use(solver: str, found: Diagnosis) -> str:
     """What a solver is used for."""
+    if solver == found.picked_beyond:
+        room = found.factor_memory
+        more = "" if room is None else f" or more than {room / 1e9:.1f} GB"
+        return f"used where a factor takes too much time{more}"
     small, large = solver == found.picked, solver == found.picked_large
     if small and large:
         return "used"

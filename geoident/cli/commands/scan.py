@@ -13,6 +13,7 @@ Examples:
   geoident scan case.yaml
   geoident scan case.yaml --set fit.scan.points=41
   geoident scan case.yaml --set "fit.scan.grid.E={from: 5 GPa, to: 9 GPa}"
+  geoident scan case.yaml --reduced case.fit.h5
   geoident scan case.yaml --json | jq .grid
 """
 
@@ -27,7 +28,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @takes(
-    "output", "overrides", "seed", "max_time", "solver",
+    "output", "overrides", "seed", "max_time", "solver", "reduced",
     "dry_run", "force", "fresh", "as_json",
     after=_next,
 )  # fmt: skip

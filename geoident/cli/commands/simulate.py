@@ -19,6 +19,7 @@ EPILOG = """\b
 Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
+  geoident simulate case.yaml --set parameters.E_rock.start="20 GPa" --reduced case.fit.h5
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
   geoident simulate case.yaml --draw --seed 3
 """
@@ -50,14 +51,14 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     is_flag=True,
     help="Draw what varies from place to place (fields) by --seed; else fields have their means.",
 )
-@takes("output", "overrides", "seed", "solver", "force", "as_json", after=_next)
+@takes("output", "overrides", "seed", "solver", "reduced", "force", "as_json", after=_next)
 def command(case: str, noise: bool, draw: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
     Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
     which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
-    from geoident.workflow.simulate import Noise, simulate
+    from geoident.workflow.simulate import ComputedBy, Noise, simulate
 
     with failures_as_json(case, options):
         simulated = simulate(
@@ -66,9 +67,11 @@ def command(case: str, noise: bool, draw: bool, options: Options) -> int:
             noise=Noise.ACCURACY if noise else Noise.NONE,
             draw=draw,
             seed=options.seed,
-            solver=options.solver,
+            by=ComputedBy(options.solver, options.reduced),
             output=None if options.output == "-" else options.output,
         )
+        if simulated.note and not options.quiet:
+            click.echo(simulated.note, err=True)
         _say(simulated, case, options)
     return 0
 

@@ -1,4 +1,4 @@
-"""Sparse direct solvers behind one protocol, and the choice among those that are installed."""
+"""Sparse solvers behind one protocol, and the choice among those that are installed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.auto import LARGE_WORK, AutoSolver
+from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, Size, is_beyond
 from geoident.fem.solvers.direct import Solver, SolverCounts
 from geoident.fem.solvers.threads import granted_threads
 
 __all__ = [
     "AUTO",
+    "BEYOND",
     "LARGE",
     "SMALL",
     "SOLVERS",
@@ -29,11 +30,12 @@ AUTO = "auto"
 
 _CLASSES = {
     "cholmod": "CholmodSolver",
+    "iterative": "IterativeSolver",
     "multifrontal": "MultifrontalSolver",
     "pardiso": "PardisoSolver",
     "splu": "SpluSolver",
 }
-_PACKAGES = {"cholmod": "cvxopt", "multifrontal": "scipy", "pardiso": "pypardiso", "splu": "scipy"}
+_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
 
 SOLVERS = tuple(_CLASSES)
 """Names of the solvers.
@@ -45,6 +47,9 @@ have most of their ground in common, are for our own solver.
 
 LARGE = "multifrontal"
 """The solver of large matrices, and of small ones where neither of `SMALL` is installed."""
+
+BEYOND = "iterative"
+"""The solver where a factor would take too much time or memory."""
 
 SMALL = ("cholmod", "pardiso")
 """Solvers of small matrices, the best first."""
@@ -80,7 +85,7 @@ def pick_solver(name: str = AUTO) -> Solver:
     """
     if name == AUTO:
         small = picked()
-        return AutoSolver(partial(_create, small), partial(_create, LARGE))
+        return AutoSolver(*(partial(_create, kind) for kind in (small, LARGE, BEYOND)))
     if name not in SOLVERS:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
@@ -94,14 +99,15 @@ def solver_report() -> tuple[SolverInfo, ...]:
     return tuple(_info(name) for name in SOLVERS)
 
 
-def picked(work: float = 0.0, *, lasting: bool = False) -> str:
+def picked(size: Size = NOTHING) -> str:
     """Name of the solver that ``auto`` takes.
 
     Args:
-        work: operations of a factorization.
-        lasting: parts of the matrix last from stage to stage.
+        size: of the matrix.
     """
-    if lasting or work >= LARGE_WORK:
+    if is_beyond(size):
+        return BEYOND
+    if size.lasting or size.work >= LARGE_WORK:
         return LARGE
     for name in SMALL:
         try:
@@ -132,7 +138,7 @@ def _info(name: str) -> SolverInfo:
 
 
 def _package(name: str) -> str:
-    package = _PACKAGES[name]
+    package = _PACKAGES.get(name, "scipy")
     try:
         return f"{package} {version(package)}"
     except PackageNotFoundError:
@@ -143,4 +149,4 @@ def _threads(name: str) -> int:
     """Threads that the environment grants; CHOLMOD and SuperLU have use for one only."""
     if name == "pardiso":
         return granted_threads("MKL_NUM_THREADS")
-    return granted_threads("OPENBLAS_NUM_THREADS") if name == LARGE else 1
+    return granted_threads("OPENBLAS_NUM_THREADS") if name in (LARGE, BEYOND) else 1

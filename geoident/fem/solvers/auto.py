@@ -1,8 +1,9 @@
-"""The choice among the solvers that are installed, by the work that a matrix takes."""
+"""The choice among the solvers that are installed, by the work and the memory of a matrix."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from geoident.fem.solvers.direct import (
     LowerPattern,
@@ -11,7 +12,9 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
 )
 from geoident.fem.solvers.fronts.graph import node_graph
+from geoident.fem.solvers.fronts.single import single_pays
 from geoident.fem.solvers.fronts.tree import assembly_tree, flops_at_most
+from geoident.fem.solvers.memory_limit import memory_limit
 
 LARGE_WORK = 4.0e10
 """Operations from which on our own solver, which takes all cores, is the faster one."""
@@ -22,6 +25,66 @@ KEEP_WORK = 3.0e9
 PLANE = 18.0
 """Entries of a column of the lower triangle, on average, of which plane elements have fewer."""
 
+ITERATED = 16 * 7 * 8 * 4.0
+"""Operations of conjugate gradients for each entry of the lower triangle.
+
+16 steps with 7 products each for 8 right-hand sides, each entry used twice.
+"""
+
+DENSE = 50.0
+"""Operations on dense matrices, on two cores, in a third of the time of one of those products.
+
+Iterations are preferred only where they are three times as fast: a factor answers
+further right-hand sides sooner, and to the last digit.
+"""
+
+FACTOR_SHARE = 0.4
+"""Part of the memory that a factor may take."""
+
+BYTES = 9.5
+"""Memory for an entry of a factor in double precision, with what goes with it."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """What a matrix takes, told from its pattern.
+
+    Args:
+        work: operations of a factorization.
+        entries: of the factor.
+        nonzeros: of the lower triangle.
+        lasting: parts of it last from stage to stage.
+        places: whether its unknowns have places in a mesh.
+    """
+
+    work: float
+    entries: int
+    nonzeros: int
+    lasting: bool = False
+    places: bool = False
+
+
+NOTHING = Size(0.0, 0, 0)
+
+
+def factor_bytes(size: Size) -> float:
+    """Memory of a factor."""
+    work = 0.0 if size.lasting else size.work
+    return size.entries * BYTES * (0.5 if single_pays(work, size.entries) else 1.0)
+
+
+def fits(size: Size) -> bool:
+    """Whether a factor leaves room for the rest."""
+    return factor_bytes(size) <= FACTOR_SHARE * memory_limit()
+
+
+def is_beyond(size: Size) -> bool:
+    """Whether a matrix is better solved by conjugate gradients than factorized."""
+    if not size.places or size.work < LARGE_WORK:
+        return False
+    faster = not size.lasting and size.work > DENSE * ITERATED * size.nonzeros
+    return faster or not fits(size)
+
 
 class AutoSolver:
     """Large matrices, and those of which parts last, go to one solver, the others to another.
@@ -29,27 +92,39 @@ class AutoSolver:
     Args:
         small: makes the solver of the small ones; it is given the counts.
         large: makes the solver of the large ones.
+        beyond: makes the solver of those whose factor takes too much time or memory.
     """
 
     name = "auto"
     keeps_from = KEEP_WORK
 
     def __init__(
-        self, small: Callable[[SolverCounts], Solver], large: Callable[[SolverCounts], Solver]
+        self,
+        small: Callable[[SolverCounts], Solver],
+        large: Callable[[SolverCounts], Solver],
+        beyond: Callable[[SolverCounts], Solver],
     ) -> None:
         self.counts = SolverCounts()
         self._small, self._large = small(self.counts), large(self.counts)
+        self._beyond = beyond(self.counts)
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
-        """Prepare for matrices of this pattern, by the solver that is the faster for them."""
-        if pattern.lasting or _work(pattern) >= LARGE_WORK:
+        """Prepare for matrices of this pattern, by the solver that is the best for them."""
+        size = size_of(pattern)
+        if is_beyond(size):
+            return self._beyond.analyse(pattern)
+        if size.lasting or size.work >= LARGE_WORK:
             return self._large.analyse(pattern)
         return self._small.analyse(pattern)
 
 
-def _work(pattern: LowerPattern) -> float:
-    """Operations of a factorization; 0 where they are surely few, since counting takes longer."""
-    if flops_at_most(pattern.n, plane=len(pattern.indices) < PLANE * pattern.n) < LARGE_WORK:
-        return 0.0
-    graph = node_graph(pattern.indptr, pattern.indices, pattern.n)
-    return sum(front.flops for front in assembly_tree(graph))
+def size_of(pattern: LowerPattern) -> Size:
+    """What a matrix takes; no work where that is surely little, since counting takes longer."""
+    nonzeros, lasting = len(pattern.indices), pattern.lasting > 0
+    places = pattern.places is not None
+    if flops_at_most(pattern.n, plane=nonzeros < PLANE * pattern.n) < LARGE_WORK:
+        return Size(0.0, 0, nonzeros, lasting, places)
+    fronts = assembly_tree(node_graph(pattern.indptr, pattern.indices, pattern.n))
+    work = sum(front.flops for front in fronts)
+    entries = sum(f.width * (f.width + 1) // 2 + f.width * f.height for f in fronts)
+    return Size(work, entries, nonzeros, lasting, places)

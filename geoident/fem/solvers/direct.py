@@ -33,6 +33,7 @@ class SolverCounts:
         flops: multiplications and additions in factorizations, where the solver counts them.
         kept_flops: those that were not needed again, since parts of a factor were kept.
         refinements: steps of refinement of solutions in single precision, column by column.
+        iterations: steps of conjugate gradients, column by column.
     """
 
     analyses: int = 0
@@ -41,6 +42,22 @@ class SolverCounts:
     flops: float = 0.0
     kept_flops: float = 0.0
     refinements: int = 0
+    iterations: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the unknowns of a matrix stand in the mesh, for solvers of several levels.
+
+    Args:
+        dofs: (n,) degree of freedom of each unknown: node times dim, plus component.
+        points: (n_nodes, dim) coordinates of the nodes.
+        edges: (k, 3) nodes on edges of elements of second order, each with its two ends.
+    """
+
+    dofs: Ints
+    points: Floats
+    edges: Ints
 
 
 @dataclass(frozen=True)
@@ -53,12 +70,14 @@ class LowerPattern:
         lasting: number of unknowns, the first, whose equations are mostly the same in the matrices
             of other patterns too: a solver may keep what it finds of them.
         names: (n,) names of the unknowns that are the same in all patterns; None for none.
+        places: of the unknowns in the mesh; None if they have none.
     """
 
     indptr: Ints
     indices: Ints
     lasting: int = 0
     names: Ints | None = None
+    places: Places | None = None
 
     @property
     def n(self) -> int:

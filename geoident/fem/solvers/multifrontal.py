@@ -125,6 +125,29 @@ class MultifrontalAnalysis(DirectAnalysis):
             self.single = False  # it would not be enough the next time either
         return solve
 
+    def preconditioner(self, values: Floats) -> Solve:
+        """How to solve about (n, k): in single precision without refinement, if that is enough.
+
+        Args:
+            values: (nnz,) of the matrix.
+
+        Raises:
+            NotPositiveDefinite: the matrix is not.
+        """
+        diagonal = values[self.pattern.indptr[:-1]]
+        self.factorized += 1
+        if in_range(diagonal):
+            try:
+                factor = self._parts(values, diagonal, kernels("f4"))
+            except NotPositiveDefinite:
+                return self._in_double(values, diagonal)
+            if (
+                contraction(SymmetricMatrix(self.pattern, values), factor.precondition)
+                < CONTRACTION
+            ):
+                return factor.precondition
+        return self._in_double(values, diagonal)
+
     def _in_single(self, values: Floats, diagonal: Floats) -> Solve | None:
         """How to solve by a factorization in single precision; None if that is not enough."""
         try:

@@ -33,13 +33,8 @@ from geoident.forward.gauges.observable import MarchState, Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.structures.members import (
-    StructureMembers,
-    facing_balance,
-    present_throughout,
-    rigidities,
-    straight_pieces,
-)
+from geoident.forward.structures.members import StructureMembers, rigidities
+from geoident.forward.structures.placing import facing_balance, present_throughout, straight_pieces
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
+from geoident.forward.gauges.beyond_mesh import beside_fault
 from geoident.forward.gauges.members import (
     member_readings,
     pressures_on_beams,
@@ -18,6 +19,7 @@ from geoident.forward.gauges.observable import (
     MarchState,
     Observable,
     Placed,
+    point_fault,
     relative_displacements,
 )
 from geoident.forward.gauges.strain import strains
@@ -25,7 +27,7 @@ from geoident.forward.gauges.stress import StressReadings, pore_pressures, stres
 from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case
+from geoident.model.case import Case, format_path
 from geoident.model.gauges import Channel, Reads
 
 _WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
@@ -252,8 +254,8 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
         placed = place([channels[row] for row in mine], on_mesh)
         faults += placed.faults
         snapped |= set(placed.snapped)
+        readable[mine] = placed.readable
         if not placed.faults:
-            readable[mine] = placed.readable
             parts.append((mine, placed.observable))
         for row in mine:
             reasons[row] = placed.unreadable
@@ -265,11 +267,43 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     return found, faults
 
 
-def reading_faults(case: Case, observation: Observation) -> list[Fault]:
-    """Readings that were taken when the gauge could not be read."""
+def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Gauges in the ground with a point that lies outside the mesh, whatever ground is there when.
+
+    Each point of a gauge is said once: the end of a casing is that of all its channels.
+    """
+    faults: dict[tuple[str, tuple[float, ...]], Fault] = {}
+    for channel in on_mesh.case.channels:
+        if channel.structure:
+            continue
+        moving = placing_of(channel) is relative_displacements
+        points = [point for point, _ in channel.motions] if moving else [channel.second]
+        for point in points:
+            sites = on_mesh.locator.sites(on_mesh.kinematics.in_section(point)[0])
+            beside = beside_fault(on_mesh, channel, point, sites)
+            if beside is not None or not sites:
+                fault = beside or point_fault(on_mesh, channel, point, sites)
+                faults.setdefault((channel.gauge, point), fault)
+    return list(faults.values())
+
+
+def reading_faults(
+    case: Case, observation: Observation, of_gauges: Sequence[Fault] = ()
+) -> list[Fault]:
+    """Readings that were taken when the gauge could not be read.
+
+    Args:
+        case: the case.
+        observation: its gauges on the mesh.
+        of_gauges: what is wrong with these; readings of faulty ones are not judged.
+    """
     names = case.stage_names
+    faulty = tuple(fault.path for fault in of_gauges)
+    sound = {c.name for c in case.channels if not _faulty(format_path(c.key), faulty)}
     faults = []
     for reading in case.readings:
+        if reading.channel not in sound:
+            continue
         reason = observation.unreadable(reading.channel, names.index(reading.stage))
         if reading.value is not None and reason and not reading.bad:
             faults.append(
@@ -282,3 +316,8 @@ def reading_faults(case: Case, observation: Observation) -> list[Fault]:
                 )
             )
     return faults
+
+
+def _faulty(key: str, faulty: Sequence[str]) -> bool:
+    """Whether one of some faulty keys is a gauge's, or part of it."""
+    return any(path == key or path.startswith((f"{key}.", f"{key}[")) for path in faulty)

@@ -31,9 +31,7 @@ HELD_ENTRIES = 8_000_000
 """Entries of the stiffness matrices whose factors are held: 1 to 3 GB, as for adjoints."""
 
 FEWEST, MOST = 12, 40
-"""Bounds on the steps of conjugate gradients that may take the place of a factorization."""
-
-_WORTH = {2: 0.0, 3: 0.02}
+"""Steps of conjugate gradients that a factorization must be worth to be left out, and at most."""
 
 _ROUNDING = 1e-13
 """Residual, relative, that elastic states are solved to."""
@@ -118,10 +116,9 @@ class StageTangents:
 
     @property
     def most(self) -> int:
-        """Steps of conjugate gradients that cost about as much as a factorization."""
-        size = self._system.pattern.lower.n
+        """Steps of conjugate gradients that may take the place of a factorization."""
         dim = self._systems.discretization.points.position.shape[1]
-        return int(np.clip(_WORTH[dim] * size ** (2 / 3), FEWEST, MOST))
+        return steps_worth(self._system.pattern.lower.n, dim)
 
     def elastic(self, *, again: bool = False) -> Factor:
         """Factor of the elastic K, perhaps of moduli of other parameters; ``again``: of these."""
@@ -157,6 +154,20 @@ class StageTangents:
         if found is None:
             raise AssertionError
         return found
+
+
+def steps_worth(n: int, dim: int) -> int:
+    """Steps of conjugate gradients to spend in place of a factorization; 0 where it is cheaper.
+
+    In the plane a factorization costs about seven solves whatever the size, in space n^(2/3) of
+    them by the order of operations, and steps are at least `FEWEST`.
+
+    Args:
+        n: unknowns.
+        dim: of the mesh.
+    """
+    worth = int(0.02 * n ** (2 / 3)) if dim == 3 else 0
+    return min(worth, MOST) if worth >= FEWEST else 0
 
 
 class ElasticByHeld:

@@ -280,7 +280,7 @@ class PlasticSteps:
             forces=task.forces[:, 0],
             tangents=tangents,
             members=members,
-            at_hand=tangents,
+            at_hand=tangents if tangents.most else None,
         )
 
     def _balance(

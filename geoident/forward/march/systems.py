@@ -12,7 +12,13 @@ import scipy.sparse as sp
 
 from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
-from geoident.fem.solvers.direct import LowerPattern, Solver, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.direct import (
+    LowerPattern,
+    Places,
+    Solver,
+    SolverCounts,
+    SymbolicFactorization,
+)
 from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
@@ -21,6 +27,7 @@ from geoident.fem.stiffness import (
     free_dofs,
     group_blocks,
     node_graph,
+    nodes_on_edges,
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, PointwiseStiffness, TangentPattern
@@ -102,6 +109,7 @@ class StageSystems:
         self._tangents: dict[frozenset[int], TangentPattern] = {}
         self._analyses: dict[tuple[frozenset[int], int], SymbolicFactorization | None] = {}
         self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
+        self._edges: Ints | None = None
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
@@ -197,6 +205,12 @@ class StageSystems:
         once, each = elimination_flops(*graph, order, mesh.dim, lasting)
         return (order, lasting) if once + stages * each < stages * whole else (plain, 0)
 
+    def _places(self, dofs: Ints) -> Places:
+        """Where unknowns stand, by their degrees of freedom (n,)."""
+        if self._edges is None:
+            self._edges = nodes_on_edges(self._mesh)
+        return Places(dofs, self._mesh.points, self._edges)
+
     def _changing_nodes(self) -> Bools:
         """(n_nodes,) nodes of ground that changes or yields, and of structures."""
         mesh, sequence, case = self._mesh, self._sequence, self._on_mesh.case
@@ -244,13 +258,16 @@ class StageSystems:
                 fixed=self._fixed,
                 dim=self._mesh.dim,
                 lasting=self._lasting,
+                places=self._places,
             )
         return self._patterns[groups]
 
     def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
-        parts = [lower.indptr, lower.indices, *([] if lower.names is None else [lower.names])]
+        parts = [lower.indptr, lower.indices]
+        parts += [] if lower.names is None else [lower.names]
+        parts += [] if lower.places is None else [lower.places.dofs]
         key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest(), spare
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)

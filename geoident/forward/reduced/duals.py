@@ -6,7 +6,8 @@ error of a reading is exactly
     v_a - v~_a = sum_j lambda_aj(p)^T rho_j(p)
 
 Of lambda(p) only lambda at the reference p_r is known, computed once; tau lambda(p_r), with tau the
-best common factor of the moduli, takes its place. So readings are corrected by
+common factor of the moduli (all of them, or those of one material, whichever bounds the reading
+best), takes its place. So readings are corrected by
 tau sum_j lambda_aj(p_r)^T rho_j, and what is left is bounded by products of two errors,
 
     |v_a - corrected| <= sum_j |eta_aj| |rho_j| ,      eta = lambda(p) - tau lambda(p_r).
@@ -29,14 +30,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.march.march import March, Run
+from geoident.forward.march.march import Run
 from geoident.forward.march.stage import factorize
-from geoident.forward.reduced.loads import LoadForm
+from geoident.forward.reduced.affine_march import AffineFactors
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
-from geoident.forward.reduced.moduli import MaterialSpan
-from geoident.forward.reduced.projection import GalerkinProjection, StressTerm, parts_of
-from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import Zone
+from geoident.forward.reduced.projection import GalerkinProjection
+from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Floats
 
 _AT_ONCE = 24
@@ -70,6 +69,14 @@ class ReadingBounds:
     correction: Floats
     error: Floats
 
+    def or_less(self, other: ReadingBounds) -> ReadingBounds:
+        """Of each reading the one of two that is less."""
+        less = np.abs(other.correction) + other.error < np.abs(self.correction) + self.error
+        return ReadingBounds(
+            np.where(less, other.correction, self.correction),
+            np.where(less, other.error, self.error),
+        )
+
 
 class ReadingDuals:
     """Adjoints of readings at the reference of a reduced model.
@@ -80,7 +87,7 @@ class ReadingDuals:
     """
 
     def __init__(self, reduced: ReducedModel, stages: Sequence[StageDual]) -> None:
-        self._reduced, self._stages = reduced, tuple(stages)
+        self._reduced, self.stages = reduced, tuple(stages)
 
     def bounds(self, found: ReducedStates, energy: EnergyBounds) -> ReadingBounds:
         """Corrections and bounds of all readings.
@@ -89,18 +96,38 @@ class ReadingDuals:
             found: states at parameter vectors (b).
             energy: the bounds of their errors in energy.
         """
-        mu = np.concatenate(list(energy.moduli.values()), axis=1)
-        tau = 2.0 / (mu.min(axis=1) + mu.max(axis=1))
+        work = self._work(found)
+        every = [np.concatenate(list(energy.moduli.values()), axis=1), *energy.moduli.values()]
+        best: ReadingBounds | None = None
+        for mu in every:  # each holds: a reading takes the least
+            tau = 2.0 / (mu.min(axis=1) + mu.max(axis=1))
+            left = self._left(found.at, energy, tau)
+            this = ReadingBounds(tau[:, None] * work, left)
+            best = this if best is None else best.or_less(this)
+        assert best is not None
+        return best
+
+    def _work(self, found: ReducedStates) -> Floats:
+        """(b, g) of the adjoints on what is out of balance."""
+        total = np.zeros((len(found.at.loads), len(self.stages[0].loads)))
+        for dual in self.stages:
+            total += found.at.loads @ dual.loads.T
+            for (state, material), terms in dual.terms.items():
+                q, c = found.states[state][..., 0], found.at.moduli[material]
+                total -= np.einsum("br,brg->bg", c, np.tensordot(q, terms, axes=(1, 2)))
+        return total
+
+    def _left(self, at: AffineFactors, energy: EnergyBounds, tau: Floats) -> Floats:
+        """Bounds (b, g) of what the adjoints of the reference, tau (b,) times, leave."""
         chi = {
             name: np.abs((1.0 - tau[:, None] * own) / np.sqrt(own)).max(axis=1)
             for name, own in energy.moduli.items()
         }
-        at, stages = found.at, self._reduced.stages
-        shape = len(at.loads), self._stages[0].loads.shape[0]
-        correction, error = np.zeros(shape), np.zeros(shape)
-        left = [np.zeros(shape) for _ in stages]  # what the states that build on one leave it
-        for number in reversed(range(len(stages))):
-            stage, dual = stages[number], self._stages[number]
+        shape = len(tau), len(self.stages[0].loads)
+        error = np.zeros(shape)
+        left = [np.zeros(shape) for _ in self.stages]  # what the states that build on one leave it
+        for number in reversed(range(len(self.stages))):
+            stage, dual = self._reduced.stages[number], self.stages[number]
             squared = np.zeros(shape)
             for name, own in dual.energy.items():
                 squared += chi[name][:, None] ** 2 * own
@@ -109,40 +136,21 @@ class ReadingDuals:
             if number:
                 growth = np.sqrt(self._reduced.growth(stage, at))
                 left[stage.base] += beta * np.reshape(growth, (-1, 1))
-            work = at.loads @ dual.loads.T
-            for (state, material), terms in dual.terms.items():
-                q, c = found.states[state][..., 0], at.moduli[material]
-                work -= np.einsum("br,brg->bg", c, np.tensordot(q, terms, axes=(1, 2)))
-            correction += tau[:, None] * work
-        return ReadingBounds(correction, error)
+        return error
 
 
 class DualMarch:
     """Takes readings back through the stages at the reference of a reduced model.
 
     Args:
-        march: of the case.
-        zones: of every state.
-        spans: of every material.
-        loads: in-situ stress and forces.
-        snapshots: of which the reduced model was made.
         projection: what made it.
         run: a traced run at the reference, all its states done.
     """
 
-    def __init__(
-        self,
-        march: March,
-        zones: Sequence[Sequence[Zone]],
-        spans: Mapping[str, MaterialSpan],
-        loads: LoadForm,
-        snapshots: Sequence[Snapshot],
-        projection: GalerkinProjection,
-        run: Run,
-    ) -> None:
-        self._march, self._zones, self._spans, self._loads = march, zones, spans, loads
-        self._snapshots, self._projection, self._run = snapshots, projection, run
-        self._points = march.systems.discretization.points
+    def __init__(self, projection: GalerkinProjection, run: Run) -> None:
+        self._projection, self._affine, self._run = projection, projection.affine, run
+        self._systems = projection.affine.march.systems
+        self._points = projection.affine.points
 
     def stages(self, rows: sp.csr_array, weights: Floats) -> tuple[StageDual, ...]:
         """The adjoints of readings in all states.
@@ -163,27 +171,26 @@ class DualMarch:
         s, points = self._points.n_strain, self._points.n_points
         left: dict[int, Floats] = {}
         found: list[StageDual] = [self._nothing(k) for _ in range(n_states)]
-        for number in range(n_states - 1, 0 if not self._loads.settles else -1, -1):
+        for number in range(n_states - 1, 0 if not self._affine.form.loads.settles else -1, -1):
             trace = self._run.traces[number]
             task, system = trace.task, trace.task.system
             a = left.pop(number, np.zeros((s, points, k)))
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             stress = self._stressed(number, a)
-            rest = -self._points.forces(stress, system.volume)
+            rest = -self._points.forces(stress, system)
             if number:
                 rest += rows.T @ np.diag(weights[number])
             w, dofs = np.zeros_like(rest), system.pattern.dofs
-            factor = factorize(task, self._march.systems, self._run.factors)
+            factor = factorize(task, self._systems, self._run.factors)
             if factor is not None and trace.stepped:
                 w[dofs] = factor.solve(rest[dofs])
             strain = self._points.strain(w)
             a += strain
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             found[number] = self._tested(number, a, strain)
             if number:
                 state = task.state
-                for group in state.placed:
-                    a[:, self._march.systems.discretization.points_of[group]] = 0.0
+                self._points.clear_begun(a, state)
                 base = state.base
                 left[base] = left[base] + a if base in left else a
         return found
@@ -191,7 +198,7 @@ class DualMarch:
     def _stressed(self, number: int, strain: Floats) -> Floats:
         """E eps of adjoint strains (s, n_points, k)."""
         found = np.zeros_like(strain)
-        for zone in self._zones[number]:
+        for zone in self._affine.zones[number]:
             E = self._projection.reference_matrix(zone.material)
             found[:, zone.points] = np.tensordot(E, strain[:, zone.points], axes=1)
         return found
@@ -203,30 +210,23 @@ class DualMarch:
         energy: dict[str, Floats] = {}
         work = np.zeros((k, particular.shape[1]))
         terms: dict[StressTerm, Floats] = {}
-        for zone in self._zones[number]:
+        for zone in self._affine.zones[number]:
             mine = zone.points
             volume = self._points.volume[mine][:, None]
             own, E = b[:, mine], self._projection.reference_matrix(zone.material)
             squares = np.sum(own * np.tensordot(E, own, axes=1) * volume, axis=(0, 1))
             energy[zone.material] = energy.get(zone.material, 0.0) + squares
             test = (strain[:, mine] * volume).reshape(-1, k)
-            columns = [s.stress[number][:, mine] for s in self._snapshots]
-            if zone.history.virgin is not None:
-                in_situ = self._loads.stress[:, mine]
-                columns = [
-                    c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)
-                ]
-            joined = np.concatenate(columns, axis=-1)
+            joined = self._projection.stresses(zone, mine)
             work += test.T @ joined.reshape(len(test), -1) @ particular
-            for state, material, sign in parts_of(zone):
+            for state, material, sign in zone.parts:
                 if state not in turn:
                     continue
-                eps = [s.strain[state][:, mine] for s in self._snapshots]
-                raw = sign * np.concatenate(eps, axis=-1)
+                raw = sign * self._projection.strains(state, mine)
                 found = np.stack(
                     [
                         test.T @ np.tensordot(J, raw, axes=1).reshape(len(test), -1) @ turn[state]
-                        for J in self._spans[material].basis
+                        for J in self._affine.form.spans[material].basis
                     ]
                 )
                 key = state, material

@@ -27,27 +27,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.reduced.loads import LoadForm
-from geoident.forward.reduced.moduli import MaterialSpan, relative_eigenvalues
-from geoident.forward.reduced.projection import ReducedStage, StressTerm
+from geoident.forward.reduced.affine_march import AffineFactors, AffineForm
+from geoident.forward.reduced.moduli import relative_eigenvalues
+from geoident.forward.reduced.projection import ReducedStage
 from geoident.model.arrays import Floats
-
-
-@dataclass(frozen=True, eq=False)
-class AffineFactors:
-    """Moduli and loads at parameter vectors (b).
-
-    Args:
-        moduli: material to its coordinates (b, r).
-        slopes: likewise (b, r, n).
-        loads: psi (b, r).
-        load_slopes: (b, r, n).
-    """
-
-    moduli: Mapping[str, Floats]
-    slopes: Mapping[str, Floats]
-    loads: Floats
-    load_slopes: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,29 +74,14 @@ class ReducedModel:
     """The march on the space of few states.
 
     Args:
-        names: of the n parameters.
+        form: of moduli and loads.
         reference: (n,) parameters whose moduli measure.
-        spans: of every material.
-        loads: their form.
         stages: of all states.
     """
 
-    names: tuple[str, ...]
+    form: AffineForm
     reference: Floats
-    spans: Mapping[str, MaterialSpan]
-    loads: LoadForm
     stages: tuple[ReducedStage, ...]
-
-    def coordinates(self, values: Floats) -> AffineFactors:
-        """Moduli and loads at parameter vectors (b, n)."""
-        found = {name: span.coordinates(values) for name, span in self.spans.items()}
-        psi, slopes = self.loads.coordinates(values)
-        return AffineFactors(
-            {name: c for name, (c, _) in found.items()},
-            {name: dc for name, (_, dc) in found.items()},
-            psi,
-            slopes,
-        )
 
     def states(self, values: Floats, *, derivatives: bool = True) -> ReducedStates:
         """All states at parameter vectors (b, n).
@@ -121,7 +89,7 @@ class ReducedModel:
         Raises:
             ValueError: moduli leave the span of those that were seen.
         """
-        at = self.coordinates(values)
+        at = self.form.at(values)
         found: list[Floats] = []
         for number, stage in enumerate(self.stages):
             found.append(self._solve(stage, number, at, found, derivatives=derivatives))
@@ -137,7 +105,7 @@ class ReducedModel:
         derivatives: bool,
     ) -> Floats:
         """Q (b, N, 1 + n or 1) of a state."""
-        b, n = len(at.loads), len(self.names)
+        b, n = len(at.loads), len(self.form.names)
         q = np.zeros((b, stage.size, 1 + n if derivatives else 1))
         if not stage.size:
             return q
@@ -174,7 +142,7 @@ class ReducedModel:
     def bounds(self, found: ReducedStates) -> EnergyBounds:
         """Bounds of the error in energy."""
         at = found.at
-        moduli = {name: self._eigenvalues(name, at) for name in self.spans}
+        moduli = {name: self._eigenvalues(name, at) for name in self.form.spans}
         b = len(at.loads)
         residual, stress, size = (np.zeros((len(self.stages), b)) for _ in range(3))
         for number, stage in enumerate(self.stages):
@@ -191,7 +159,7 @@ class ReducedModel:
         return EnergyBounds(residual, stress, np.sqrt(np.maximum(size, 0.0)), moduli)
 
     def _eigenvalues(self, name: str, at: AffineFactors) -> Floats:
-        span = self.spans[name]
+        span = self.form.spans[name]
         c, b = at.moduli[name], len(at.loads)
         if span.fixed is not None:
             return np.ones((b, span.basis.shape[1]))
@@ -202,7 +170,7 @@ class ReducedModel:
         """Kappa (b,)."""
         growth: Floats | float = 1.0
         for before, after in stage.changes:
-            matrices = (self.spans[m].matrix(at.moduli[m]) for m in (before, after))
+            matrices = (self.form.spans[m].matrix(at.moduli[m]) for m in (before, after))
             old, new = matrices
             root = np.linalg.inv(np.linalg.cholesky(new))
             largest = np.linalg.eigvalsh(root @ old @ root.swapaxes(1, 2))[:, -1]
@@ -253,6 +221,3 @@ def _product_columns(columns: Floats, c: Floats, q: Floats) -> Floats:
     return np.asarray(
         np.einsum("br,bn->brn", c, q).reshape(len(q), -1) @ columns.reshape(len(columns), -1).T
     )
-
-
-__all__ = ["AffineFactors", "EnergyBounds", "ReducedModel", "ReducedStates", "StressTerm"]

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.affine import trial_points
-from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.march import March, Run
+from geoident.forward.reduced.affine_march import AffineMarch, affine_march
 from geoident.forward.reduced.coverage import reduction_obstacle
 from geoident.forward.reduced.duals import DualMarch, ReadingDuals
-from geoident.forward.reduced.loads import load_form
-from geoident.forward.reduced.model import ReducedModel, ReducedStates
-from geoident.forward.reduced.moduli import MaterialSpan, span_of
-from geoident.forward.reduced.projection import GalerkinProjection, parts_of
+from geoident.forward.reduced.model import ReducedModel
+from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import Zone, zones_of
 from geoident.model.arrays import Floats
-from geoident.model.parameter import Values
-
-_DRAWS = 24
-"""Parameter vectors at which moduli and loads are looked at, beside three for each parameter."""
 
 _WITH_SECOND = 2
 """Marches that are recorded with second derivatives: a search seldom leaps from a third."""
@@ -51,7 +43,11 @@ class Reduction:
             derivatives only in its first marches.
 
     Attributes:
+        snapshots: the marches that are kept.
+        projection: what made the last model.
         number: of the next march in a search; None to count those that are kept.
+        economical: as given.
+        obstacle: why there is no reduced model, a clause, or None as far as is known.
     """
 
     def __init__(
@@ -64,51 +60,44 @@ class Reduction:
         economical: bool = True,
     ) -> None:
         self._march, self._observation = march, observation
-        self.last, self.most, self._economical = last, most, economical
-        self._names = tuple(q.name for q in march.case.parameters)
+        self.last, self.most, self.economical = last, most, economical
         self.snapshots: list[Snapshot] = []
-        self._made: tuple[tuple[bytes, ...], ReducedModel | None] = ((), None)
-        self._projection: GalerkinProjection | None = None
-        self._prepared = self._second = False
+        self._affine: AffineMarch | None = None  # found when the first march is to be recorded
+        self._second = False
+        self._made: tuple[tuple[bytes, ...], ReducedModel | None] | None = None
+        self.projection: GalerkinProjection | None = None
         self.number: int | None = None
         self.obstacle = reduction_obstacle(march)
 
     def _prepare(self) -> str | None:
-        march = self._march
-        samples = self._samples()
-        s = march.systems.discretization.points.n_strain
-        loads = load_form(march, self._names, samples, self.last)
-        if loads is None:
+        """Look at moduli and loads; why there is no reduced model, a clause, or None."""
+        affine = self._affine = affine_march(self._march, self.last)
+        if affine is None:
             return "its loads are no polynomials of degree two in the parameters"
-        self._loads = loads
-        materials = march.sequence.materials
-        self._spans: dict[str, MaterialSpan] = {
-            name: span_of(march.case.materials[name], self._names, samples, s) for name in materials
-        }
-        self._zones = zones_of(march.on_mesh)[: self.last + 1]
-        columns = 1 + len(self._names)
-        if self._entries(columns) > MOST_ENTRIES:
+        columns = 1 + len(affine.form.names)
+        if self._entries(affine, columns) > MOST_ENTRIES:
             return "what a march leaves for it does not fit into the memory"
         # second derivatives need up to three times as much beside, and room for another march
-        self._second = self._entries(4 * columns) <= MOST_ENTRIES
+        self._second = self._entries(affine, 4 * columns) <= MOST_ENTRIES
         largest = columns + MOST_SECOND if self._second else columns
-        self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(largest)))
-        return self._dear() if self._economical else None
+        self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(affine, largest)))
+        return self._dear(affine) if self.economical else None
 
-    def _entries(self, columns: int) -> int:
-        """Numbers that a march leaves: strains and stresses of all states."""
-        points = self._march.systems.discretization.points
-        states = self.last + int(self._loads.settles)
-        return 2 * states * points.n_strain * points.n_points * columns
+    def _entries(self, affine: AffineMarch, columns: int) -> int:
+        """Numbers that a march leaves: motions, what is seen of them, and how ground settled."""
+        points, n_dofs = affine.points, self._march.systems.discretization.n_dofs
+        settled = points.n_strain * points.n_points if affine.form.loads.settles else 0
+        seen = (self.last + 1) * len(self._observation.channels)
+        return (self.last * n_dofs + seen + settled) * columns
 
-    def _dear(self) -> str | None:
+    def _dear(self, affine: AffineMarch) -> str | None:
         """Why a reduced model would cost more than the marches that it saves; None if it does not.
 
         Counted are multiplications and additions: of a factorization by nested dissection, about
         60 n^1.5 in the plane and 20 n^2 in space; of the triangular factors of the columns of two
         marches, which are of long thin matrices and made anew with every march (`PROJECTED`).
         """
-        march, n = self._march, len(self._names)
+        march, n = self._march, len(affine.form.names)
         points, columns = march.systems.discretization.points, 3 * (1 + n)
         projecting = marching = 0.0
         for state in range(1, self.last + 1):
@@ -116,35 +105,20 @@ class Reduction:
             factor = 60.0 * unknowns**1.5 if points.n_strain < 6 else 20.0 * unknowns**2
             size = points.n_strain * points.n_points
             marching += factor + 150.0 * (1 + n) * size
-            for zone in self._zones[state]:
-                terms = {(other, material) for other, material, _ in parts_of(zone) if other}
-                blocks = 1 + sum(self._spans[material].rank for _, material in terms)
+            for zone in affine.zones[state]:
+                terms = {(other, material) for other, material, _ in zone.parts if other}
+                blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
                 rows = points.n_strain * len(zone.points)
                 projecting += 2.0 * rows * (columns * blocks) ** 2
         if PROJECTED * projecting <= marching:
             return None
         return "for a mesh of this size it costs more than the marches that it saves"
 
-    def _samples(self) -> Floats:
-        """Parameter vectors spread over the domain (b, n)."""
-        march, parameters = self._march, self._march.case.parameters
-
-        def admissible(values: Values) -> bool:
-            return inadmissible_numbers(march.case, march.sequence, values) is None
-
-        points = trial_points(parameters, admissible)
-        corners = np.array([[point.values[name] for name in self._names] for point in points])
-        start = np.array([q.start for q in parameters])
-        random, found = np.random.default_rng(0), [*corners]
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        while len(found) < _DRAWS + 3 * len(start):
-            p = low + (high - low) * random.random(len(start))
-            for _ in range(20):
-                if admissible(dict(zip(self._names, map(float, p), strict=True))):
-                    break
-                p = 0.5 * (p + start)
-            found.append(p)
-        return np.array(found)
+    def covers(self) -> bool:
+        """Whether there is nothing against it; loads and moduli are looked at once."""
+        if self._affine is None and self.obstacle is None:
+            self.obstacle = self._prepare()
+        return self.obstacle is None
 
     def knows(self, p: Floats) -> bool:
         """Whether the march at p (n,) is kept."""
@@ -164,15 +138,11 @@ class Reduction:
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records a march at p (n,); None where the case has no reduced model."""
-        if not self._prepared and self.obstacle is None:
-            self._prepared, self.obstacle = True, self._prepare()
-        if self.obstacle is not None:
+        if not self.covers() or self._affine is None:
             return None
-        parts = self._zones, self._spans, self._loads
         number = len(self.snapshots) if self.number is None else self.number
-        second = number < _WITH_SECOND or not self._economical
-        second = second and self._second
-        return Recorder(self._march, self._observation, *parts, p, second=second)
+        second = self._second and (number < _WITH_SECOND or not self.economical)
+        return Recorder(self._affine, self._observation, p, second=second)
 
     def model(self, reference: Floats | None = None) -> ReducedModel | None:
         """The model of the marches so far.
@@ -180,57 +150,28 @@ class Reduction:
         Args:
             reference: (n,) parameters whose moduli measure; None for those of the last march.
         """
-        if self.obstacle is not None or not self.snapshots:
+        affine = self._affine
+        if affine is None or self.obstacle is not None or not self.snapshots:
             return None
         reference = self.snapshots[-1].p if reference is None else reference
         key = (*(s.p.tobytes() for s in self.snapshots), reference.tobytes())
-        if self._made[0] != key:
-            parts = self._zones, self._spans, self._loads
-            self._projection = GalerkinProjection(self._march, *parts, self.snapshots, reference)
-            made = self._projection.stages()
-            model = None
-            if made is not None:
-                model = ReducedModel(self._names, reference, self._spans, self._loads, made)
+        if self._made is None or self._made[0] != key:
+            self.projection = GalerkinProjection(affine, self.snapshots, reference)
+            stages = self.projection.stages()
+            model = None if stages is None else ReducedModel(affine.form, reference, stages)
             self._made = key, model
         return self._made[1]
 
-    def duals(self, run: Run, rows: sp.csr_array, weights: Floats) -> ReadingDuals:
-        """Adjoints of readings (g) at the reference of the model.
+    def duals(
+        self, model: ReducedModel, run: Run, rows: sp.csr_array, weights: Floats
+    ) -> ReadingDuals:
+        """Adjoints of readings (g) at the reference of the model that was made last.
 
         Args:
+            model: that one.
             run: a traced run there, all its states done.
             rows: G', (g, n_dofs).
             weights: (n_states, g) how often a reading counts the displacements of a state.
         """
-        model = self._made[1]
-        assert model is not None
-        assert self._projection is not None
-        parts = self._zones, self._spans, self._loads
-        back = DualMarch(self._march, *parts, self.snapshots, self._projection, run)
-        return ReadingDuals(model, back.stages(rows, weights))
-
-    def stresses(
-        self, model: ReducedModel, found: ReducedStates, state: int
-    ) -> Iterator[tuple[Zone, Floats]]:
-        """Zones of a state with their stress (s, q) at the first of the parameter vectors, Pa.
-
-        Args:
-            model: the one that was made last.
-            found: its states.
-            state: which.
-        """
-        assert self._projection is not None
-        at, turn = found.at, self._projection.turn
-        for zone in self._zones[state]:
-            mine = zone.points
-            stress = np.zeros((self._loads.stress.shape[0], len(mine)))
-            if zone.history.virgin is not None:
-                stress += self._loads.stress[:, mine] @ at.loads[0]
-            for other, material, sign in parts_of(zone):
-                if other not in turn:
-                    continue
-                coordinates = turn[other] @ found.states[other][0, :, 0]
-                raw = np.concatenate([s.strain[other][:, mine] for s in self.snapshots], axis=-1)
-                E = model.spans[material].matrix(at.moduli[material][0])
-                stress += sign * (E @ (raw @ coordinates))
-            yield zone, stress
+        assert self.projection is not None
+        return ReadingDuals(model, DualMarch(self.projection, run).stages(rows, weights))

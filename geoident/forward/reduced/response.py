@@ -7,6 +7,7 @@ what the march and this model round.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class ReducedResponse:
         states: (g,) states of their readings.
         added: what instruments add to them and its derivatives (g, 1 + n) at the reference;
             linear in the parameters.
+        bases: (n_states,) the state on which each builds.
         admissible: says why parameters (n,) are outside the domain, or None.
         duals: adjoints of the readings, where their errors are to be bounded.
     """
@@ -42,19 +44,20 @@ class ReducedResponse:
         rows: Ints,
         states: Ints,
         added: Floats,
+        bases: Ints,
         admissible: Callable[[Floats], str | None],
         duals: ReadingDuals | None = None,
     ) -> None:
         self.model, self._observation = reduced, observation
-        self._rows, self._states, self._added = rows, states, added
-        self._admissible, self._duals = admissible, duals
+        self.rows, self.states, self._added = rows, states, added
+        self._bases, self._admissible, self.duals = bases, admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the n parameters."""
-        return self.model.names
+        return self.model.form.names
 
     @property
     def counts(self) -> Counts:
@@ -85,6 +88,14 @@ class ReducedResponse:
         except np.linalg.LinAlgError:
             return np.inf
 
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what channels see at p (n,), SI.
+
+        (n_states, n_channels); 0 for those that read something else than motions.
+        """
+        seen = self.model.observed(self._at(p))[:, :, 0, 0]
+        return self._observation.increments(seen, self._bases)
+
     def many(self, values: Floats) -> tuple[Floats, EnergyBounds]:
         """Readings (b, g) at parameter vectors (b, n), and bounds of the errors in energy."""
         self._evaluations += len(values)
@@ -95,16 +106,27 @@ class ReducedResponse:
     def certified(self, values: Floats) -> tuple[Floats, Floats]:
         """Readings (b, g) at parameter vectors (b, n), and bounds (b, g) of their errors, SI.
 
+        Both are NaN outside the domain, and of all where the reduced model has no answer for one.
+
         Raises:
             ValueError: it was made without adjoints.
         """
-        if self._duals is None:
+        if self.duals is None:
             msg = "the reduced model has no adjoints of these readings"
             raise ValueError(msg)
+        inside = np.array([self._admissible(p) is None for p in values], dtype=bool)
+        table, error = np.full((2, len(values), len(self.rows)), np.nan)
+        if inside.any():
+            with suppress(ValueError, np.linalg.LinAlgError):
+                table[inside], error[inside] = self._bounded(self.duals, values[inside])
+        return table, error
+
+    def _bounded(self, duals: ReadingDuals, values: Floats) -> tuple[Floats, Floats]:
+        """Readings and bounds of their errors, all inside the domain."""
         self._evaluations += len(values)
         found = self.model.states(values, derivatives=False)
         table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
-        left = self._duals.bounds(found, self.model.bounds(found))
+        left = duals.bounds(found, self.model.bounds(found))
         rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
         return table, left.error + np.abs(left.correction) + rounding[:, None]
 
@@ -123,8 +145,8 @@ class ReducedResponse:
         """Readings (g, b, 1 + n or 1)."""
         seen = self.model.observed(found)
         flat = seen.reshape(*seen.shape[:2], -1)
-        table = self._observation.readings(flat, self._rows, self._states)
-        table = table.reshape(len(self._rows), *seen.shape[2:])
+        table = self._observation.readings(flat, self.rows, self.states)
+        table = table.reshape(len(self.rows), *seen.shape[2:])
         slopes = self._added[:, 1:]
         table[..., 0] += self._added[:, :1] + slopes @ (values - self.model.reference).T
         if table.shape[2] > 1:

@@ -10,7 +10,7 @@ from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.structures.members import (
+from geoident.forward.structures.placing import (
     clamped_nodes,
     held_points,
     hinge_nodes,

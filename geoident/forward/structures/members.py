@@ -25,7 +25,6 @@ would give off most of the force where the grout begins, the more the finer the 
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -38,29 +37,24 @@ from geoident.fem.structures import (
     Members,
     SectionForces,
     area_shares,
-    bars,
-    beams,
-    grouted_parts,
     member_blocks,
     section_forces,
-    shells,
     stiffness_map,
 )
-from geoident.forward.actions.supports import group_nodes
-from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.end_moments import EndMoments, end_moments
+from geoident.forward.structures.placing import (
+    bears_on,
+    hinged_and_held,
+    placed,
+    present_throughout,
+    toothed,
+)
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Analysis, Case
-from geoident.model.cells import CELLS
+from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.mesh import Mesh, rows_in
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Anchors, Bars, Beam, Structure
-
-_HeldPoint = tuple[str, tuple[float, ...]]
-
-GROUT_POINTS = 10
-"""Points, spread evenly along the grouted length of an anchor, at which it holds the ground."""
+from geoident.model.structures import Bars, Beam, Structure
 
 
 @dataclass(frozen=True)
@@ -259,6 +253,17 @@ class Structures:
             anew[part.rows] = not stays or part.name in state.stressed
         return anew
 
+    def stiff(self, state: ConstructionState) -> Bools:
+        """(n_rows,) members that work with their stiffness at a state."""
+        found = np.zeros(self.n_rows, dtype=bool)
+        for _, part in self._stiff(state):
+            found[part.rows] = True
+        return found
+
+    def given(self, state: ConstructionState, point: ParameterPoint) -> Floats:
+        """Forces q (n_rows, 1 + n) to which bars are brought at a state; others zero."""
+        return self._given(state.stressed, point)
+
     def _given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""
         result = np.zeros((self.n_rows, point.n_columns))
@@ -341,17 +346,12 @@ def inadmissible(case: Case, values: Values) -> str | None:
 
 
 def _parts(on_mesh: CaseOnMesh) -> Iterator[StructureMembers]:
-    mesh = on_mesh.mesh
     first = 0
     for name, structure in on_mesh.case.structures.items():
         present = present_throughout(on_mesh.sequence, name)
         if present is None:
             continue
-        if isinstance(structure, Beam):
-            edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
-            members = _beams(on_mesh, structure, edges)
-        else:
-            members = _bars(on_mesh, structure, present)
+        members = placed(on_mesh, structure, present)
         rows = slice(first, first + len(members.weight))
         first = rows.stop
         yield StructureMembers(name, structure, members, rows)
@@ -362,7 +362,7 @@ def _with_end_moments(
 ) -> tuple[StructureMembers, ...]:
     """The structures, of beams with how moments at the ends of their pieces are found."""
     mesh = on_mesh.mesh
-    borne = [_bears_on(mesh, part.members) for part in parts]
+    borne = [bears_on(mesh, part.members) for part in parts]
     return tuple(
         replace(part, end_moments=_end_moments(on_mesh, part, [*borne[:n], *borne[n + 1 :]]))
         for n, part in enumerate(parts)
@@ -376,196 +376,7 @@ def _end_moments(
     mesh, beam, nodes = on_mesh.mesh, part.structure, part.members.nodes
     if not isinstance(beam, Beam) or nodes is None:
         return None
-    hinged, held = _hinged_and_held(on_mesh, beam)
+    hinged, held = hinged_and_held(on_mesh, beam)
     kinked = np.logical_or.reduce([np.zeros(mesh.n_nodes, dtype=bool), *others])
-    toothed = _toothed(mesh, beam, nodes)
-    return end_moments(nodes, part.members.ends, toothed, kinked, held, hinged)
-
-
-def _toothed(mesh: Mesh, beam: Beam, nodes: Ints) -> Bools:
-    """(n,) pieces of a beam that lie on lines of three nodes."""
-    middles = [
-        block.nodes[rows][:, 2]
-        for block, rows in rows_in(mesh.facets, mesh.facet_groups[beam.group])
-        if block.kind == "line3"
-    ]
-    of_three = np.concatenate([np.empty(0, dtype=np.int64), *middles])
-    return np.asarray(np.isin(nodes, of_three).any(axis=1))
-
-
-_BEARS = 0.3
-"""Part of the largest weight of a bar on nodes from which on it bears on a node."""
-
-
-def _bears_on(mesh: Mesh, members: Members) -> Bools:
-    """(n_nodes,) nodes on which a structure bears: of bars those next to their ends."""
-    borne = np.zeros(mesh.n_nodes, dtype=bool)
-    if members.nodes is not None:
-        borne[members.nodes] = True
-        return borne
-    weights = abs(members.operator).tocoo()
-    largest = abs(members.operator).max(axis=1).toarray().ravel()
-    chosen = weights.data > _BEARS * largest[weights.row]
-    borne[weights.col[chosen] // mesh.dim] = True
-    return borne
-
-
-def _hinged_and_held(on_mesh: CaseOnMesh, beam: Beam) -> tuple[Bools, Bools]:
-    """(n_nodes,) at which a beam has a hinge, and at which it does not turn."""
-    mesh = on_mesh.mesh
-    hinged = np.zeros(mesh.n_nodes, dtype=bool)
-    for hinge in beam.hinges:
-        hinged[hinge_nodes(mesh, beam, hinge)] = True
-    held = clamped_nodes(mesh, beam)
-    if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
-        return hinged, held
-    on_axis = on_mesh.kinematics.on_axis(mesh.points)
-    return hinged & ~on_axis, held | on_axis
-
-
-def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
-    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
-    mesh = on_mesh.mesh
-    hinged, held = _hinged_and_held(on_mesh, beam)
-    if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
-        return beams(mesh, edges, held, hinged)
-    return shells(mesh, edges, held, hinged, 0.0 if beam.nu is None else beam.nu.factor)
-
-
-def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
-    """Nodes (k,) of a beam at one of its hinges; none where the hinge is not on the beam.
-
-    Args:
-        mesh: the mesh.
-        beam: on its lines.
-        hinge: a group of the mesh, or a point (dim,), m, at most 1 % of a piece from its node.
-    """
-    pieces = straight_pieces(mesh, beam.group)
-    mine = np.unique(pieces)
-    if isinstance(hinge, str):
-        return np.intersect1d(mine, group_nodes(mesh, hinge))
-    shortest = np.linalg.norm(np.diff(mesh.points[pieces], axis=1)[:, 0], axis=1).min()
-    apart = np.linalg.norm(mesh.points[mine] - hinge, axis=1)
-    nearest = int(np.argmin(apart))
-    return mine[[nearest]] if apart[nearest] <= 0.01 * shortest else mine[:0]
-
-
-def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
-    """Bars on the mesh; their members are numbered as the case gives them."""
-    locator = on_mesh.locator
-    ends = np.array(structure.ends, dtype=np.float64)
-    extent = None
-    if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
-        extent = 2 * np.pi * ends[:, 0, 0]
-    held = [tuple([p for _, p in points] for points in held_points(structure, pair))
-            for pair in structure.ends]  # fmt: skip
-    sites = [
-        tuple([s for p in points if (s := locator.best(p, present)) is not None] for points in pair)
-        for pair in held
-    ]
-    if isinstance(structure, Anchors):
-        ends, _ = grouted_parts(ends, structure.grouted, GROUT_POINTS)
-    return bars(on_mesh.mesh, ends, [(first, second) for first, second in sites], extent)
-
-
-def held_points(
-    structure: Bars, ends: tuple[tuple[float, ...], tuple[float, ...]]
-) -> tuple[list[_HeldPoint], list[_HeldPoint]]:
-    """What the mesh holds of a bar at its first and at its second end: what it is, and where.
-
-    Args:
-        structure: with the bar.
-        ends: of the bar, (dim,) each, m.
-    """
-    if isinstance(structure, Anchors):
-        _, points = grouted_parts(np.array([ends]), structure.grouted, GROUT_POINTS)
-        grout = [("the grouted length at", tuple(point)) for point in points[0].tolist()]
-        return [("the head", ends[0])], grout
-    second = [("the end", ends[1])] if structure.second_end == "joined" else []
-    return [("the end", ends[0])], second
-
-
-def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:
-    """(n_elements,) what is there as long as a structure stands; None if it never does."""
-    there = [n for n, state in enumerate(sequence.states) if name in state.structures]
-    return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
-
-
-def straight_pieces(mesh: Mesh, group: str) -> Ints:
-    """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
-    edges = []
-    for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
-        edges += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
-    joined = np.concatenate(edges)
-    _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-    return joined[np.sort(once)]
-
-
-def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
-    """Edges turned so that present ground is on their left, where it is on one side only.
-
-    Bending moments then are positive with tension on the open side. Pieces with ground on both
-    sides, as the embedded part of a wall, go on in the direction of those that they follow on.
-    """
-    balance = facing_balance(mesh, edges, present)
-    turned = _going_on(edges, np.sign(balance).astype(np.int64))
-    return np.where(turned[:, None], edges[:, ::-1], edges)
-
-
-def _going_on(edges: Ints, side: Ints) -> Bools:
-    """(n,) which edges are turned round, so that no direction changes where two of them meet.
-
-    Args:
-        edges: (n, 2) nodes.
-        side: (n,) 1 where an edge stays, -1 where it is turned, 0 where its neighbours say.
-    """
-    at: dict[int, list[int]] = {}
-    for n, pair in enumerate(edges.tolist()):
-        for node in pair:
-            at.setdefault(node, []).append(n)
-    decided = side.copy()
-    waiting = deque(np.flatnonzero(side).tolist())
-    while waiting:
-        here = waiting.popleft()
-        for end, node in enumerate(edges[here].tolist()):
-            others = [other for other in at[node] if other != here]
-            if len(others) == 1 and decided[others[0]] == 0:
-                goes_on = edges[others[0], 1 - end] == node  # one ends where the other begins
-                decided[others[0]] = decided[here] if goes_on else -decided[here]
-                waiting.append(others[0])
-    return np.asarray(decided < 0)
-
-
-def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
-    """On which side of edges (n, 2) present ground is: (n,) positive for left, 0 for both or none.
-
-    Args:
-        mesh: a plane mesh.
-        edges: (n, 2) nodes of the two ends of each.
-        present: (n_elements,) which elements are there.
-    """
-    balance = np.zeros(len(edges))
-    along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
-    for block, here in rows_in(mesh.blocks, present):
-        centre = mesh.points[block.nodes[here]].mean(axis=1)
-        holds = _incidence(mesh, block.nodes[here])
-        both = (holds[edges[:, 0]] * holds[edges[:, 1]]).tocoo()
-        to_centre = centre[both.col] - mesh.points[edges[both.row, 0]]
-        a = along[both.row]
-        np.add.at(balance, both.row, np.sign(a[:, 0] * to_centre[:, 1] - a[:, 1] * to_centre[:, 0]))
-    return balance
-
-
-def _incidence(mesh: Mesh, nodes: Ints) -> sp.csr_array:
-    """(n_nodes, n_elements) which element has which node."""
-    columns = np.repeat(np.arange(len(nodes)), nodes.shape[1])
-    shape = (mesh.n_nodes, len(nodes))
-    return sp.csr_array((np.ones(nodes.size), (nodes.ravel(), columns)), shape=shape)
-
-
-def clamped_nodes(mesh: Mesh, beam: Beam) -> Bools:
-    """(n_nodes,) nodes at which a beam does not turn."""
-    clamped = np.zeros(mesh.n_nodes, dtype=bool)
-    for group in beam.clamped_on:
-        clamped[group_nodes(mesh, group)] = True
-    return clamped
+    of_three = toothed(mesh, beam, nodes)
+    return end_moments(nodes, part.members.ends, of_three, kinked, held, hinged)

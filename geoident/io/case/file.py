@@ -2,46 +2,43 @@
 
 Values may be replaced by overrides: ``parameters.E.start=20 GPa``.
 
-Faults are shown in two rounds, each complete: the text, its sections, and what refers to something
-else in the case or its readings, as far as that can be said while sections are wrong; and later,
-elsewhere, what needs the mesh.
+All faults are shown at once: those of the text, of its sections, and of what refers to something
+else in the case or its readings, as far as that can be said while sections are wrong. What is left
+without the faulty entries goes with them (`FaultyCase`), so that it can be held against the mesh.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from geoident.errors import Fault, InputError, Location, Term
+from geoident.errors import Fault, InputError
 from geoident.io.case.case import CaseSection, ReportSection, build_case, check_references
-from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
+from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults, paths_of
-from geoident.io.schema.partial import Rest, without
+from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
-from geoident.io.text.faults import OVERRIDES, Faults, Places
+from geoident.io.text.faults import Faults, Places
+from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import STDIN, decode, read_bytes
-from geoident.io.text.wording import Refusal, did_you_mean, shorten
-from geoident.io.text.yaml_reader import MAX_BYTES, Document, Node, parse_yaml
-from geoident.model.case import Case, KeyPath, format_path
+from geoident.io.text.wording import shorten
+from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
+from geoident.model.case import Case, KeyPath
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 from geoident.model.results.head import ReportHead
 
 STDIN_NAME = "<stdin>"
-_STEP = re.compile(r"""\.?(?:([^.\[\]="']+)|\[([0-9]{1,6})\]|\[?"([^"]+)"\]?)""")
-_MAY_BE_NEW = {"fit", "report"}
-_MOST_KEYS = 16
 
 BLANK = "FILL_IN"
 """Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
@@ -115,12 +112,40 @@ def parse_case(
     """
     document = parse_yaml(text, _shown(path))
     places = apply_overrides(document, overrides)
-    refuse_blanks(places)
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
-    places = with_measured(with_temperatures(places, folder), folder)
-    section = _validate(places, folder)
+    section, places = _validate(places, folder)
     faults = Faults(places)
+    built = _build(section, folder, faults, with_mesh=with_mesh)
+    if faults.found:
+        left = _left(Rest.all_of(places), faults, built, folder)
+        raise FaultyCase(faults, left)
+    chain = [method_name(options) for options in built.case.fit.methods]
+    plain = section.model_copy(update={"report": None})
+    resolved, computed = (
+        _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
+    )
+    paths = built.readings_paths
+    return LoadedCase(built.case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+
+
+@dataclass(frozen=True)
+class _Built:
+    """What the sections of a case and its readings are built into.
+
+    Args:
+        case: the case.
+        mesh_path: path of its mesh, relative paths against the folder of the case; None for none.
+        readings_paths: paths of the files of readings, in their order.
+    """
+
+    case: Case
+    mesh_path: str | None
+    readings_paths: tuple[str, ...]
+
+
+def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True) -> _Built:
+    """The case of sections that are right by themselves; what is wrong beyond that is noted."""
     mesh_path = None
     if section.mesh is not None and not with_mesh:
         mesh_path = section.mesh.file
@@ -138,13 +163,78 @@ def parse_case(
         notes=read.notes,
         when_read=read.by_stage,
     )
-    faults.raise_any()
-    chain = [method_name(options) for options in case.fit.methods]
-    plain = section.model_copy(update={"report": None})
-    resolved, computed = (
-        _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
-    )
-    return LoadedCase(case, text, resolved, mesh_path, read.paths, tuple(files), computed)
+    return _Built(case, mesh_path, read.paths)
+
+
+@dataclass(frozen=True)
+class PartOfCase:
+    """What is left of a faulty case without its faulty entries, to be held against its mesh.
+
+    Args:
+        case: that part.
+        mesh_path: path of the mesh.
+        rest: what was left out, and what therefore cannot be said.
+    """
+
+    case: Case
+    mesh_path: str
+    rest: Rest
+
+
+class FaultyCase(InputError):
+    """A case with faults of its text; some of it may be right.
+
+    Args:
+        found: the faults.
+        left: what is right, where it is a case with a mesh.
+    """
+
+    def __init__(self, found: Faults, left: PartOfCase | None) -> None:
+        self._found, self.left = found, left
+        super().__init__(found.shown())
+
+    def with_those_of_the_mesh(self, further: Iterable[Fault]) -> InputError:
+        """The same with what its mesh has shown to be wrong in what is left.
+
+        Args:
+            further: faults of what is left.
+        """
+        stand = self.left.rest.independent(further) if self.left else ()
+        return InputError(Faults(self._found.places, [*self._found.found, *stand]).shown())
+
+
+_ROUNDS = 5
+"""Times that what is left of a case may show further faults when these are left out as well."""
+
+
+def _left(rest: Rest, faults: Faults, built: _Built, folder: Path) -> PartOfCase | None:
+    """What is left of a case without all that is wrong in it; None where that is no case.
+
+    Args:
+        rest: the case without entries that are wrong by themselves.
+        faults: what else was found in it.
+        built: of the same.
+        folder: of the case.
+    """
+    left = rest
+    for _ in range(_ROUNDS):
+        paths = faults.of_keys()
+        if not paths or not left.sequence_is_known:  # then nothing asks for what they name
+            wrong = {fault.location for fault in faults.found}
+            sound = tuple(r for r in built.case.readings if not {r.location, r.when} & wrong)
+            case = replace(built.case, readings=sound)
+            mesh = built.mesh_path
+            return None if mesh is None else PartOfCase(case, mesh, left)
+        fewer = left.without(paths)
+        if fewer is None:
+            return None
+        left, faults = fewer, Faults(fewer.places)
+        try:
+            section = CaseSection.model_validate(left.places.data, context={})
+        except ValidationError:
+            return None
+        built = _build(section, folder, faults)
+    return None
 
 
 class _OnlyReport(BaseModel):
@@ -219,43 +309,59 @@ def _shown(path: str) -> str:
     return STDIN_NAME if path == STDIN else path
 
 
-def _validate(places: Places, folder: Path) -> CaseSection:
-    """The sections of a case, each right by itself.
+def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
+    """The sections of a case, each right by itself, and the case with the tables of its files.
 
     Raises:
-        InputError: with what is wrong in them, and what else is, whatever these should have been.
+        InputError: with what is wrong in them or left to fill in, and what else is, whatever these
+            should have been.
     """
     faults = Faults(places)
+    blanks = list(_blanks(places.data, ()))
+    for path in blanks:
+        hint = next((_HINTS[str(key)] for key in reversed(path) if str(key) in _HINTS), "")
+        faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
+    if not isinstance(places.data, dict):
+        hint = "Begin with 'format: geoident-case/1'."
+        message = f"found {kind_of(places.data)}; a mapping is expected"
+        faults.add((), "wrong-kind", message, hint)
+        faults.raise_any()
+    for read_files in (with_temperatures, with_measured):
+        places = read_files(places, folder, faults)
+    paths = faults.of_keys()
     known: dict[int, tuple[str, ...]] = {}
     try:
-        if not isinstance(places.data, dict):
-            hint = "Begin with 'format: geoident-case/1'."
-            message = f"found {kind_of(places.data)}; a mapping is expected"
-            faults.add((), "wrong-kind", message, hint)
-        return CaseSection.model_validate(places.data, context=known)
-    except ValidationError as error:
+        section = CaseSection.model_validate(places.data, context=known)
         if not faults.found:
-            errors = error.errors(include_url=False)
-            add_schema_faults(faults, errors, places.data, known)
-            faults.extend(_further(without(places, paths_of(errors, places.data)), folder))
-        faults.raise_any()
-        raise
+            return section, places
+    except ValidationError as error:
+        errors = [
+            one
+            for one, path in zip(
+                error.errors(include_url=False),
+                paths_of(error.errors(include_url=False), places.data),
+                strict=True,
+            )
+            if not any(path[: len(given)] == given for given in paths)
+        ]
+        add_schema_faults(faults, errors, places.data, known)
+        paths += paths_of(errors, places.data)
+    left = _further(Rest.all_of(places).without(paths), faults, folder)
+    raise FaultyCase(faults, left)
 
 
-def _further(rest: Rest | None, folder: Path) -> list[Fault]:
-    """What is wrong in the rest of a case that has wrong entries."""
+def _further(rest: Rest | None, faults: Faults, folder: Path) -> PartOfCase | None:
+    """Note what is wrong in the rest of a case that has wrong entries; what is left then."""
     if rest is None:
-        return []
+        return None
     try:
         section = CaseSection.model_validate(rest.places.data, context={})
     except ValidationError:
-        return []  # what is left is no case
-    faults = Faults(rest.places)
-    if section.mesh is not None:
-        _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
-    check_references(section, faults)
-    read_all(section, partial(_find, folder, faults=faults), faults)
-    return rest.independent(faults.found)
+        return None  # what is left is no case
+    found = Faults(rest.places)
+    built = _build(section, folder, found)
+    faults.extend(rest.independent(found.found))
+    return _left(rest, found, built, folder)
 
 
 def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
@@ -271,122 +377,6 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
         hint = faults.did_you_mean(path.name, beside, what=what)
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return str(path)
-
-
-def apply_overrides(document: Document, overrides: Sequence[str]) -> Places:
-    """A document with overrides, and where its keys are written.
-
-    Args:
-        document: the case as written.
-        overrides: texts ``path=value``; the value is YAML. A section that is not in the case is
-            only made for ``fit`` and ``report``.
-
-    Raises:
-        InputError: faulty overrides, located at `OVERRIDES`.
-    """
-    data = deepcopy(document.data) if overrides else document.data
-    faults: list[Fault] = []
-    paths: list[KeyPath] = []
-    for override in overrides:
-        path: KeyPath = ()
-        try:
-            path, value = _parse(override)
-            _set(data, path, value)
-            paths.append(path)
-        except Refusal as error:
-            message = f"'{shorten(override)}': {error.message}"
-            location = Location(OVERRIDES)
-            faults.append(Fault(error.code, message, error.hint, location, format_path(path)))
-    if faults:
-        raise InputError(faults)
-    return Places(document, data, frozenset(paths))
-
-
-def _parse(override: str) -> tuple[KeyPath, Node]:
-    name, equals, value = override.partition("=")
-    if not equals:
-        raise Refusal("bad-override", "it has no '='", f"Write {Term.OVERRIDE}.")
-    return parse_path(name.strip()), _parse_value(value)
-
-
-def parse_path(text: str) -> KeyPath:
-    """The path of a key as users write it.
-
-    >>> parse_path("stages[1].excavate[0]")
-    ('stages', 1, 'excavate', 0)
-
-    Raises:
-        Refusal: it is none.
-    """
-    keys: list[str | int] = []
-    at = 0
-    while at < len(text):
-        step = _STEP.match(text, at)
-        if step is None or (at == 0) == text.startswith((".", "["), at):
-            break
-        keys.append(int(step[2]) if step[2] else step[1] or step[3])
-        at = step.end()
-    if not keys or at < len(text) or len(keys) > _MOST_KEYS:
-        hint = "Write it like parameters.E.start or stages[1].name."
-        raise Refusal("bad-override", f"'{shorten(text)}' is not the path of a key", hint)
-    return tuple(keys)
-
-
-def _parse_value(text: str) -> Node:
-    try:
-        return parse_yaml(text.encode("utf-8").decode("utf-8"), OVERRIDES).data
-    except UnicodeEncodeError as error:
-        raise Refusal("not-text", "the value is not UTF-8 text") from error
-    except InputError as error:
-        fault = error.faults[0]
-        if fault.code == "empty":
-            return None
-        raise Refusal(fault.code, f"the value: {fault.message}", fault.hint) from error
-
-
-def _set(data: Node, path: KeyPath, value: Node) -> None:
-    holder = data
-    for n, key in enumerate(path[:-1]):
-        _require(holder, path[: n + 1], new=path[0] in _MAY_BE_NEW)
-        if isinstance(holder, dict):
-            if holder.get(str(key)) is None and path[0] in _MAY_BE_NEW:
-                holder[str(key)] = {}
-            holder = holder[str(key)]
-        else:
-            holder = cast("list[Node]", holder)[int(key)]
-    _require(holder, path, new=True)
-    if isinstance(holder, dict) and value is None and path[:-1] == ("parameters",):
-        holder.pop(str(path[-1]), None)  # a parameter that is left out
-    elif isinstance(holder, dict):
-        holder[str(path[-1])] = value
-    else:
-        cast("list[Node]", holder)[int(path[-1])] = value
-
-
-def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
-    """Refuse a path whose last key its holder does not have, or cannot have."""
-    key, outer = path[-1], format_path(path[:-1]) or "the case"
-    if isinstance(holder, list) and isinstance(key, int):
-        if key >= len(holder):
-            message = f"{outer} has {len(holder)} entries, counted from 0; there is no [{key}]"
-            hint = f"The last one is [{len(holder) - 1}]." if holder else "It is empty."
-            raise Refusal("bad-override", message, hint)
-    elif isinstance(holder, dict) and not isinstance(key, int):
-        if key not in holder and not new:
-            raise Refusal("bad-override", f"{outer} has no '{key}'", did_you_mean(key, holder))
-    else:
-        kinds = {"dict": "a mapping", "list": "a list"}
-        kind = kinds.get(type(holder).__name__, "no mapping and no list")
-        raise Refusal("bad-override", f"{outer} is {kind}, '{key}' cannot be set in it")
-
-
-def refuse_blanks(places: Places) -> None:
-    """Raise `InputError` with all values that are left to fill in."""
-    faults = Faults(places)
-    for path in _blanks(places.data, ()):
-        hint = next((_HINTS[str(key)] for key in reversed(path) if str(key) in _HINTS), "")
-        faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
-    faults.raise_any()
 
 
 def _blanks(node: Node, path: KeyPath) -> Iterator[KeyPath]:

@@ -79,6 +79,26 @@ MethodName = Annotated[
 ]
 
 
+_USES: Mapping[str, bool | str] = {
+    "true": True, "yes": True, "false": False, "no": False, "keep": "keep"
+}  # fmt: skip
+
+
+def _known_use(value: object) -> bool | str:
+    found = _USES.get(str(value).lower())
+    if found is None:
+        message = f"found '{shorten(str(value))}'; true, false or keep is expected"
+        raise Refusal("wrong-kind", message, "Write one of them, without quotes.")
+    return found
+
+
+ReducedUse = Annotated[
+    bool | str,
+    BeforeValidator(_known_use),
+    WithJsonSchema({"enum": [True, False, "keep"]}),
+]
+
+
 class AxisSection(Section):
     """One axis of a scan, in the dimension of its parameter."""
 
@@ -135,11 +155,14 @@ class FitBase(Section):
         "second order in space or the jumps of the stress tell), says it, and widens intervals and "
         "bands by it.",
     )
-    reduced: bool = Field(
+    reduced: ReducedUse = Field(
         True,
         description="Whether steps of a search, points of a grid and draws may go by a reduced "
         "model, made of a few evaluations, where it is proven to be close enough: in elastic "
-        "ground, and where it saves time. Answers do not depend on it, only how long they take.",
+        "ground, and where it saves time. Answers do not depend on it, only how long they take. "
+        "`keep`: the result keeps one, made around the answer, which `sample`, `predict`, `scan` "
+        "and `simulate` ask without a new evaluation.",
+        examples=["keep"],
     )
     ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
         None,
@@ -186,7 +209,8 @@ class FitBase(Section):
             model_error_options(self.model_error),
             self.backtest,
             mesh_error=self.mesh_error,
-            reduced=self.reduced,
+            reduced=self.reduced is not False,
+            keep_reduced=self.reduced == "keep",
         )
 
     def _method(self, name: str) -> MethodOptions:

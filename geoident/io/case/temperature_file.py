@@ -31,25 +31,28 @@ _LIMIT = 10 * 10**6  # bytes
 _HEADER = "Begin with a line such as 'x [m], y [m], change [K]'."
 
 
-def with_temperatures(places: Places, folder: Path) -> Places:
+def with_temperatures(places: Places, folder: Path, faults: Faults) -> Places:
     """The case with the points and values of the files that its temperatures name.
 
-    Raises:
-        InputError: a file cannot be read, or is no table of temperatures.
+    Args:
+        places: the case.
+        folder: of the case.
+        faults: is told where a file cannot be read, or is no table of temperatures.
     """
     wanted = list(_named(places.data))
     if not wanted:
         return places
-    data, faults = deepcopy(places.data), Faults(places)
+    data = deepcopy(places.data)
     for path, name in wanted:
         table = _read(str(folder / name), path, faults)
-        if table is not None:
+        if table is None:
+            faults.spoils(path)
+        else:
             node: Any = data
             for key in path:
                 node = node[key]
             del node["file"]
             node.update(table)
-    faults.raise_any()
     return replace(places, data=data)
 
 

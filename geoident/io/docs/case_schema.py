@@ -186,7 +186,7 @@ def _value(node: Schema, sections: Schema) -> str:
     if "const" in node:
         return f"`{node['const']}`"
     if "enum" in node:
-        return ", ".join(f"`{value}`" for value in node["enum"])
+        return ", ".join(f"`{_yaml(value)}`" for value in node["enum"])
     return _plain(node, sections)
 
 

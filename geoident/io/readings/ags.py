@@ -17,7 +17,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import ENCODING_HINT, Cell, Layout, Origin, Table, UnitScale
+from geoident.io.readings.table import (
+    ENCODING_HINT,
+    Cell,
+    FaultyReadings,
+    Layout,
+    Origin,
+    Table,
+    UnitScale,
+)
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
 from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
@@ -59,7 +67,7 @@ def read_ags(path: str, layout: Layout) -> tuple[Reading, ...]:
         for channel, origin in layout.channels.items():
             readings += reader.channel(channel, origin)
     if table.faults:
-        raise InputError(shortened(table.faults))
+        raise FaultyReadings(shortened(table.faults), readings)
     return tuple(readings)
 
 

@@ -23,6 +23,7 @@ from geoident.io.readings.table import (
     COLUMNS,
     ENCODING_HINT,
     Cell,
+    FaultyReadings,
     Layout,
     Origin,
     Row,
@@ -134,7 +135,7 @@ def read_rows(table: Table, rows: Iterable[Row]) -> tuple[Reading, ...]:
         rows: that hold something.
 
     Raises:
-        InputError: with all faults; it stops at a thousand of them.
+        FaultyReadings: with all faults; it stops at a thousand of them.
     """
     layout, rest = table.layout, iter(rows)
     header = joined_header(list(islice(rest, layout.header_rows)))
@@ -154,7 +155,7 @@ def read_rows(table: Table, rows: Iterable[Row]) -> tuple[Reading, ...]:
         if len(table.faults) > _MOST_FAULTS:
             break
     if table.faults:
-        raise InputError(shortened(table.faults))
+        raise FaultyReadings(shortened(table.faults), readings)
     return tuple(readings)
 
 
@@ -211,6 +212,9 @@ FORMATS = {
     ".ods": Format(refuse_old, sheets=True),
 }
 """Suffix to format. What reads a new one stands in its own module, and here in a line."""
+
+
+_BLANK = Cell("", 1)
 
 
 class _LongReader:
@@ -289,8 +293,11 @@ class _LongReader:
         warmth = None
         if calibration is not None and value is not None:
             warmth = table.temperature(number, cells, self.temperatures, calibration)
-        if len(table.faults) > before or scale is None or not channel:
+        faulty = len(table.faults) > before or scale is None
+        if not channel or (faulty and time is None and not row.get("stage", _BLANK).text):
             return []
+        if faulty or scale is None:
+            scale, value, accuracy = UnitScale(), None, None
         when = row["date" if "date" in self.required else "stage"]
         return [
             Reading(

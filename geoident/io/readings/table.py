@@ -6,17 +6,18 @@ What differs from one file to the next is declared by the user (`Layout`); nothi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from typing import Literal
 
-from geoident.errors import Fault, Location
+from geoident.errors import Fault, InputError, Location
 from geoident.io.readings.calibration import Calibration, raw_unit
 from geoident.io.readings.survey import SurveyGrid
 from geoident.io.text.dates import ISO, DateError, read_date
 from geoident.io.text.wording import did_you_mean, shorten
+from geoident.model.gauges import Reading
 from geoident.units import (
     DIMENSIONLESS,
     LEAST_SPREAD,
@@ -53,6 +54,20 @@ _CALIBRATE = (
     "State the sensor's calibration: channels: {CHANNEL: {calibration: {reads: %s, factor: ..., "
     "zero: ..., difference: zero - reading}}}."
 )
+
+
+class FaultyReadings(InputError):
+    """A file of readings with faults; other rows of it may be right.
+
+    Args:
+        faults: what is wrong.
+        rows: readings of the other rows, and those of faulty rows without their values, so that
+            these can be held against the case nonetheless.
+    """
+
+    def __init__(self, faults: Iterable[Fault], rows: Iterable[Reading]) -> None:
+        self.rows = tuple(rows)
+        super().__init__(faults)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,15 @@ import h5py
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import backtest, opening, posterior, reading_tables, tables, vtkhdf
+from geoident.io.result import (
+    backtest,
+    opening,
+    posterior,
+    reading_tables,
+    reduced,
+    tables,
+    vtkhdf,
+)
 from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
@@ -151,6 +159,8 @@ def _write_findings(file: h5py.File, result: Result) -> None:
         backtest.write_backtest(file, result.backtest, result.gauges, result.parameters.names)
     if result.posterior is not None:
         posterior.write_posterior(file, result.posterior, result.parameters)
+    if result.reduced is not None:
+        reduced.write_reduced(file, result.reduced)
 
 
 def _write_attributes(file: h5py.File, result: Result) -> None:
@@ -229,7 +239,9 @@ class _Attributes:
     def text(self, name: str) -> str:
         return str(self._get(name))
 
-    def int(self, name: str) -> int:
+    def int(self, name: str, missing: int | None = None) -> int:
+        if missing is not None and name not in self._attributes:
+            return missing
         return int(self._get(name))
 
     def float(self, name: str, missing: float | None = None) -> float:
@@ -264,7 +276,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         provenance=_read_provenance(root),
         parameters=parameters,
         gauges=gauges,
-        counts=Counts(**{name: root.int(name) for name in tables.COUNTS}),
+        counts=Counts(
+            **{name: root.int(name, tables.NEWER_COUNTS.get(name)) for name in tables.COUNTS}
+        ),
         history=tables.read_history(file, n),
         singular_values=singular,
         sensitivity=sensitivity,
@@ -281,6 +295,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         varied=read_varied(file) if VARIED in contents else (),
+        reduced=reduced.read_reduced(file) if reduced.GROUP in contents else None,
         accuracies=(
             reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
         ),

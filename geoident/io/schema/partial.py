@@ -12,6 +12,7 @@ import copy
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 from geoident.errors import Fault
 from geoident.io.text.faults import Places
@@ -20,16 +21,20 @@ from geoident.model.case import KeyPath
 
 _NAMED = ("parameters", "materials", "groups", "supports", "loads", "structures", "gauges", "dates")
 """Keys whose entries have names, of which a wrong one can be left out."""
-_NEEDED = ("materials", "groups")
-"""Those that must have an entry."""
-_KEPT = ("format", "analysis", "stages", *_NEEDED)
-"""Keys that a case cannot do without."""
+_KEPT = {"format": ("geoident-case/1",), "analysis": ("plane-strain", "axisymmetric", "solid")}
+"""Keys that a case cannot do without, and what they may say."""
 _IN_SEQUENCE = ("groups", "loads", "structures", "stages")
+ZERO = "gauges: zero"
+"""In place of a key of the first level: the zero of a gauge is left out, the gauge stays."""
 _ASKS_FOR = {
     "no-mesh": {"mesh", "fit"},
     "no-gravity": {"gravity"},
     "missing-dates": {"dates"},
     "dates-order": {"dates"},
+    "group-coverage": {"groups", "stages"},
+    "gauge-in-absent-ground": {ZERO},
+    "zero-before-structure": {ZERO},
+    "unreadable-gauge": {ZERO},
 }
 """Code of a fault to the keys among whose wrong entries may be what it misses."""
 _ANY: dict[str, Node] = {
@@ -40,6 +45,20 @@ _ANY: dict[str, Node] = {
     "expansion": "1e-5 1/K",
 }
 """In place of a wrong material, so that who refers to it is right."""
+_STAND_IN = "(any)"
+"""Name of the one material or group where all of them are wrong; a case must have one."""
+_NAMES = {
+    "unknown-stage": "stages",
+    "before-zero": "stages",
+    "unknown-gauge": "gauges",
+    "unknown-group": "groups",
+    "missing-group": "groups",
+    "unknown-material": "materials",
+    "unknown-structure": "structures",
+    "unknown-load": "loads",
+    "unused-parameter": "materials",
+}
+"""Code of a fault to the key of which something must be left for it to be known."""
 _REFERENCE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 
@@ -53,13 +72,61 @@ class Rest:
         names: of the entries that are left out, and all words in them.
         used: parameters that these refer to.
         empty: one of them holds none of what it should.
+        whole: keys of the first level of which nothing is left.
     """
 
     places: Places
-    keys: frozenset[str]
-    names: frozenset[str]
-    used: frozenset[str]
-    empty: bool
+    keys: frozenset[str] = frozenset()
+    names: frozenset[str] = frozenset()
+    used: frozenset[str] = frozenset()
+    empty: bool = False
+    whole: frozenset[str] = frozenset()
+
+    @classmethod
+    def all_of(cls, places: Places) -> Rest:
+        """A case of which nothing is left out yet.
+
+        Args:
+            places: of the case, which is a mapping.
+        """
+        return cls(places)
+
+    @property
+    def sequence_is_known(self) -> bool:
+        """Whether it can be said which ground is there at which stage."""
+        return not self.keys & {"groups", "stages"}
+
+    def without(self, faults: Iterable[KeyPath]) -> Rest | None:
+        """The case without the entries in which something is wrong; None if too little is left.
+
+        Args:
+            faults: paths of what is wrong.
+        """
+        data = copy.deepcopy(self.places.data)
+        if not isinstance(data, dict):
+            return None
+        keys, names = set(self.keys), set(self.names)
+        gone: list[Node] = []
+        for path in sorted(set(faults), key=len, reverse=True):
+            if not path or not _take(data, path, names, gone):
+                return None
+            keys.add(ZERO if _is_zero(path) else str(path[0]))
+        whole = {key for key in keys if not data.get(key)}
+        if not data.get("materials"):
+            data["materials"] = {_STAND_IN: dict(_ANY)}
+        if not data.get("groups"):
+            data["groups"] = {_STAND_IN: next(_names_in(data["materials"]), _STAND_IN)}
+        if whole & {"materials", "groups"}:
+            names.add(_STAND_IN)
+        names.update(_words(gone))
+        return Rest(
+            replace(self.places, data=data),
+            frozenset(keys),
+            frozenset(names),
+            self.used | frozenset(_REFERENCE.findall(str(gone))),
+            self.empty or any(not isinstance(node, dict | list) for node in gone),
+            self.whole | whole,
+        )
 
     def independent(self, faults: Iterable[Fault]) -> list[Fault]:
         """The faults that would be there with the entries put right, too.
@@ -77,33 +144,10 @@ class Rest:
             return False
         if self.keys & _ASKS_FOR.get(fault.code, set()):
             return False
+        if self.whole & {_NAMES.get(fault.code)}:
+            return False
         in_stage = fault.path.startswith("stages") and not fault.code.startswith("duplicate-")
         return not (in_stage and self.keys & {*_IN_SEQUENCE})
-
-
-def without(places: Places, faults: Iterable[KeyPath]) -> Rest | None:
-    """A case without the entries in which something is wrong; None if too little would be left.
-
-    Args:
-        places: of the case.
-        faults: paths of what is wrong.
-    """
-    if not isinstance(places.data, dict):
-        return None
-    data: dict[str, Node] = copy.deepcopy(places.data)
-    keys: set[str] = set()
-    names: set[str] = set()
-    gone: list[Node] = []
-    for path in sorted(set(faults), key=len, reverse=True):
-        if not path or not _take(data, path, names, gone):
-            return None
-        keys.add(str(path[0]))
-    if any(not data.get(key) for key in _NEEDED):
-        return None
-    names.update(_words(gone))
-    used = frozenset(_REFERENCE.findall(str(gone)))
-    empty = any(not isinstance(node, dict | list) for node in gone)
-    return Rest(replace(places, data=data), frozenset(keys), frozenset(names), used, empty)
 
 
 def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> bool:
@@ -115,23 +159,43 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
         holder[str(path[1])] = dict(_ANY)
         return True
     if key in _NAMED and len(path) > 1 and isinstance(holder, dict):
-        gone.append(holder.pop(str(path[1]), None))
-        names.add(str(path[1]))
+        _take_named(holder, path, names, gone)
         return True
     if key == "stages" and len(path) > 1 and isinstance(holder, list):
         return _blank_stage(holder, path[1], gone)
-    if key in _KEPT:
-        return False
-    gone.append(data.pop(key, None))  # optional, or not known at all
-    return True
+    if key not in _KEPT:
+        gone.append(data.pop(key, None))  # optional, or not known at all
+        return True
+    data[key] = next(iter(get_close_matches(str(holder), _KEPT[key], n=1)), None)
+    return data[key] is not None
+
+
+def _take_named(holder: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> None:
+    """Take an entry that has a name; of a gauge with a wrong zero the zero alone."""
+    entry = holder.get(str(path[1]))
+    if _is_zero(path) and isinstance(entry, dict):
+        entry.pop("zero", None)
+    else:
+        gone.append(holder.pop(str(path[1]), None))
+        names.add(str(path[1]))
+
+
+def _is_zero(path: KeyPath) -> bool:
+    """Whether a path is that of the zero of a gauge."""
+    return len(path) == 3 and path[0] == "gauges" and path[2] == "zero"
+
+
+def _names_in(node: Node) -> Iterator[str]:
+    """The keys of a mapping; nothing of anything else."""
+    return iter(node if isinstance(node, dict) else ())
 
 
 def _words(node: Node) -> Iterator[str]:
     """All keys and texts of a part of a case."""
     if isinstance(node, dict):
         yield from node
-        for part in node.values():
-            yield from _words(part)
+        for key, part in node.items():
+            yield from _words(part) if key != "zero" else ()  # a stage that others may name
     elif isinstance(node, list):
         for part in node:
             yield from _words(part)

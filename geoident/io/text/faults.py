@@ -70,6 +70,7 @@ class Faults:
 
     places: Places
     found: list[Fault] = field(default_factory=list)
+    _keys: list[KeyPath] = field(default_factory=list)
 
     def add(
         self, path: KeyPath, code: str, message: str, hint: str = "", *, key: bool = False
@@ -85,6 +86,11 @@ class Faults:
         """
         location = self.places.locate(path, key=key)
         self.found.append(Fault(code, message, hint, location, format_path(path)))
+        self._keys.append(path)
+
+    def of_keys(self) -> list[KeyPath]:
+        """Paths of the keys at which faults were noted; those of files have none."""
+        return list(self._keys)
 
     def add_unknown(
         self, path: KeyPath, kind: str, name: str, known: Iterable[str], *, key: bool = False
@@ -115,6 +121,10 @@ class Faults:
         """Note faults found elsewhere."""
         self.found.extend(faults)
 
+    def spoils(self, path: KeyPath) -> None:
+        """Note a key that is of no use because of faults that were noted elsewhere."""
+        self._keys.append(path)
+
     def raise_any(self) -> None:
         """End the reading if there are faults.
 
@@ -122,9 +132,11 @@ class Faults:
             InputError: with the faults in the order of the file.
         """
         if self.found:
-            case = self.places.document.file
-            once = said_once(sorted(self.found, key=_order), case)
-            raise InputError(shortened(once))
+            raise InputError(self.shown())
+
+    def shown(self) -> list[Fault]:
+        """The faults in the order of the files, as they are shown: each once, not too many."""
+        return shortened(said_once(sorted(self.found, key=_order), self.places.document.file))
 
 
 _FIRST = 5

@@ -17,6 +17,7 @@ from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import Certificate
@@ -38,12 +39,14 @@ class Counts:
         analyses: symbolic analyses of a sparsity pattern.
         factorizations: numeric factorizations.
         solves: right-hand sides solved.
+        iterations: steps of conjugate gradients for them, where they take the place of a factor.
     """
 
     evaluations: int = 0
     analyses: int = 0
     factorizations: int = 0
     solves: int = 0
+    iterations: int = 0
 
     def __add__(self, other: Counts) -> Counts:
         """Both together."""
@@ -54,7 +57,7 @@ class Counts:
         return Counts(*(getattr(self, name) - getattr(other, name) for name in _COSTS))
 
 
-_COSTS = ("evaluations", "analyses", "factorizations", "solves")
+_COSTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")
 
 NO_COST = Counts()
 
@@ -501,6 +504,7 @@ class Result:
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         reaction: of the ground around an opening in closed form, or None.
+        reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
         model_error: how far the ground may differ from the model, or None for none.
@@ -536,6 +540,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     reaction: GroundReaction | None = None
+    reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None
     model_error: ModelErrorTable | None = None

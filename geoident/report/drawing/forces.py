@@ -74,15 +74,22 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                     "Bars and their forces where they stand",
                     "Axial force of one bar, kN, tension positive. Wide: a large force; solid: "
                     "tension, dashed: compression. Faint: walls and linings. "
-                    f"{_some_stages(_standing(found, ~found.per_metre))}",
+                    f"{_some_stages(_standing(found, ~found.per_metre), _MOST_DRAWN)}",
                     partial(_bars_along_figure, found),
                 )
             )
     return tuple(pictures)
 
 
-def _some_stages(stages: Ints) -> str:
-    return f"{_MOST_DRAWN} of {len(stages)} stages." if len(stages) > _MOST_DRAWN else ""
+def _some_stages(stages: Ints, most: int) -> str:
+    """Says which stages are drawn, where these are not all.
+
+    Args:
+        stages: at which something stands.
+        most: of them are drawn.
+    """
+    n = len(stages)
+    return f"Drawn are {most} of the {n} stages with forces." if n > most else ""
 
 
 def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
@@ -91,7 +98,8 @@ def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
         return Picture(
             f"forces-{count}",
             f"Forces in {name}",
-            f"{_POSITIVE.replace(' (the ring)', '')} One line a stage.",
+            f"{_POSITIVE.replace(' (the ring)', '')} One line a stage. "
+            f"{_some_stages(_standing(found, line.members), _MOST_STAGES)}",
             partial(_beam_figure, found, line),
         )
     stages = _standing(found, line.members)
@@ -100,7 +108,7 @@ def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
         f"Forces in {name}",
         f"{_POSITIVE} A moment is drawn on the side in tension, other forces on the right where "
         "they are positive, all at the middles of the straight pieces between nodes; the table has "
-        f"those at their ends. Numbers: the extremes. {_some_stages(stages)}",
+        f"those at their ends. Numbers: the extremes. {_some_stages(stages, _MOST_DRAWN)}",
         partial(_along_figure, found, line),
     )
 

@@ -1,11 +1,14 @@
-"""One figure for the eye: displacements around the gauges, and the gauges that moved most."""
+"""One figure for the eye: displacements around the gauges, and gauges whose readings say most."""
 
 from __future__ import annotations
+
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from geoident.model.results.result import Result
 from geoident.report.drawing.fields.motion import displacement_size
@@ -30,8 +33,11 @@ from geoident.report.drawing.style import (
 )
 
 _PANELS = 6
-_COLUMNS = 3
-_WIDTH, _TALLEST = 7.4, 4.2  # of the figure, and of the field in it, inches
+_WIDTH, _TALLEST = 10.2, 4.2  # of the figure, and of the field in it, inches
+_FIELD = (2.9, 5.4)  # least and largest width of the field with its axis, inches
+_FEW, _HIGH, _LOW = 2, 1.9, 1.45  # so few rows of gauges are higher than more of them, inches
+_LETTERS, _TICKS = 13, 1.6  # that find room below a field, an inch
+_THREE_ACROSS = 5.6  # width from which on three gauges find room side by side, inches
 
 
 def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...]:
@@ -42,7 +48,7 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
         Picture(
             "overview",
             "Displacements and gauges at a glance",
-            f"{_since(scene)}The gauges that moved most in relation to their accuracy. "
+            f"{_since(scene)}{_chosen(result)}"
             "Dots: measured; solid lines: computed; dashed lines with 95 % bands: predicted.",
             lambda: overview_figure(result, scene),
         ),
@@ -50,20 +56,24 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
 
 
 def overview_figure(result: Result, scene: Scene | None) -> Figure:
-    """Displacements after the last fitted stage, and below the gauges that moved most."""
+    """Displacements after the last fitted stage, and beside them the gauges that say most.
+
+    Wider than high, so that it can be read at the width of a printed page too.
+    """
     rows = _busiest(result)
-    columns = min(len(rows), _COLUMNS)
-    lines = -(-len(rows) // columns)
-    below = 0.5 + 1.9 * lines
     gauge_part: Figure | SubFigure
     if scene is not None and scene.sheets:
-        above = min(_TALLEST, _WIDTH * scene.window(scene.sheets[0]).aspect) + 0.9
-        figure = Figure(figsize=(_WIDTH, above + below))
-        parts = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)
-        _draw_field(parts[0, 0].subplots(), scene)
-        gauge_part = parts[1, 0]
+        aspect = scene.window(scene.sheets[0]).aspect
+        left = float(np.clip(_TALLEST / aspect + 0.7, *_FIELD))
+        columns, lines, height = _grid(len(rows), _WIDTH - left)
+        tall = min((left - 0.7) * aspect, _TALLEST)
+        figure = Figure(figsize=(_WIDTH, max(height, tall + 1.25)))
+        parts = figure.subfigures(1, 2, width_ratios=[left, _WIDTH - left], squeeze=False)
+        _draw_field(parts[0, 0].subplots(), scene, left)
+        gauge_part = parts[0, 1]
     else:
-        gauge_part = figure = Figure(figsize=(_WIDTH, below))
+        columns, lines, height = _grid(len(rows), _WIDTH)
+        gauge_part = figure = Figure(figsize=(_WIDTH, height))
     panels = gauge_part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
     for axes, row in zip(panels, rows, strict=False):
         _draw_channel(axes, result, row)
@@ -79,11 +89,29 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
     return figure
 
 
+def _grid(n: int, width: float) -> tuple[int, int, float]:
+    """Columns and rows of n gauges in a part of so many inches, and its height."""
+    columns = min(n, 3 if width >= _THREE_ACROSS else 2)
+    lines = -(-n // columns)
+    return columns, lines, 0.7 + (_HIGH if lines <= _FEW else _LOW) * lines
+
+
 def _since(scene: Scene | None) -> str:
     """What has to be known of the field, if there is one."""
     if scene is None or not scene.sheets or not 0 < scene.zero_state < scene.last_fitted:
         return ""
-    return f"Above: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
+    return f"Left: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
+
+
+def _chosen(result: Result) -> str:
+    """Which gauges are drawn, where these are not all."""
+    shown, count = len(_busiest(result)), len(set(result.gauges.gauges))
+    if shown == count:
+        return ""
+    return (
+        f"Of {count} gauges the {shown} with the largest computed readings in standard deviations "
+        "of their accuracy, each with its channel of the largest. "
+    )
 
 
 def _draw_channel(axes: Axes, result: Result, row: int) -> None:
@@ -95,7 +123,8 @@ def _draw_channel(axes: Axes, result: Result, row: int) -> None:
     axes.grid(axis="y")
 
 
-def _draw_field(axes: Axes, scene: Scene) -> None:
+def _draw_field(axes: Axes, scene: Scene, width: float) -> None:
+    """Displacements after the last fitted stage in a part of so many inches."""
     sheet, state = scene.sheets[0], scene.last_fitted
     window = scene.window(sheet)
     zero = scene.zero_state if scene.zero_state < state else 0
@@ -109,13 +138,15 @@ def _draw_field(axes: Axes, scene: Scene) -> None:
     axes.set_title("")
     figure = axes.get_figure()
     assert figure is not None
-    bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.6, aspect=45)
+    bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.8, aspect=35)
+    bar.ax.xaxis.set_major_locator(MaxNLocator(max(3, int(_TICKS * width))))
     since = f"since {short(scene.stage(zero), 20)}" if zero else scene.since
-    bar.set_label(f"displacement after {short(scene.stage(state), 20)}, {since} (mm){where}")
+    said = f"displacement after {short(scene.stage(state), 20)}, {since} (mm){where}"
+    bar.set_label("\n".join(wrap(said, int(_LETTERS * width))))
 
 
 def _busiest(result: Result) -> list[int]:
-    """Rows of the channels that moved most for their accuracy, one of each gauge."""
+    """Rows of the channels with the largest readings for their accuracy, one of each gauge."""
     table = result.gauges
     moved = np.abs(np.nan_to_num(table.computed)) / np.nan_to_num(table.sd, nan=1.0)
     gauges: dict[str, int] = {}

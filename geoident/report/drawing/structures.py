@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from geoident.forward.structures.members import hinge_nodes, straight_pieces
+from geoident.forward.structures.placing import hinge_nodes, straight_pieces
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh

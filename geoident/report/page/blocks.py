@@ -12,10 +12,18 @@ from dataclasses import dataclass
 
 from geoident.report.drawing.style import Picture
 from geoident.report.page.html import Html, joined, table, tag
-from geoident.report.page.svg import figure_element, printed_part
+from geoident.report.page.printed import (
+    HEAD,
+    HEADING,
+    Drawn,
+    Item,
+    Place,
+    printed_rows,
+    table_height,
+    text_height,
+)
+from geoident.report.page.svg import figure_element, size_of_svg
 from geoident.report.text.layout import TextTable
-
-_PAGE = 100  # per cent of its width
 
 Draw = Callable[[Sequence[Picture]], Sequence[bytes]]
 """Makes the SVG of pictures."""
@@ -143,9 +151,8 @@ def body(sections: Sequence[PagePart], draw: Draw) -> Html:
         draw: makes the pictures.
     """
     pictures = list(_pictures(sections))
-    return _Writer(dict(zip((p.name for p in pictures), draw(pictures), strict=True))).write(
-        sections
-    )
+    drawn = dict(zip((p.name for p in pictures), draw(pictures), strict=True))
+    return _Writer(drawn, sections).write(sections)
 
 
 def _pictures(sections: Iterable[PagePart]) -> Iterator[Picture]:
@@ -156,15 +163,33 @@ def _pictures(sections: Iterable[PagePart]) -> Iterator[Picture]:
         yield from _pictures(one.parts)
 
 
+def _in_order_of_paper(sections: Sequence[PagePart]) -> Iterator[PagePart]:
+    """Sections and their parts; last what is closed, which does not move what is printed."""
+    for one in sorted((one for one in sections if one), key=lambda one: one.closed):
+        yield one
+        yield from _in_order_of_paper(one.parts)
+
+
+def _names(block: Figures) -> tuple[str, ...]:
+    return tuple(picture.name for picture in block.pictures)
+
+
 class _Writer:
     """Writes sections, and counts figures and tables on the way.
 
     Args:
         drawn: name of a picture to its SVG.
+        sections: of the page.
     """
 
-    def __init__(self, drawn: dict[str, bytes]) -> None:
+    def __init__(self, drawn: dict[str, bytes], sections: Sequence[PagePart]) -> None:
         self._drawn = drawn
+        blocks = [block for one in _in_order_of_paper(sections) for block in one.blocks]
+        figures = [_names(block) for block in blocks if isinstance(block, Figures) and block]
+        items: list[Item] = [HEAD]
+        for one in _in_order_of_paper(sections):
+            items += [HEADING, *(self._item(block) for block in one.blocks if block)]
+        self._rows = dict(zip(figures, printed_rows(items), strict=True))
         self._figures = 0
         self._tables = 0
 
@@ -183,35 +208,35 @@ class _Writer:
 
     def _block(self, block: Block) -> Html:
         if isinstance(block, Figures):
-            parts = [printed_part(self._drawn[picture.name]) for picture in block.pictures]
-            drawn = zip(block.pictures, _alone(parts), strict=True)
-            return tag("div", *(self._figure(*one) for one in drawn), class_="figures")
+            left = iter(block.pictures)
+            made = [
+                [self._figure(next(left), place) for place in row]
+                for row in self._rows[_names(block)]
+            ]
+            return tag("div", *(tag("div", *row, class_="row") for row in made), class_="figures")
         if isinstance(block, TitledTable):
             self._tables += 1
             return table(block.table, caption=f"Table {self._tables}: {block.title}")
         return block
 
-    def _figure(self, picture: Picture, alone: bool) -> Html:
+    def _item(self, block: Block) -> Item:
+        """A block by its height on paper, or its figures."""
+        if isinstance(block, Figures):
+            return [self._size(picture) for picture in block.pictures]
+        if isinstance(block, TitledTable):
+            return table_height(block.table)
+        return text_height(block)
+
+    def _size(self, picture: Picture) -> Drawn:
+        letters = len(picture.title) + len(picture.caption) + len("Figure 10: . ")
+        return Drawn(*size_of_svg(self._drawn[picture.name]), letters)
+
+    def _figure(self, picture: Picture, place: Place) -> Html:
         self._figures += 1
         return figure_element(
             self._drawn[picture.name],
             name=picture.name,
             title=f"Figure {self._figures}: {picture.title}",
             caption=picture.caption,
-            alone=alone,
+            place=place,
         )
-
-
-def _alone(parts: Sequence[int]) -> list[bool]:
-    """Which of some figures stand alone in their row of a printed page.
-
-    >>> _alone([35, 65, 60, 45, 50])
-    [False, False, True, False, False]
-    """
-    rows: list[list[int]] = []
-    for part in parts:
-        if rows and sum(rows[-1]) + part <= _PAGE:
-            rows[-1].append(part)
-        else:
-            rows.append([part])
-    return [len(row) == 1 for row in rows for _ in row]

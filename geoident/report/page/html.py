@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Iterable
 from html import escape
 
+from geoident.report.page.printed import STEP
 from geoident.report.text.layout import TextTable
 
 _VOID = ("meta", "br", "hr", "img")
@@ -110,12 +111,12 @@ _PHONE = "".join(f"  .w{k} svg {{ min-width: {78 * k}px; }}\n" for k in range(5,
 """Figures that would be unreadable at the width of a phone scroll in their own box."""
 
 _PRINTED = "".join(
-    f"  .p{k} {{ flex: none; max-width: none; width: {k - 1}%; }}\n"
-    f"  .p{k}.alone .drawing {{ flex: 0 0 {k - 3}%; }}\n"
-    for k in range(10, 105, 5)
+    f"  .p{k} {{ flex: none; max-width: none; width: {k}%; }}\n"
+    f"  .p{k}.beside .drawing {{ flex: 0 0 {k}%; }}\n"
+    for k in range(2 * STEP, 99, STEP)
 )
-"""Figures by their part of the width of a printed page, in per cent: side by side as far as there
-is room; the caption of one that stands alone is at its side."""
+"""Figures by their part of the width of a printed page, in per cent; a caption at the side of its
+figure takes the rest."""
 
 STYLE = f"""
 :root {{ color: #1a1a1a; background: #fff; font: 15px/1.5 system-ui, "Segoe UI", Roboto,
@@ -152,6 +153,7 @@ td.n, th.n {{ text-align: right; font-variant-numeric: tabular-nums; white-space
 .hash {{ font-family: ui-monospace, Menlo, Consolas, monospace; font-size: .88em;
   overflow-wrap: anywhere; }}
 .figures {{ display: flex; flex-wrap: wrap; gap: 1.6em 2em; margin: 1.2em 0 1.8em; }}
+.row {{ display: contents; }}
 figure {{ margin: 0; min-width: 0; }}
 .drawing {{ overflow-x: auto; }}
 .drawing svg {{ display: block; width: 100%; height: auto; }}
@@ -191,10 +193,10 @@ a {{ color: #1f4e79; }}
   .lead {{ font-size: 1em; }}
   h2 {{ margin-top: 1em; }}
   h3 {{ margin-top: .9em; }}
-  .figures {{ display: block; margin: .4em 0; orphans: 1; widows: 1; }}
-  figure {{ display: inline-block; vertical-align: top; margin: 0 1% .7em 0; }}
-  figure, tr, .lead, .warn {{ break-inside: avoid; }}
-  h2, h3, h4, caption {{ break-after: avoid; }}
+  .figures {{ display: block; margin: .4em 0; }}
+  .row {{ display: flex; gap: 2%; margin-bottom: .7em; }}
+  .row, tr, .lead, .warn {{ break-inside: avoid; }}
+  h2, h3, h4, caption, p:has(+ .figures) {{ break-after: avoid; }}
   .drawing {{ overflow: visible; }}
   thead {{ display: table-header-group; }}
   .wide {{ overflow: visible; margin: .3em 0 .6em; }}
@@ -202,6 +204,6 @@ a {{ color: #1f4e79; }}
   th {{ white-space: normal; }}
   th, td {{ padding-top: .1em; padding-bottom: .1em; }}
   a {{ color: inherit; text-decoration: none; }}
-{_PRINTED}  .alone {{ display: flex; width: 99%; gap: 3%; }}
+{_PRINTED}  .beside {{ display: flex; width: 100%; gap: 2%; }}
 }}
 """

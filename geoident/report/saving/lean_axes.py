@@ -279,6 +279,14 @@ class _LeanAxes(Axes):
         these.spines.left.register_axis(these.yaxis)
         these.spines.right.register_axis(these.yaxis)
 
+    def draw(self, renderer: Any) -> None:
+        """Draw all that is in the axes; lines of the frame have a place also without ticks."""
+        for side in ("left", "right", "bottom", "top"):
+            self.spines[
+                side
+            ].get_spine_transform()  # finds the place, which else the first tick asks for
+        super().draw(renderer)
+
     def get_default_bbox_extra_artists(self) -> list[Artist]:
         """What needs room beside the axes; their frame has it with the ticks."""
         return [a for a in super().get_default_bbox_extra_artists() if not isinstance(a, Spine)]

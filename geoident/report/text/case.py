@@ -356,9 +356,13 @@ def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     yields = ""
     if cost.newton_steps > 1:
         yields = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
+    factor = f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
+    factor += f"stages take {_many(cost.factor_flops)} operations (counted)."
+    if cost.solver == "iterative":
+        factor = f"A factor of the largest stage would have {_many(cost.factor_entries)} entries "
+        factor += "(counted); conjugate gradients on several levels take its place."
     lines = [
-        f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
-        f"stages take {_many(cost.factor_flops)} operations (counted).",
+        factor,
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
         f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){yields}. "
         + evaluations,

@@ -37,7 +37,7 @@ from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, prepare, used_rows
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, led
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.readings import (
     accuracies,
@@ -64,7 +64,8 @@ def surveyed(
     try:
         survey = model.survey(p, fields=fields, partial=True, last=last)
     except TimeIsUp:
-        survey = survey_of_used(setup.readings, setup.case, model, problem, p)
+        with led(problem.response):
+            survey = survey_of_used(setup.readings, setup.case, model, problem, p)
     counts = further(problem.response.counts, before, model.counts)
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
 
@@ -156,6 +157,7 @@ def further(counts: Counts, before: Counts, after: Counts) -> Counts:
         analyses=max(counts.analyses, after.analyses),
         factorizations=counts.factorizations + after.factorizations - before.factorizations,
         solves=counts.solves + after.solves - before.solves,
+        iterations=counts.iterations + after.iterations - before.iterations,
     )
 
 

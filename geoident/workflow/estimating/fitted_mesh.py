@@ -101,34 +101,37 @@ def fitted_mesh(
         known: what another fit has found at its parameters.
     """
     before, told = model.counts, problem.response.counts
-    found = _fitted_mesh(model, problem, read, outcome, known)
-    if found is None:
+    try:
+        if known is None:
+            found = _of_used(model, problem, read, outcome)
+        else:
+            found = _of_known(known, model, problem, used_pairs(read), outcome)
+    except ModelError:
         return None
     aside = (model.counts - before) - (problem.response.counts - told)
     return replace(found, spent=aside + found.found.cost)
 
 
-def _fitted_mesh(
+def _of_known(
+    known: FittedMesh,
     model: StagedModel,
     problem: Problem,
-    read: ReadingTable,
+    pairs: Sequence[tuple[str, str]],
     outcome: Outcome,
-    known: FittedMesh | None,
-) -> FittedMesh | None:
-    pairs = used_pairs(read)
-    try:
-        v, _ = problem.response.evaluate(outcome.values)
-        places = ReadingPlaces.of(model.case, pairs, ())
-        found = _known(known, v, problem.sd, (places.rows, places.states - 1))
-        if known is not None and found is not None:
-            judged = judged_mesh(found, problem, pairs, outcome)
-            if known.whole or not judged.counts:
-                return replace(judged, whole=known.whole)
-        if known is not None:
-            return judged_mesh(everywhere(model, problem, outcome), problem, pairs, outcome)
-        return _of_used(model, problem, read, outcome)
-    except ModelError:
-        return None
+) -> FittedMesh:
+    """What another fit has found; the finer mesh is asked where that does not tell enough.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
+    v, _ = problem.response.evaluate(outcome.values)
+    places = ReadingPlaces.of(model.case, pairs, ())
+    found = _in_proportion(known.found, v, problem.sd, (places.rows, places.states - 1))
+    if found is not None:
+        judged = judged_mesh(found, problem, pairs, outcome)
+        if known.whole or not judged.counts:
+            return replace(judged, whole=known.whole)
+    return judged_mesh(everywhere(model, problem, outcome), problem, pairs, outcome)
 
 
 def everywhere(model: StagedModel, problem: Problem, outcome: Outcome) -> MeshError:
@@ -183,27 +186,26 @@ def _of_used(
             return replace(judged, found=finer.everywhere(model.computed(p)))
         except (ModelError, MemoryError) as error:
             finer = not_computed(error)
-    found = by_recovery(model, p, model.computed(p), finer)
+    found = by_recovery(model, p, finer)
     return judged_mesh(found, problem, pairs, outcome)
 
 
-def _known(
-    known: FittedMesh | None, v: Floats, sd: Floats, at: tuple[Ints, Ints]
+def _in_proportion(
+    found: MeshError, v: Floats, sd: Floats, at: tuple[Ints, Ints]
 ) -> MeshError | None:
     """The error found at other parameters, in proportion to what is computed there; or None.
 
     Args:
-        known: what was found.
+        found: the error there.
         v: (g,) what is computed now, SI.
         sd: (g,) of the readings, SI.
         at: numbers of the channels and stages of these.
     """
-    if known is None or not np.isfinite(known.found.error[at]).all():
+    if not np.isfinite(found.error[at]).all():
         return None
-    now, before = v / sd, known.found.computed[at] / sd
+    now, before = v / sd, found.computed[at] / sd
     size = float(before @ before)
     part = float(before @ now) / size if size else 1.0
-    found = known.found
     return replace(
         found, computed=part * found.computed, change=part * found.change, error=part * found.error,
         cost=NO_COST,

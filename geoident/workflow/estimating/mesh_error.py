@@ -30,7 +30,7 @@ from geoident.model.parameter import Values
 from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.model.results.summary import CostEstimate
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.estimating.recovery import energy_error
+from geoident.workflow.estimating.recovery import EnergyError
 from geoident.workflow.running.cost import estimate_cost, order_step_cost, refinement_cost
 from geoident.workflow.running.readings import times_of
 
@@ -57,13 +57,13 @@ def mesh_error(
         ModelError: the model has no solution there.
     """
     finer = refinement(model, case, p, patience)
-    computed = model.computed(p)
     if isinstance(finer, Refinement):
+        computed = model.computed(p)
         try:
             return finer.everywhere(computed)
         except (ModelError, MemoryError) as error:
             finer = not_computed(error)
-    return by_recovery(model, p, computed, finer)
+    return by_recovery(model, p, finer)
 
 
 def refinement(model: StagedModel, case: Case, p: Floats, patience: int | None) -> Refinement | str:
@@ -220,16 +220,17 @@ def used_pairs(read: ReadingTable) -> list[tuple[str, str]]:
     return [pair for pair, used in zip(read.pairs, read.used, strict=True) if used]
 
 
-def by_recovery(model: StagedModel, p: Floats, computed: Floats, why: str) -> MeshError:
-    """The error of all readings from the jumps of the stress.
+def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
+    """The error of all readings from the jumps of the stress; one march gives both.
 
     Args:
         model: of the case.
         p: (n,) parameters, SI.
-        computed: (n_channels, n_stages) by it, SI.
         why: there is no finer mesh, a sentence.
     """
-    part = energy_error(model, p)
+    jumps = EnergyError(model, p)
+    computed = model.computed(p, jumps.add)
+    part = jumps.relative
     error = computed * part
     notes = (
         why,

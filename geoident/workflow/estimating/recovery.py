@@ -16,46 +16,61 @@ import scipy.sparse as sp
 
 from geoident.fem.elements import reference_element
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.march.march import RunOptions
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import spans
 
 
-def energy_error(model: StagedModel, p: Floats) -> float:
-    """Relative error eta^2 of the energy of what all stages change, at p (n,).
+class EnergyError:
+    """Relative error eta^2 of the energy of what all stages change, from states as they come.
 
     Where the last states differ in what is present, each change counts where the ground stays.
+
+    Args:
+        model: of the case.
+        p: (n,) parameters, SI.
     """
-    points = model.discretization.points
-    run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
-    before: dict[int, Floats] = {}
-    wrong, whole = 0.0, 0.0
-    for end in run.states():
+
+    def __init__(self, model: StagedModel, p: Floats) -> None:
+        self._model, self._point = model, ParameterPoint(model.values(p), ())
+        self._stress: dict[int, Floats] = {}
+        self._wrong = self._whole = 0.0
+
+    @property
+    def relative(self) -> float:
+        """Of the states so far."""
+        both = self._whole + self._wrong
+        return self._wrong / both if self._whole > 0.0 else 0.0
+
+    def add(self, end: StageEnd) -> None:
+        """The end of the next stage; the value of its stress counts."""
+        model = self._model
+        points = model.discretization.points
         stress = end.stress[..., 0].copy()
         state = model.sequence.states[end.state]
-        if end.state and state.base in before:
-            present = model.sequence.present(end.state)[points.element]
-            change = np.where(present, stress - before[state.base], 0.0)
-            for material in sorted(set(state.materials.values())):
-                groups = [g for g, name in state.materials.items() if name == material]
-                mine = np.flatnonzero(
-                    np.isin(model.sequence.group_of[points.element], groups) & present
-                )
-                elastic = elasticity(
-                    model.case.materials[material].elastic,
-                    ParameterPoint(model.values(p), ()),
-                    section=points.n_strain < _SOLID,
-                )
-                S = np.linalg.inv(elastic.value[: points.n_strain, : points.n_strain])
-                part = change[:, mine]
-                gap = _smooth(model, mine, part) - part
-                V = points.volume[mine]
-                whole += float(np.einsum("im,ij,jm,m->", part, S, part, V, optimize=True))
-                wrong += float(np.einsum("im,ij,jm,m->", gap, S, gap, V, optimize=True))
-        before[end.state] = stress
-    return wrong / (whole + wrong) if whole > 0.0 else 0.0
+        self._stress[end.state] = stress
+        if not end.state or state.base not in self._stress:
+            return
+        present = model.sequence.present(end.state)[points.element]
+        change = np.where(present, stress - self._stress[state.base], 0.0)
+        for material in sorted(set(state.materials.values())):
+            groups = [g for g, name in state.materials.items() if name == material]
+            mine = np.flatnonzero(
+                np.isin(model.sequence.group_of[points.element], groups) & present
+            )
+            elastic = elasticity(
+                model.case.materials[material].elastic,
+                self._point,
+                section=points.n_strain < _SOLID,
+            )
+            S = np.linalg.inv(elastic.value[: points.n_strain, : points.n_strain])
+            part = change[:, mine]
+            gap = _smooth(model, mine, part) - part
+            V = points.volume[mine]
+            self._whole += float(np.einsum("im,ij,jm,m->", part, S, part, V, optimize=True))
+            self._wrong += float(np.einsum("im,ij,jm,m->", gap, S, gap, V, optimize=True))
 
 
 _SOLID = 6

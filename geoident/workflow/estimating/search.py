@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +50,7 @@ from geoident.workflow.estimating.model_error_search import ModelErrorSearch
 from geoident.workflow.estimating.rivals import LOWER, kept_up
 from geoident.workflow.estimating.setup import (
     Setup,
+    kept_response,
     problem_of,
     structure_of_used,
     used_response,
@@ -55,11 +58,25 @@ from geoident.workflow.estimating.setup import (
 )
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.errors import gauge_errors
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, known_nearly, led
 from geoident.workflow.running.readings import (
     reading_table,
 )
 from geoident.workflow.running.reduced_scan import with_reduced_readings
+
+
+class Estimate(NamedTuple):
+    """How far a search has come.
+
+    Args:
+        setup: with what was estimated of the errors of its readings.
+        problem: the readings with their errors.
+        outcome: of the search for the parameters.
+    """
+
+    setup: Setup
+    problem: Problem
+    outcome: Outcome
 
 
 def estimated(
@@ -69,8 +86,12 @@ def estimated(
     control: Control,
     *,
     start: Floats | None = None,
-) -> tuple[Setup, Problem, Outcome]:
+    near: bool = False,
+) -> Estimate:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
+
+    A search that begins where another ended is led by the reduced model, if there is one that is
+    `EXACT` there; the model itself is asked at the end of it.
 
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
@@ -81,9 +102,7 @@ def estimated(
         log: takes what is evaluated, and gives it again.
         control: progress, budget and stops.
         start: (n,) where to begin, SI; None for the start values of the case.
-
-    Returns:
-        The setup with the accuracies that were estimated, the problem, and the outcome.
+        near: another fit of the same model has ended there.
 
     Raises:
         Interrupted: a stop was asked for.
@@ -95,68 +114,154 @@ def estimated(
     only = methods[0] if len(methods) == 1 else None
     staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
     if isinstance(only, ScanOptions) and staged:
-        problem = with_reduced_readings(problem, used_response(setup), only)
-    first = _search(problem, methods, control)
+        kept = kept_response(setup)
+        problem = with_reduced_readings(problem, used_response(setup), only, kept)
+    search = _Search(methods, control)
+    with led(problem.response) if near else nullcontext():
+        first = Estimate(setup, problem, search.identified(problem, methods))
     try:
-        return _with_all_errors(setup, problem, first, methods, control)
+        return search.with_all_errors(first)
     except TimeIsUp:
-        return setup, problem, replace(first, status=STOPPED, reason=OUT_OF_TIME)
+        cut = replace(first.outcome, status=STOPPED, reason=OUT_OF_TIME)
+        return first._replace(outcome=cut)
 
 
-def _with_all_errors(
-    setup: Setup,
-    problem: Problem,
-    first: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the errors of the mesh, of the gauges and of the model.
+@dataclass(frozen=True)
+class _Search:
+    """Methods of a search, and what it obeys. All that runs may be interrupted.
 
-    Raises:
-        TimeIsUp: the time ended within an evaluation that they need.
-        Interrupted: a stop was asked for.
+    Args:
+        methods: the identifiers to run, one after the other.
+        control: progress, budget and stops.
     """
-    setup, weighted, begun = _with_mesh(setup, problem, first, methods, control)
-    found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
-    mesh = _mesh_beside_accuracies(found, problem, outcome)
-    if mesh is not None:
-        setup, weighted, begun = _counted(setup, mesh, problem, begun, methods, control)
-        found, final, outcome = _with_errors(setup, weighted, begun, methods, control)
-    if final is problem or not first.minima:
-        return found, final, outcome
-    # the weights are others now, and so are the minima
 
-    def again(elsewhere: Problem) -> Outcome:
-        return _descent(elsewhere, methods, control)
+    methods: Sequence[MethodOptions]
+    control: Control
 
-    outcome = kept_up(final, outcome, first.minima, again)
-    lowest = outcome.minima[0] if outcome.minima else None
-    if lowest is None or lowest.objective >= outcome.objective - LOWER:
-        return found, final, outcome
-    # what was estimated with the parameters belongs to another minimum
-    former = LocalMinimum(outcome.values, outcome.objective)
-    moved = weighted.begun_at(lowest.values)
-    found, final, outcome = _with_errors(setup, moved, again(moved), methods, control)
-    return found, final, kept_up(final, outcome, [former, *first.minima], again)
+    def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
+        """Run identifiers, one after the other."""
+        outcome = identify(problem, methods, self.control.observe)
+        self.control.stop.check()
+        return outcome
 
+    def descent(self, problem: Problem) -> Outcome:
+        """One descent from where a problem begins, by the last method's steps."""
+        outcome = descend(problem, self.methods[-1], self.control.observe)
+        self.control.stop.check()
+        return outcome
 
-def _with_mesh(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the error of the mesh among those of the readings, where it matters."""
-    case, model = setup.case, setup.model
-    asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
-    plain = not isinstance(methods[-1], ScanOptions) and not _proves(methods[-1])
-    if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
-        return setup.not_asked_of_the_mesh(), problem, outcome
-    found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
-    if found is None or not found.counts:
-        return replace(setup, mesh=found), problem, outcome
-    return _counted(setup, found, problem, outcome, methods, control)
+    def with_all_errors(self, first: Estimate) -> Estimate:
+        """The same with the errors of the mesh, of the gauges and of the model.
+
+        Raises:
+            TimeIsUp: the time ended within an evaluation that they need.
+        """
+        problem, minima = first.problem, first.outcome.minima
+        with led(problem.response):
+            begun = self._with_mesh(first)
+            found = self._with_errors(begun)
+            mesh = _mesh_beside_accuracies(found.setup, problem, found.outcome)
+            if mesh is not None:
+                begun = self._counted(begun._replace(problem=problem), mesh)
+                found = self._with_errors(begun)
+        found = self._confirmed(found)
+        if found.problem is problem or not minima:
+            return found
+        # the weights are others now, and so are the minima
+        outcome = kept_up(found.problem, found.outcome, minima, self.descent)
+        lowest = outcome.minima[0] if outcome.minima else None
+        if lowest is None or lowest.objective >= outcome.objective - LOWER:
+            return found._replace(outcome=outcome)
+        # what was estimated with the parameters belongs to another minimum
+        former = LocalMinimum(outcome.values, outcome.objective)
+        moved = begun.problem.begun_at(lowest.values)
+        found = self._with_errors(Estimate(begun.setup, moved, self.descent(moved)))
+        outcome = kept_up(found.problem, found.outcome, [former, *minima], self.descent)
+        return found._replace(outcome=outcome)
+
+    def _with_mesh(self, at: Estimate) -> Estimate:
+        """The same with the error of the mesh among those of the readings, where it matters."""
+        setup, problem, outcome = at
+        case, model, last = setup.case, setup.model, self.methods[-1]
+        asked = case.fit.mesh_error and not any(c.errors and c.errors.mesh for c in case.channels)
+        plain = not isinstance(last, ScanOptions) and not _proves(last)
+        if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
+            return at._replace(setup=setup.not_asked_of_the_mesh())
+        found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
+        if found is None or not found.counts:
+            return at._replace(setup=replace(setup, mesh=found))
+        return self._counted(at, found)
+
+    def _counted(self, at: Estimate, found: FittedMesh) -> Estimate:
+        """The same with the error of the mesh among those of the readings."""
+        setup, problem, outcome = at
+        case = with_mesh_error(setup.case, found.found)
+        structure = structure_of_used(case, setup.readings.used)
+        assert structure is not None  # the mesh is in it
+        sd, shared = structure.at(np.zeros(len(structure.names)))
+        problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
+        again = after(outcome, self.descent(problem))
+        table = reading_table(case, setup.readings.reason)
+        return Estimate(replace(setup, case=case, readings=table, mesh=found), problem, again)
+
+    def _with_errors(self, at: Estimate) -> Estimate:
+        """The same with all errors that are estimated: those of the model and of the gauges."""
+        found = None
+        if no_model_error(at.setup.case, at.setup.readings, self.methods) is None:
+            found = self._with_model_error(at)
+        return self._with_accuracies(at) if found is None else found
+
+    def _confirmed(self, at: Estimate) -> Estimate:
+        """The same, confirmed by the model itself where the reduced model led to it."""
+        _, problem, outcome = at
+        if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
+            return at
+        again = self.descent(problem.begun_at(outcome.values))
+        return at._replace(outcome=after(outcome, again))
+
+    def _with_model_error(self, at: Estimate) -> Estimate | None:
+        """The same with the model error, and with accuracies that the case wants estimated.
+
+        None where no reading can have a model error.
+        """
+        setup = at.setup
+        case, readings = setup.case, setup.readings
+        length = correlation_length(case, case.fit.model_error)
+        rows = used_rows(case, readings.used)
+        pairs = used_pairs(readings)
+        structure = gauge_errors(rows)
+        search = ModelErrorSearch(
+            case.fit.model_error,
+            length,
+            structure,
+            tuple(channel for channel, _ in rows),
+            lambda increments: reading_steps(case, setup.model, increments, pairs, length),
+            self.descent,
+            isinstance(case.fit.loss, SquaredOptions),
+        )
+        found = search.run(at.problem, at.outcome)
+        if found is None:
+            return None
+        again = replace(setup, model_error=found.found)
+        if structure.names:
+            again = _sized(again, structure, found.components)
+        elif search.scatters:
+            again = _scattering(again, found.found)
+        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
+        again = replace(again, model_error=found.found.of_channels(channels))
+        return Estimate(again, found.problem, found.outcome)
+
+    def _with_accuracies(self, at: Estimate) -> Estimate:
+        """The same with the accuracies that the case wants estimated, if it wants any."""
+        structure = structure_of_used(at.setup.case, at.setup.readings.used)
+        if structure is None or not structure.names:
+            return at
+        onwards = continued(self.methods)
+        found = weighed(
+            at.problem, structure, at.outcome, lambda again: self.identified(again, onwards)
+        )
+        setup = _sized(at.setup, structure, found.components)
+        return Estimate(setup, found.problem, found.outcome)
 
 
 def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
@@ -188,93 +293,9 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     return replace(judged, found=replace(whole, accuracy=accuracy), spent=spent)
 
 
-def _counted(
-    setup: Setup,
-    found: FittedMesh,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the error of the mesh among those of the readings."""
-    case = with_mesh_error(setup.case, found.found)
-    structure = structure_of_used(case, setup.readings.used)
-    assert structure is not None  # the mesh is in it
-    sd, shared = structure.at(np.zeros(len(structure.names)))
-    problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-    again = after(outcome, _descent(problem, methods, control))
-    table = reading_table(case, setup.readings.reason)
-    return replace(setup, case=case, readings=table, mesh=found), problem, again
-
-
 def _proves(options: MethodOptions) -> bool:
     """Whether a method proves a bound, of the problem as it is given."""
     return isinstance(options, ComplementarityOptions) and options.formulation == "global"
-
-
-def _with_errors(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with all errors that are estimated: those of the model and those of the gauges."""
-    if no_model_error(setup.case, setup.readings, methods) is None:
-        found = _with_model_error(setup, problem, outcome, methods, control)
-        if found is not None:
-            return found
-    return _with_accuracies(setup, problem, outcome, methods, control)
-
-
-def _descent(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """One descent from where a problem begins, by the last method's steps.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = descend(problem, methods[-1], control.observe)
-    control.stop.check()
-    return outcome
-
-
-def _with_model_error(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome] | None:
-    """The same with the model error, and with accuracies that the case wants estimated.
-
-    None where no reading can have a model error.
-    """
-    case, readings = setup.case, setup.readings
-    length = correlation_length(case, case.fit.model_error)
-    rows = used_rows(case, readings.used)
-    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
-
-    structure = gauge_errors(rows)
-    search = ModelErrorSearch(
-        case.fit.model_error,
-        length,
-        structure,
-        tuple(channel for channel, _ in rows),
-        lambda increments: reading_steps(case, setup.model, increments, pairs, length),
-        lambda again: _descent(again, methods, control),
-        isinstance(case.fit.loss, SquaredOptions),
-    )
-    found = search.run(problem, outcome)
-    if found is None:
-        return None
-    again = replace(setup, model_error=found.found)
-    if structure.names:
-        again = _sized(again, structure, found.components)
-    elif search.scatters:
-        again = _scattering(again, found.found)
-    channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
-    again = replace(again, model_error=found.found.of_channels(channels))
-    return again, found.problem, found.outcome
 
 
 def _scattering(setup: Setup, found: FittedModelError) -> Setup:
@@ -295,32 +316,3 @@ def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -
         readings=reading_table(sized, setup.readings.reason),
         accuracies=accuracy_table(setup.case, structure.names, found),
     )
-
-
-def _with_accuracies(
-    setup: Setup,
-    problem: Problem,
-    outcome: Outcome,
-    methods: Sequence[MethodOptions],
-    control: Control,
-) -> tuple[Setup, Problem, Outcome]:
-    """The same with the accuracies that the case wants estimated; as it is where there are none."""
-    case, used = setup.case, setup.readings.used
-    structure = structure_of_used(case, used)
-    if structure is None or not structure.names:
-        return setup, problem, outcome
-    found = weighed(
-        problem, structure, outcome, lambda again: _search(again, continued(methods), control)
-    )
-    return _sized(setup, structure, found.components), found.problem, found.outcome
-
-
-def _search(problem: Problem, methods: Sequence[MethodOptions], control: Control) -> Outcome:
-    """Run the identifiers, one after the other.
-
-    Raises:
-        Interrupted: a stop was asked for.
-    """
-    outcome = identify(problem, methods, control.observe)
-    control.stop.check()
-    return outcome

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError
-from geoident.forward.model import StagedResponse
 from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.kept import RestoredModel
+from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify import refusals
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
@@ -31,6 +33,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
+from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
     reading_table,
     require_enough,
@@ -53,6 +56,7 @@ class Setup:
             it was not asked.
         stated: the case before errors of gauges were found with the model error; None where none
             were.
+        kept: a reduced model of the case that a result keeps, to be asked first; None for none.
     """
 
     model: CaseModel
@@ -62,6 +66,7 @@ class Setup:
     model_error: FittedModelError | None = None
     mesh: FittedMesh | None = None
     stated: Case | None = None
+    kept: RestoredModel | None = None
 
     def as_stated(self) -> Setup:
         """Without model error, with the errors of gauges as they were before it was found."""
@@ -91,7 +96,8 @@ def prepare(job: Job) -> Setup:
     """Build the model of a job and select its readings.
 
     Raises:
-        InputError: the case does not fit its mesh, or there are too few readings.
+        InputError: the case does not fit its mesh, there are too few readings, or the reduced
+            model that is to be asked is of another case.
         ModelError: the model moves freely somewhere.
     """
     model = build_model(job.inputs, solver=job.request.solver)
@@ -99,7 +105,9 @@ def prepare(job: Job) -> Setup:
     readings = select_readings(case, model)
     require_enough(case, readings)
     require_possible(model, case, job.methods)
-    return Setup(model, case, readings)
+    given = job.request.reduced
+    kept = None if given is None else restored_for(given, job.inputs)
+    return Setup(model, case, readings, kept=kept)
 
 
 def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
@@ -141,7 +149,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     staged = used_response(setup)
     # the closed form costs nothing: there is nothing to remember
     response: Response = staged
-    if isinstance(staged, StagedResponse):
+    if isinstance(staged, ReducibleResponse):
         if case.fit.reduced:
             staged.keep_marches()
         response = Remembered(staged, log, before=control.stop.check)
@@ -158,6 +166,15 @@ def used_response(setup: Setup) -> Response:
     readings, used = setup.readings, setup.readings.used
     pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
     return setup.model.response(pairs, times_of(readings, used))
+
+
+def kept_response(setup: Setup) -> ReducedResponse | None:
+    """The readings that are used by a reduced model that was kept; None where it gives not all."""
+    readings, used = setup.readings, setup.readings.used
+    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    if setup.kept is None or not setup.kept.covers(pairs):
+        return None
+    return setup.kept.response(pairs, times_of(readings, used))
 
 
 def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:

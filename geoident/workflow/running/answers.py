@@ -54,7 +54,9 @@ class Asked:
 
     Attributes:
         places: (m, 2) numbers of channels and stages of all that can be read.
-        everything: the response in the used readings and in all that can be read.
+        pairs: channels and stages of the used readings and of all that can be read.
+        times: when each of these is read, where it is known.
+        everything: the response in them.
     """
 
     def __init__(self, model: CaseModel, case: Case, readings: ReadingTable) -> None:
@@ -66,7 +68,8 @@ class Asked:
         later = [(case.channels[i].name, case.stages[j].name) for i, j in self.places.tolist()]
         self._split = len(pairs)
         self._used = model.response(pairs, times)
-        self.everything = model.response([*pairs, *later], [*times, *(None for _ in later)])
+        self.pairs, self.times = (*pairs, *later), (*times, *(None for _ in later))
+        self.everything = model.response(self.pairs, self.times)
 
     def answer(self, p: Floats) -> Answer:
         """What the model says at p (n,), SI."""

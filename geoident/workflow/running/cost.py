@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from geoident.fem.refinement.finer import n_raised
-from geoident.fem.solvers import AUTO, LARGE, picked
+from geoident.fem.solvers import AUTO, BEYOND, LARGE, picked
+from geoident.fem.solvers.auto import BYTES, ITERATED, Size
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
@@ -26,9 +27,14 @@ from geoident.model.results.summary import CostEstimate
 _FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
 
-_BYTES = {"multifrontal": 9.5, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
+_BYTES = {"multifrontal": BYTES, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
+_ITERATED_BYTES = 40.0
+"""Memory of conjugate gradients for each entry of the lower triangle: K twice, its levels."""
+
+_PRODUCT_FLOPS = 2.5e9  # a second, in products with sparse matrices
+_ITERATED_COLUMNS = 8  # right-hand sides in `ITERATED`
 _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
 _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
@@ -61,19 +67,25 @@ def estimate_cost(
     flops = steps * (once + sum(c.flops - c.lasting for c in costs))
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
+    largest = max((c.entries for c in costs), default=0)
+    nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
-        solver = picked(most, lasting=once > 0)
-    seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
+        solver = picked(Size(most, largest, nonzeros, lasting=once > 0, places=True))
+    if solver == BEYOND:
+        flops = steps * len(costs) * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
+        seconds = flops / _PRODUCT_FLOPS
+    else:
+        seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
-    largest = max((c.entries for c in costs), default=0)
     stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
     state = 8.0 * points * columns * (model.discretization.points.n_strain + 2)
     state += _YIELD_BYTES * points / 4 if model.yields else 0
     single = solver == LARGE and single_pays(0.0 if once else most, largest)
-    size = _BYTES[solver] * (0.5 if single else 1.0)
-    memory = _PROGRAM + largest * size + _PATTERNS * stiffness + 4 * state
+    size = _BYTES.get(solver, BYTES) * (0.5 if single else 1.0)
+    solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * size
+    memory = _PROGRAM + solved + _PATTERNS * stiffness + 4 * state
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
 
@@ -81,7 +93,7 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """About what one evaluation on the refined mesh costs: four or eight times the unknowns.
 
     With nested dissection the entries of the factor grow with n log n in the plane and with n^4/3
-    in space, the operations with n^3/2 and n^2 (George 1973).
+    in space, the operations with n^3/2 and n^2 (George 1973); conjugate gradients grow with n.
 
     Args:
         model: of the case.
@@ -89,6 +101,8 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """
     space = model.mesh.dim == 3
     entries, flops, rest = (16.0, 64.0, 8.0) if space else (4.6, 8.0, 4.0)
+    if cost.solver == BEYOND:  # what conjugate gradients take grows with n
+        entries = flops = rest
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
@@ -106,10 +120,11 @@ def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         cost: of one evaluation on its own mesh.
     """
     k = n_raised(model.mesh) / model.mesh.n_nodes
+    entries, flops = (1.0, 1.0) if cost.solver == BEYOND else (4.0 / 3.0, 2.0)
     return replace(
         cost,
-        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k ** (4.0 / 3.0),
-        seconds=cost.seconds * _DENSER * k**2,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k**entries,
+        seconds=cost.seconds * _DENSER * k**flops,
     )
 
 
@@ -179,6 +194,10 @@ def _stage_costs(model: StagedModel) -> list[FactorCost]:
             known[groups] = _stage_cost(model, n)
         costs.append(known[groups])
     return costs
+
+
+def _nonzeros(model: StagedModel, state: int) -> int:
+    return len(model.systems[state].pattern.lower.indices)
 
 
 def _pattern_bytes(model: StagedModel, state: int) -> int:

@@ -11,7 +11,8 @@ largest count that any process saw is kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from hashlib import sha256
 from typing import Protocol, runtime_checkable
@@ -33,6 +34,7 @@ from geoident.model.response import (
     CertifiedResponse,
     Condensed,
     HasReducedModel,
+    Response,
 )
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
@@ -59,7 +61,21 @@ class Log(Protocol):
         """
 
 
-def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> None:
+EXACT = 1e-6
+"""Bound of the relative error in energy up to which the reduced model answers for the model.
+
+What is found by it (weights of readings, and where to look at the model itself) is known to 0.2 %
+at best."""
+
+
+def carry_over(
+    log: Log,
+    other: Log,
+    p: Floats,
+    rows: Bools,
+    n_states: int,
+    visited: Sequence[Floats] = (),
+) -> None:
     """Give a fit of some of the readings of another what that has evaluated at p, if it has.
 
     Args:
@@ -68,6 +84,8 @@ def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> N
         p: (n,) parameters, SI.
         rows: (g,) which of the readings of the first the second has too.
         n_states: how far the second marches, with the virgin state.
+        visited: (n,) parameters at which the first was evaluated with derivatives: their marches
+            serve the reduced model of the second.
     """
     known = log.find("evaluate", p)
     if known is None or "increments" not in known:
@@ -75,7 +93,7 @@ def carry_over(log: Log, other: Log, p: Floats, rows: Bools, n_states: int) -> N
     some = {name: known[name][rows] for name in ("v", "dv_dp")}
     increments = np.array(known["increments"])
     increments[n_states:] = 0.0
-    free = {"cost": np.zeros(4), "carried": np.ones(1)}
+    free = {"cost": np.zeros(4), "visited": np.array(visited).reshape(-1, len(p))}
     other.add("evaluate", p, {**some, "increments": increments, **free})
 
 
@@ -88,6 +106,9 @@ class KeepsMarches(HasReducedModel, Protocol):
 
     def expect_march(self, number: int) -> None:
         """The next march is the one of a number in a search, from 0."""
+
+    def remembers(self, p: Floats) -> None:
+        """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
@@ -112,6 +133,8 @@ class Remembered:
         self._evaluated: list[Floats] = []
         self._metric = ""  # of the first condensation
         self._visited: list[Floats] = []  # where it was evaluated with derivatives
+        self._led = 0.0
+        self._near: set[bytes] = set()  # where the reduced model has answered
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -139,7 +162,7 @@ class Remembered:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        known = self._recall("readings", p) or self._recall("evaluate", p)
+        known = self._instead(p) or self._recall("readings", p) or self._recall("evaluate", p)
         if known is None:
             known = self._compute(
                 "readings", p, lambda: {"v": self._inner.readings(p), **self._seen_at(p)}
@@ -148,14 +171,63 @@ class Remembered:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        if isinstance(self._inner, KeepsMarches):
-            self._inner.expect_march(len(self._visited))
+        near = self._instead(p)
+        if near is not None:
+            return np.array(near["v"]), np.array(near["dv_dp"])
+        inner = self._inner
+        if isinstance(inner, KeepsMarches):
+            inner.expect_march(len(self._visited))
         known = self._known("evaluate", p, lambda: self._evaluate(p))
+        if isinstance(inner, KeepsMarches):
+            inner.remembers(p)
         # what another fit has evaluated costs nothing, and no march is made for it
-        seen = "carried" in known or any(np.array_equal(p, other) for other in self._visited)
-        if not seen:
-            self._visited.append(p.copy())
+        for other in known.get("visited", p[None]):
+            if not any(np.array_equal(other, before) for before in self._visited):
+                self._visited.append(other.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
+
+    @contextmanager
+    def led(self, exact: float = EXACT) -> Iterator[None]:
+        """Meanwhile the reduced model answers wherever it is proven to be close enough.
+
+        For searches whose weights are not yet those of the end: there the model is to be asked
+        once more.
+
+        Args:
+            exact: bound of the relative error in energy.
+        """
+        before, self._led = self._led, exact
+        try:
+            yield
+        finally:
+            self._led = before
+
+    def knows_nearly(self, p: Floats) -> bool:
+        """Whether at p (n,) the reduced model has answered, and not the model."""
+        return p.tobytes() in self._near and ("evaluate", p.tobytes()) not in self._seen
+
+    def _instead(self, p: Floats) -> EvaluationArrays | None:
+        """What the reduced model says at p (n,); None where it is not asked or not close."""
+        inner, exact = self._inner, self._led
+        if not exact or ("evaluate", p.tobytes()) in self._seen:
+            return None
+        if not (self._visited and isinstance(inner, KeepsMarches)):
+            return None
+
+        def find(reduced: CertifiedResponse) -> Floats:
+            if not reduced.error(p) <= exact:
+                return np.zeros(0)
+            (v, dv_dp), steps = reduced.evaluate(p), reduced.increments(p)
+            return np.concatenate([[len(v), len(steps)], v, dv_dp.ravel(), steps.ravel()])
+
+        found = self.leap(p, sha256(f"instead of the model {exact:g}".encode()).digest(), find)
+        if found is None:
+            return None
+        self._near.add(p.tobytes())
+        g, states = map(int, found[:2])
+        v, dv_dp, steps = np.split(found[2:], np.cumsum([g, g * len(p)]))
+        increments = steps.reshape(states, -1)
+        return {"v": v, "dv_dp": dv_dp.reshape(g, len(p)), "increments": increments}
 
     def evaluated(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
@@ -166,7 +238,7 @@ class Remembered:
 
         At a p (n,) that was evaluated it costs nothing.
         """
-        known = self._recall("evaluate", p) or self._recall("readings", p)
+        known = self._instead(p) or self._recall("evaluate", p) or self._recall("readings", p)
         if known is None or "increments" not in known:
             known = self._compute("increments", p, lambda: self._seen_at(p))
         return np.array(known["increments"])
@@ -299,14 +371,27 @@ class Remembered:
         self._seen.add((kind, p.tobytes()))
 
     def _spend(self, cost: Floats) -> None:
-        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
+        evaluations, factorizations, solves, analyses, *more = (int(number) for number in cost)
         self._counts = replace(
             self._counts,
             evaluations=self._counts.evaluations + evaluations,
             factorizations=self._counts.factorizations + factorizations,
             solves=self._counts.solves + solves,
             analyses=max(self._counts.analyses, analyses),
+            iterations=self._counts.iterations + sum(more),
         )
+
+
+@contextmanager
+def led(response: Response, exact: float = EXACT) -> Iterator[None]:
+    """Meanwhile a response that has a reduced model is answered by it; see `Remembered.led`."""
+    with response.led(exact) if isinstance(response, Remembered) else nullcontext():
+        yield
+
+
+def known_nearly(response: Response, p: Floats) -> bool:
+    """Whether at p (n,) a reduced model has answered, and not the model."""
+    return isinstance(response, Remembered) and response.knows_nearly(p)
 
 
 def _stored(found: Activity) -> EvaluationArrays:
@@ -333,13 +418,14 @@ def _restored(known: EvaluationArrays) -> Activity:
 
 
 def _cost(before: Counts, after: Counts) -> Floats:
-    """Evaluations, factorizations and solves between two counts; analyses up to the second."""
+    """What came between two counts; analyses up to the second."""
     return np.array(
         [
             after.evaluations - before.evaluations,
             after.factorizations - before.factorizations,
             after.solves - before.solves,
             after.analyses,
+            after.iterations - before.iterations,
         ],
         dtype=np.float64,
     )

@@ -17,11 +17,12 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
+from geoident.forward.checks import faults_on_mesh
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
-from geoident.io.case.file import LoadedCase, parse_case, read_case
+from geoident.io.case.file import FaultyCase, LoadedCase, PartOfCase, parse_case, read_case
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
@@ -92,7 +93,8 @@ class Inputs:
 def load_inputs(path: str, *, overrides: Sequence[str] = (), text: str | None = None) -> Inputs:
     """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
 
-    The mesh and the readings are hashed, the mesh is not parsed yet.
+    The mesh and the readings are hashed; the mesh is parsed only if the case is wrong, to say with
+    its faults what does not fit the mesh either.
 
     Args:
         path: of the case.
@@ -102,9 +104,23 @@ def load_inputs(path: str, *, overrides: Sequence[str] = (), text: str | None = 
     Raises:
         InputError: with all faults of the case.
     """
-    if text is not None:
-        return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
-    return _hashed(path, read_case(path, overrides=tuple(overrides)))
+    try:
+        if text is not None:
+            return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
+        return _hashed(path, read_case(path, overrides=tuple(overrides)))
+    except FaultyCase as error:
+        raise error.with_those_of_the_mesh(_faults_on_mesh(error.left)) from error
+
+
+def _faults_on_mesh(left: PartOfCase | None) -> list[Fault]:
+    """What does not fit the mesh in a case of which parts are wrong by themselves."""
+    if left is None:
+        return []
+    try:
+        mesh = _read_mesh(left.case, left.mesh_path)
+        return faults_on_mesh(left.case, mesh, complete=left.rest.sequence_is_known)
+    except InputError as error:
+        return list(error.faults)
 
 
 def inputs_of_result(result: Result, path: str) -> Inputs:
@@ -194,10 +210,14 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
         InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
             file, is placed where the case names the mesh.
     """
+    return _read_mesh(inputs.case, path)
+
+
+def _read_mesh(case: Case, path: str) -> Mesh:
     try:
-        return read_mesh(path, dim=inputs.case.analysis.dim)
+        return read_mesh(path, dim=case.analysis.dim)
     except InputError as error:
-        raise InputError(_in_case(fault, inputs.case) for fault in error.faults) from error
+        raise InputError(_in_case(fault, case) for fault in error.faults) from error
 
 
 def _in_case(fault: Fault, case: Case) -> Fault:
@@ -250,6 +270,7 @@ class Request:
         force: overwrite a result of other input.
         fresh: compute again what is up to date, and forget the checkpoint.
         text: of the case where it stands in no file.
+        reduced: path of a result whose reduced model is to be asked first; None for none.
     """
 
     case: str
@@ -260,6 +281,7 @@ class Request:
     force: bool = False
     fresh: bool = False
     text: str | None = None
+    reduced: str | None = None
 
 
 @dataclass(frozen=True)

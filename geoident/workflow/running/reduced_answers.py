@@ -8,15 +8,16 @@ model is good; only the time does. The marches are the same in every run, and so
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.kept import RestoredModel
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
 
 CLOSE = 0.02
@@ -24,6 +25,11 @@ CLOSE = 0.02
 
 MARCHES = 8
 """Marches of which the reduced model is made at most."""
+
+MADE = "a reduced model"
+"""What one is called that a command makes for itself."""
+
+OF_FIT = "the reduced model that the fit keeps"
 
 _GOOD = 1e-5
 """Bound of the relative error in energy that needs no further march."""
@@ -33,7 +39,11 @@ _AT_ONCE = 500
 
 
 def reduced_around(
-    response: StagedResponse, centre: Floats, training: Floats, marches: int = MARCHES
+    response: ReducibleResponse,
+    centre: Floats,
+    training: Floats,
+    marches: int = MARCHES,
+    also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -42,10 +52,12 @@ def reduced_around(
         centre: (n,) parameters in the middle of what will be asked.
         training: (k, n) some of what will be asked.
         marches: of which it is made at most.
+        also: (n,) parameters of which it is to be made beside.
     """
-    response.keep_marches(economical=False, most=marches)
+    response.keep_marches(economical=False, most=marches + len(also))
     try:
-        response.by_tangents(centre)
+        for p in (centre, *also):
+            response.by_tangents(p)
         for _ in range(marches - 1):
             reduced = response.reduced()
             if reduced is None:
@@ -61,14 +73,12 @@ def reduced_around(
 
 
 @dataclass
-class ReducedAnswers:
-    """Answers by the reduced model where its bounds allow, by the model elsewhere.
+class LedByReduced:
+    """What is answered by a reduced model where that is close enough, by the model elsewhere.
 
     Args:
         reduced: with bounds of its readings.
-        split: how many of its readings are those that are used.
-        limit: (g + m,) by how much a reading may be off, SI.
-        elsewhere: the model.
+        whose: what it is called.
 
     Attributes:
         by_reduced: answers that the reduced model gave.
@@ -76,17 +86,47 @@ class ReducedAnswers:
     """
 
     reduced: ReducedResponse
+    whose: str = field(default=MADE, kw_only=True)
+    by_reduced: int = field(default=0, kw_only=True)
+    by_model: int = field(default=0, kw_only=True)
+
+    def shares(self, answers: str, proven: str) -> str:
+        """How many answers are whose, a sentence.
+
+        Args:
+            answers: what they are called.
+            proven: how close those of the reduced model are, a clause.
+        """
+        count = self.by_reduced + self.by_model
+        if not self.by_reduced:
+            return f"All {count:,} {answers} are those of the full model."
+        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
+        return (
+            f"{self.by_reduced:,} of {count:,} {answers} are those of {self.whose}, whose "
+            f"{proven}; {rest} of the full model."
+        )
+
+
+@dataclass
+class ReducedAnswers(LedByReduced):
+    """Answers whose readings all are close enough.
+
+    Args:
+        split: how many of its readings are those that are used.
+        limit: (g + m,) by how much a reading may be off, SI.
+        elsewhere: the model.
+    """
+
     split: int
     limit: Floats
     elsewhere: Compute
-    by_reduced: int = 0
-    by_model: int = 0
 
     def __call__(self, points: Floats) -> Iterator[Answer]:
         """Answers at p (k, n), SI, in their order."""
         for first in range(0, len(points), _AT_ONCE):
             some = points[first : first + _AT_ONCE]
-            values, close = self._close(some)
+            values, error = self.reduced.certified(some)
+            close = np.all((error <= self.limit) & np.isfinite(values), axis=1)
             full = iter(self.elsewhere(some[~close]))
             for v, near in zip(values, close, strict=True):
                 if near:
@@ -96,36 +136,20 @@ class ReducedAnswers:
                     self.by_model += 1
                     yield next(full)
 
-    def _close(self, points: Floats) -> tuple[Floats, Bools]:
-        """Readings (k, g + m) by the reduced model, and where they are close enough (k,)."""
-        inside = np.array([self.reduced.admissible(p) is None for p in points], dtype=bool)
-        values = np.full((len(points), len(self.limit)), np.nan)
-        close = np.zeros(len(points), dtype=bool)
-        if inside.any():
-            try:
-                found, error = self.reduced.certified(points[inside])
-            except (ValueError, np.linalg.LinAlgError):
-                return values, close
-            values[inside] = found
-            close[inside] = np.all(error <= self.limit, axis=1) & np.isfinite(found).all(axis=1)
-        return values, close
-
     @property
     def note(self) -> str:
         """How many answers are whose, a sentence."""
-        count = self.by_reduced + self.by_model
-        if not self.by_reduced:
-            return f"All {count:,} evaluations are those of the full model."
-        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
-        return (
-            f"{self.by_reduced:,} of {count:,} evaluations are those of a reduced model, whose "
-            f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies; "
-            f"{rest} of the full model."
-        )
+        proven = f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies"
+        return self.shares("evaluations", proven)
 
 
 def reduced_answers(
-    asked: Asked, centre: Floats, training: Floats, accuracy: Floats, elsewhere: Compute
+    asked: Asked,
+    centre: Floats,
+    training: Floats,
+    accuracy: Floats,
+    elsewhere: Compute,
+    kept: RestoredModel | None = None,
 ) -> ReducedAnswers | None:
     """Answers of a model with the help of its reduced one; None where it has none.
 
@@ -135,11 +159,20 @@ def reduced_answers(
         training: (k, n) some of what will be asked.
         accuracy: (g + m,) of the used readings and of all that can be read, SI.
         elsewhere: answers of the model.
+        kept: a reduced model that was made before: none is made where it gives all that is asked.
     """
-    response = asked.everything
-    if not isinstance(response, StagedResponse):
+    response, split = asked.everything, len(accuracy) - len(asked.places)
+    whose = MADE
+    if kept is not None and kept.covers(asked.pairs):
+        whose, reduced = (
+            "the reduced model that the fit keeps",
+            kept.response(asked.pairs, asked.times),
+        )
+    elif isinstance(response, ReducibleResponse):
+        made = reduced_around(response, centre, training)
+        if made is None:
+            return None
+        reduced = made
+    else:
         return None
-    reduced = reduced_around(response, centre, training)
-    if reduced is None:
-        return None
-    return ReducedAnswers(reduced, len(accuracy) - len(asked.places), CLOSE * accuracy, elsewhere)
+    return ReducedAnswers(reduced, split, CLOSE * accuracy, elsewhere, whose=whose)

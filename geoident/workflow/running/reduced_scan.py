@@ -8,11 +8,12 @@ make it less. So far from the readings, where phi is large, the reduced model ma
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.model import StagedResponse
+from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -20,8 +21,8 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
-from geoident.model.results.result import Counts
-from geoident.workflow.running.reduced_answers import reduced_around
+from geoident.model.results.result import NO_COST, Counts
+from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -35,31 +36,29 @@ MARCHES_OF_GRID = 10
 _WORTH = 10
 """Points for each march of which the reduced model is made, from which on it is made."""
 
+_MOST = 0.9
+"""Part of the points of a grid at which a kept model must be close enough to be the only one."""
+
+KEPT = "a reduced model that was kept"
+"""What it is called then."""
+
 _TRAINING = 400
 """Points of the grid at which its bound is looked at."""
 
 
 @dataclass
-class ReducedReadings:
-    """A response whose readings are those of a reduced model where that is close enough.
+class ReducedReadings(LedByReduced):
+    """A response whose readings are those of a reduced model where the discrepancy is right.
 
     Args:
         inner: the model.
-        reduced: with bounds of its readings.
         discrepancy: of the problem.
-        spent: what making it has cost.
-
-    Attributes:
-        by_reduced: evaluations that the reduced model made.
-        by_model: evaluations that the model made.
+        spent: what making the reduced model has cost.
     """
 
     inner: Response
-    reduced: ReducedResponse
     discrepancy: Discrepancy
     spent: Counts
-    by_reduced: int = 0
-    by_model: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,12 +69,7 @@ class ReducedReadings:
     def counts(self) -> Counts:
         """Costs so far: of the model, and of making the reduced one."""
         made, own = self.spent, self.inner.counts
-        return Counts(
-            own.evaluations + made.evaluations,
-            max(own.analyses, made.analyses),
-            own.factorizations + made.factorizations,
-            own.solves + made.solves,
-        )
+        return replace(own + made, analyses=max(own.analyses, made.analyses))
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain of the model, or None if it is inside."""
@@ -83,15 +77,18 @@ class ReducedReadings:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        try:
-            found, error = self.reduced.certified(p[None])
-        except (ValueError, np.linalg.LinAlgError):
-            found = error = np.full((1, len(self.discrepancy.problem.sd)), np.nan)
+        found, error = self.reduced.certified(p[None])
         if self._close(p, found[0], error[0]):
             self.by_reduced += 1
             return np.asarray(found[0])
         self.by_model += 1
         return self.inner.readings(p)
+
+    def part_close(self, points: Floats) -> float:
+        """At which part of some points (k, n) the reduced model is close enough."""
+        found, error = self.reduced.certified(points)
+        close = [self._close(*each) for each in zip(points, found, error, strict=True)]
+        return float(np.mean(close)) if close else 0.0
 
     def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
         """Whether the discrepancy of readings v (g,) at p (n,) is right, with their errors."""
@@ -107,34 +104,35 @@ class ReducedReadings:
     @property
     def note(self) -> str:
         """How many points are whose, a sentence."""
-        count = self.by_reduced + self.by_model
-        rest = "none is" if not self.by_model else f"{self.by_model:,} are"
-        return (
-            f"{self.by_reduced:,} of {count:,} points of the grid are answered by a reduced model, "
-            f"whose misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}; "
-            f"{rest} answered by the full model."
-        )
+        proven = f"misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}"
+        return self.shares("points of the grid", proven)
 
 
-def with_reduced_readings(problem: Problem, response: Response, options: ScanOptions) -> Problem:
+def with_reduced_readings(
+    problem: Problem,
+    response: Response,
+    options: ScanOptions,
+    kept: ReducedResponse | None = None,
+) -> Problem:
     """The problem of a scan, with a reduced model where the case has one and it is worth while.
 
     Args:
         problem: of the scan.
         response: of the model in the readings of the problem, not logged.
         options: the grid.
+        kept: a reduced model in these readings that was made before. Where it is close enough at
+            most points of the grid, or there are few of them, no other one is made.
     """
     axes = grid_axes(problem.parameters, options)
     count = math.prod(len(axis) for axis in axes.values())
-    if count < _WORTH * MARCHES_OF_GRID or not isinstance(response, StagedResponse):
+    training = _training(problem, response, axes)
+    worth = count >= _WORTH * MARCHES_OF_GRID and isinstance(response, ReducibleResponse)
+    if kept is not None:
+        led = ReducedReadings(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
+        if not worth or led.part_close(training) >= _MOST:
+            return replace(problem, response=led)
+    if not worth or not isinstance(response, ReducibleResponse):
         return problem
-    names = [q.name for q in problem.parameters]
-    every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
-    places = np.unravel_index(np.unique(every), [len(axis) for axis in axes.values()])
-    training = np.repeat(problem.start[None], len(places[0]), axis=0)
-    for (name, axis), place in zip(axes.items(), places, strict=True):
-        training[:, names.index(name)] = axis[place]
-    training = training[[response.admissible(p) is None for p in training]]
     before = response.counts
     reduced = None
     if len(training):
@@ -142,11 +140,18 @@ def with_reduced_readings(problem: Problem, response: Response, options: ScanOpt
     if reduced is None:
         return problem
     after = response.counts
-    spent = Counts(
-        after.evaluations - before.evaluations,
-        after.analyses,
-        after.factorizations - before.factorizations,
-        after.solves - before.solves,
-    )
-    led = ReducedReadings(problem.response, reduced, Discrepancy(problem), spent)
+    spent = replace(after - before, analyses=after.analyses)
+    led = ReducedReadings(reduced, problem.response, Discrepancy(problem), spent)
     return replace(problem, response=led)
+
+
+def _training(problem: Problem, response: Response, axes: Mapping[str, Floats]) -> Floats:
+    """Some points (k, n) of a grid that are in the domain."""
+    count = math.prod(len(axis) for axis in axes.values())
+    names = [q.name for q in problem.parameters]
+    every = np.linspace(0, count - 1, min(count, _TRAINING)).astype(np.int64)
+    places = np.unravel_index(np.unique(every), [len(axis) for axis in axes.values()])
+    training = np.repeat(problem.start[None], len(places[0]), axis=0)
+    for (name, axis), place in zip(axes.items(), places, strict=True):
+        training[:, names.index(name)] = axis[place]
+    return training[[response.admissible(p) is None for p in training]]

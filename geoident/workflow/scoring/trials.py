@@ -157,6 +157,7 @@ def tried(
     *,
     start: Floats | None,
     until: int | None = None,
+    near: bool = False,
 ) -> PartialFit:
     """One fit and its predictions.
 
@@ -168,6 +169,7 @@ def tried(
         control: progress, budget and stops.
         start: (n,) where to begin, SI; None for the start values of the case.
         until: number of the last stage to predict; None for all.
+        near: a fit of the same model has ended there.
 
     Raises:
         InputError: there are fewer readings than parameters.
@@ -175,7 +177,7 @@ def tried(
         Interrupted: a stop was asked for.
     """
     part, before = up_to(setup, last), setup.model.counts
-    fitted, problem, outcome = estimated(part, methods, log, control, start=start)
+    fitted, problem, outcome = estimated(part, methods, log, control, start=start, near=near)
     end = None if until is None else until + 1
     found = look(fitted, problem, outcome, fields=True, last=end)
     levels = stress_levels(setup.model, setup.case, found.survey.fields)
@@ -246,6 +248,7 @@ def _since(before: Counts, after: Counts) -> Counts:
         analyses=after.analyses,
         factorizations=after.factorizations - before.factorizations,
         solves=after.solves - before.solves,
+        iterations=after.iterations - before.iterations,
     )
 
 
@@ -333,7 +336,9 @@ class LastStage:
     counts: Counts = field(default_factory=Counts)
 
 
-def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> LastStage:
+def last_stage(
+    setup: Setup, answer: Floats, log: Log, control: Control, visited: Sequence[Floats] = ()
+) -> LastStage:
     """The readings of the last fitted stage, predicted from those before it.
 
     Accuracies that the fit has estimated are kept.
@@ -343,6 +348,7 @@ def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> Last
         answer: (n,) its parameters, SI.
         log: of its evaluations.
         control: progress, budget and stops.
+        visited: (n,) parameters at which it was evaluated, for the reduced model.
 
     Raises:
         Interrupted: a stop was asked for.
@@ -357,9 +363,18 @@ def last_stage(setup: Setup, answer: Floats, log: Log, control: Control) -> Last
     readings = setup.readings
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
     earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
-    carry_over(log, part, answer, earlier, stages[-2] + 2)
+    carry_over(log, part, answer, earlier, stages[-2] + 2, visited)
     try:
-        trial = tried(setup, stages[-2], (NEARBY,), part, control, start=answer, until=stages[-1])
+        trial = tried(
+            setup,
+            stages[-2],
+            (NEARBY,),
+            part,
+            control,
+            start=answer,
+            until=stages[-1],
+            near=True,
+        )
     except (InputError, ModelError) as error:
         return LastStage(notes=(f"{what}: none, {clause(error)}.",))
     counts = trial.step.counts
@@ -381,6 +396,7 @@ def added(first: Counts, second: Counts) -> Counts:
         analyses=max(first.analyses, second.analyses),
         factorizations=first.factorizations + second.factorizations,
         solves=first.solves + second.solves,
+        iterations=first.iterations + second.iterations,
     )
 
 

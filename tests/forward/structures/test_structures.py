@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import InputError
-from geoident.forward.structures import members
+from geoident.forward.structures import placing
 from geoident.model.actions import Traction
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
@@ -520,7 +520,7 @@ def test_pieces_run_with_the_ground_on_their_left_in_all_directions(turn):
     around = np.stack([corners, np.roll(corners, -1)], axis=1)
     present = np.ones(1, dtype=bool)
     for edges in (around, around[:, ::-1], np.vstack([around[:2], around[2:, ::-1]])):
-        found = members._facing_ground(replace(mesh, points=points), edges, present)
+        found = placing._facing_ground(replace(mesh, points=points), edges, present)
         np.testing.assert_array_equal(found, around)
-        kept = members._facing_ground(replace(mesh, points=points), edges, ~present)
+        kept = placing._facing_ground(replace(mesh, points=points), edges, ~present)
         np.testing.assert_array_equal(kept, edges)

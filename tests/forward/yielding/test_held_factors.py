@@ -10,9 +10,8 @@ from support.cases import displacement
 from support.yielding import Cavity, mohr, parameters, rock
 
 from geoident.errors import CollapseError
-from geoident.forward.march import inexact_newton
-from geoident.forward.march.held_factors import HeldFactors
-from geoident.forward.march.plastic_step import PlasticSteps
+from geoident.forward.march import held_factors, inexact_newton
+from geoident.forward.march.held_factors import HeldFactors, steps_worth
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -47,24 +46,37 @@ def cost(staged, response, p):
 
 
 @pytest.fixture
-def whole_steps(monkeypatch):
-    """Newton's method with a factorization for every step."""
-    equations = PlasticSteps._equations
+def held(monkeypatch):
+    """Steps on factors that are held, as on a large mesh in space."""
+    monkeypatch.setattr(held_factors, "steps_worth", lambda n, dim: 12)
 
-    def bare(self, task, laws):
-        return replace(equations(self, task, laws), at_hand=None)
 
-    monkeypatch.setattr(PlasticSteps, "_equations", bare)
+def test_what_a_factorization_is_worth():
+    """None in the plane, where it is cheap; many in space, within bounds."""
+    assert [steps_worth(n, 2) for n in (1_000, 1_000_000)] == [0, 0]
+    assert [steps_worth(n, 3) for n in (10_000, 20_000, 1_000_000)] == [0, 14, 40]
+
+
+def test_in_the_plane_every_step_is_whole(monkeypatch):
+    def refused(*args, **kwargs):
+        raise AssertionError
+
+    monkeypatch.setattr(inexact_newton.Directions, "at", refused)
+    staged, response = cavity()
+    first, _ = cost(staged, response, P)
+    near, _ = cost(staged, response, NEAR)
+    assert 0 < near < first
 
 
 SURFACES = [{}, {"tension": 1e5}, {"planes": 16}, {"psi": 0.5}]
 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
-def test_numbers_are_those_of_whole_steps(surface, request):
-    staged, response = cavity(**surface)
-    found = [cost(staged, response, p) for p in (P, NEAR, FAR, P)]
-    request.getfixturevalue("whole_steps")
+def test_numbers_are_those_of_whole_steps(surface, monkeypatch):
+    with monkeypatch.context() as large:
+        large.setattr(held_factors, "steps_worth", lambda n, dim: 12)
+        staged, response = cavity(**surface)
+        found = [cost(staged, response, p) for p in (P, NEAR, FAR, P)]
     for p, (spent, (v, J)) in zip((P, NEAR, FAR, P), found, strict=True):
         staged, response = cavity(**surface)
         alone, (v_0, J_0) = cost(staged, response, p)
@@ -73,6 +85,7 @@ def test_numbers_are_those_of_whole_steps(surface, request):
         np.testing.assert_allclose(J, J_0, rtol=1e-7, atol=1e-9 * np.abs(J_0).max())
 
 
+@pytest.mark.usefixtures("held")
 def test_what_an_evaluation_costs():
     """A few tangents, not one for every step; near by, less than one a stage."""
     staged, response = cavity()
@@ -84,13 +97,13 @@ def test_what_an_evaluation_costs():
     assert far <= 2 * len(STAGES)
 
 
+@pytest.mark.usefixtures("held")
 def test_without_memory_for_factors_the_numbers_are_the_same():
     staged, response = cavity()
     staged.march.warm.factors.entries = 0
     many, (v, J) = cost(staged, response, P)
     again, _ = cost(staged, response, NEAR)
-    held_staged, held = cavity()
-    few, (v_0, J_0) = cost(held_staged, held, P)
+    few, (v_0, J_0) = cost(*cavity(), P)
     assert many >= few
     assert again > 0
     np.testing.assert_allclose(v, v_0, rtol=1e-9)
@@ -125,6 +138,7 @@ def test_a_factor_goes_before_its_successor_is_made():
     assert held.find(ground, "elastic") is not None
 
 
+@pytest.mark.usefixtures("held")
 def test_collapse_is_found_all_the_same():
     _, response = cavity()
     response.evaluate(P)
@@ -133,6 +147,7 @@ def test_collapse_is_found_all_the_same():
     response.evaluate(P)
 
 
+@pytest.mark.usefixtures("held")
 def test_steps_far_from_equilibrium_are_cut_off_and_few(monkeypatch):
     """Without a limit to them, ground near collapse would be searched on the elastic factor."""
     made = []

@@ -6,8 +6,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import InputError
-from geoident.io.case.file import apply_overrides
 from geoident.io.readings.file import parse_readings
+from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import decode
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.case import format_path

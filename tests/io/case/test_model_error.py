@@ -13,6 +13,7 @@ import pytest
         ("model_error: estimated", "'estimated' is not", "Did you mean 'estimate'?"),
         ("model_error: rough", "'rough' is not", "Write it such as 15 %."),
         ("mesh_error: maybe", "found 'maybe'; true or false is expected", "Write true or false"),
+        ("reduced: kept", "found 'kept'; true, false or keep is expected", "Write one of them"),
     ],
 )
 def test_refusals(project, changed, written, message, hint):

@@ -10,6 +10,7 @@ from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.opening import GroundReaction
+from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import (
     Counts,
     Diagnostics,
@@ -176,6 +177,33 @@ def make_reaction() -> GroundReaction:
     )
 
 
+def make_reduced() -> KeptReducedModel:
+    """Arrays of every number of axes, an empty one among them."""
+    return KeptReducedModel(
+        form=FORM,
+        names=NAMES,
+        reference=np.array([1.5e10, 8e6]),
+        lower=np.array([2e9, 2e6]),
+        upper=np.array([8e10, 2e7]),
+        marches=np.array([[1.5e10, 8e6], [1.4e10, 8.5e6], [2e10, 7e6]]),
+        materials=("rock", "Beton"),
+        channels=CHANNELS,
+        weights=np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 0.0]]),
+        zero=np.array([0, 1, 0]),
+        readable=np.array([[False] * 3, [True, False, True], [True] * 3]),
+        built_on=np.triu(np.ones((3, 3), dtype=bool)),
+        rows=np.array([0, 1, 1]),
+        states=np.array([1, 1, 2]),
+        blocks={
+            "one": np.arange(3.0),
+            "none": np.zeros((2, 0, 3)),
+            "two 0 rock": np.arange(4.0).reshape(2, 2),
+            "number": np.array(7.0),
+            "four": np.arange(24.0).reshape(2, 3, 2, 2),
+        },
+    )
+
+
 def make_result(dim: int = 2, *, full: bool = True) -> Result:
     gauges = make_gauges(dim)
     shape = gauges.measured.shape
@@ -216,6 +244,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
             np.array([[1.0, 2.0], [3.0, np.inf], [5.0, 6.0]]),
         ),
         reaction=make_reaction(),
+        reduced=make_reduced(),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
         diagnostics=make_diagnostics(len(gauges.readings)),

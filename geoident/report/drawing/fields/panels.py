@@ -74,7 +74,7 @@ def contours(
         quantity: at the points of the sheet.
     """
     shown, stages = len(scene.states), scene.n_states - 1
-    more = f" {shown} of {stages} stages." if 1 < shown < stages else ""
+    more = f" Drawn are {shown} of {stages} stages." if 1 < shown < stages else ""
     return Picture(
         name,
         f"{title}, stage by stage",

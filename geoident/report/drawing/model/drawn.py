@@ -104,6 +104,8 @@ class DrawnModel:
         margin = 0.15 * float(np.ptp(inner, axis=0).max()) + 1e-9
         margin = max(margin, 0.02 * float((high - low).max()))
         first, last = inner.min(axis=0) - margin, inner.max(axis=0) + margin
+        if self.case.analysis is Analysis.AXISYMMETRIC:
+            low = np.array([min(low[0], first[0]), low[1]])  # beyond the axis is room for names
         for part in (0.5, 1.0):  # at first on both sides, then where there is room
             least = _SLIMMEST[: len(low)] * float((last - first).max())
             lack = part * np.maximum(least - (last - first), 0.0)

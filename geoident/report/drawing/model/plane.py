@@ -31,6 +31,8 @@ _EDGE = (0.25, 0.25, 0.25)
 _MESH = (0.2, 0.2, 0.2, 0.3)
 _LEAST_ELEMENT = 4.0  # size from which on elements are drawn, points
 _TALLEST = 6.2
+_HIGH = 0.75  # of its width: a closer view that is higher has the whole model beside it
+_BESIDE = 4.2  # width for the whole model and the legend there, inches
 _MOVES: dict[str, Any] = {"marker": "o", "ms": 3.0}
 _GAUGE_MARKS: dict[str, dict[str, Any]] = {
     "stress": {"marker": "P", "ms": 5.0},
@@ -52,33 +54,57 @@ def plane_figure(model: DrawnModel) -> Figure:
     """
     sheet = model.maker.flat()
     whole = _with_loads(model, model.box)
-    closer = _with_loads(model, model.near) if model.has_closer else None
-    sizes = [_panel_size(whole, WIDTH * (0.48 if closer else 0.9), 3.4 if closer else _TALLEST)]
-    if closer is not None:
-        sizes.append(_panel_size(closer, WIDTH - 0.6, _TALLEST))
-    else:
+    figure = Figure()
+    if not model.has_closer:
+        size = _panel_size(whole, 0.9 * WIDTH, _TALLEST)
         handles = len(model.legend()) + 9
-        sizes.append((WIDTH, 0.17 * max(handles / 2, len(model.stage_keys()) + 1)))
-    figure = Figure(figsize=(WIDTH, sum(height + 0.55 for _, height in sizes)))
-    heights = [height for _, height in sizes]
-    if closer is None:
+        heights = [size[1], 0.17 * max(handles / 2, len(model.stage_keys()) + 1)]
+        figure.set_size_inches(WIDTH, sum(heights) + 1.1)
         main, below = figure.subplots(2, 1, height_ratios=heights)
-        meanings = _draw_panel(main, model, sheet, whole, names=True, width=sizes[0][0])
+        meanings = _draw_panel(main, model, sheet, whole, names=True, width=size[0])
         draw_legend(below, model, meanings, columns=2)
     else:
-        grid = figure.add_gridspec(2, 2, height_ratios=heights, width_ratios=[1.0, 1.0])
-        first, legend = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-        main = figure.add_subplot(grid[1, :])
-        meanings = _draw_panel(first, model, sheet, whole, names=False, width=sizes[0][0])
+        closer = _with_loads(model, model.near)
+        first, main, legend, widths = _two_views(figure, whole, closer)
+        meanings = _draw_panel(first, model, sheet, whole, names=False, width=widths[0])
         low, high = model.near
         frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]], low])
         first.plot(*frame.T, color="black", lw=0.9, ls=":", zorder=7)
         first.set_title("the whole model")
-        more = _draw_panel(main, model, sheet, closer, names=True, width=sizes[1][0])
+        more = _draw_panel(main, model, sheet, closer, names=True, width=widths[1])
         main.set_title("the dotted part")
         draw_legend(legend, model, {**meanings, **more})
     figure.suptitle(short(model.case.title, 90), x=0.01, ha="left", fontsize=10)
     return figure
+
+
+def _two_views(
+    figure: Figure, whole: Box, closer: Box
+) -> tuple[Axes, Axes, Axes, tuple[float, float]]:
+    """Axes of the whole model, of its closer part and of the legend; widths of the first two.
+
+    A closer part that is high has the others beside it, a wide one has them above it, so that the
+    figure never becomes a tall one, of which nothing could be read on a printed page.
+
+    Args:
+        figure: gets its size.
+        whole: what is shown of the model.
+        closer: the part with the gauges.
+    """
+    main = _panel_size(closer, WIDTH - 0.6, _TALLEST)
+    if main[1] > _HIGH * main[0]:
+        first = _panel_size(whole, _BESIDE - 0.7, 0.5 * _TALLEST)
+        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 0.9)
+        grid = figure.add_gridspec(2, 2, height_ratios=[first[1] + 0.5, main[1] - first[1]],
+                                   width_ratios=[main[0] + 0.7, _BESIDE])  # fmt: skip
+        places = grid[0, 1], grid[:, 0], grid[1, 1]
+    else:
+        first = _panel_size(whole, 0.48 * WIDTH, 3.4)
+        figure.set_size_inches(WIDTH, first[1] + main[1] + 1.1)
+        grid = figure.add_gridspec(2, 2, height_ratios=[first[1], main[1]])
+        places = grid[0, 0], grid[1, :], grid[0, 1]
+    axes = [figure.add_subplot(place) for place in places]
+    return axes[0], axes[1], axes[2], (first[0], main[0])
 
 
 def _panel_size(box: Box, widest: float, tallest: float) -> tuple[float, float]:
@@ -196,7 +222,10 @@ def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names
         for line in lines:  # over the rims of all lines
             axes.plot(*line.T, color=GAUGE, ls="", zorder=6.5, **style)
     if names:
-        anchors = [np.vstack([line[-1:] for line in lines]) for lines in gauges.values()]
+        anchors = [
+            lines[0][::-1] if kinds[name] == "convergence" else np.vstack([x[-1:] for x in lines])
+            for name, lines in gauges.items()
+        ]  # either end of what is measured across, else where it moves
         every = [line for lines in gauges.values() for line in lines]
         place_labels(axes, anchors, [short(name, 24) for name in gauges], avoid=every,
                      colour=GAUGE, size=LETTERS)  # fmt: skip

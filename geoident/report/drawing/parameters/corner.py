@@ -34,6 +34,9 @@ from geoident.units import in_unit
 _MOST = 8  # parameters in one plot
 _MOST_POINTS = 3000
 _LEVELS = (0.5, 0.95)  # of the draws inside a contour
+_MOST_KERNELS = 1000
+_PLACES = 60  # along each side, at which the density of draws is known
+_KERNELS_BEYOND = 0.6  # standard deviations beyond the draws, where their density is known too
 _REACH = 3.3  # standard deviations that are shown on each side of an estimate
 _TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
@@ -249,10 +252,13 @@ def corner_figure(result: Result, found: PosteriorDraws) -> Figure:
         _draw_histogram(panel, one, drawn(one), bins)
 
     def pair(panel: Axes, x: _Axis, y: _Axis) -> None:
-        _draw_pair(panel, (x, y), drawn(x), drawn(y), bins)
+        _draw_pair(panel, (x, y), drawn(x), drawn(y))
 
     handles = [
-        key("median, 95 %", color=colour(0)),
+        key(
+            "median; dotted: 95 %" if len(axes) == 1 else "median; contours of 50 and 95 %",
+            color=colour(0),
+        ),
         *([key("prior", color=FAINT, ls="--")] if any(a.prior for a in axes) else []),
         *([key("ellipse, 95 %", color="black", ls=":")] if len(axes) > 1 else []),
     ]
@@ -264,7 +270,7 @@ def _axis_of_draws(table: ParameterTable, name: str, values: Floats, *, log: boo
     shown = values * in_unit(1.0, *unit)
     log = log and bool(shown.min() > 0.0)
     places = scaled(np.array([shown.min(), shown.max()]), log=log)
-    margin = 0.03 * float(np.ptp(places)) or 0.05 * abs(float(places[0])) or 0.05
+    margin = 0.1 * float(np.ptp(places)) or 0.05 * abs(float(places[0])) or 0.05
     low, high = unscaled(places + np.array([-margin, margin]), log=log)
     return _Axis(name, unit, log, row, float(low), float(high), table.priors[row])
 
@@ -279,14 +285,15 @@ def _draw_histogram(panel: Axes, one: _Axis, places: Floats, bins: int) -> None:
     top = float(counts.max())
     if one.prior is not None:
         before, wide = _prior_on_scale(one)
-        x = np.linspace(places.min(), places.max(), 200)
+        low_end, high_end = scaled(np.array([one.low, one.high]), log=one.log)
+        x = np.linspace(float(low_end), float(high_end), 200)
         density = np.exp(-0.5 * ((x - before) / wide) ** 2) / (wide * np.sqrt(2.0 * np.pi))
         panel.plot(one.shown(x), density, "--", color=FAINT, lw=1.2)
         top = max(top, float(density.max()))
     panel.set_ylim(0.0, 1.05 * top)
 
 
-def _draw_pair(panel: Axes, axes: tuple[_Axis, _Axis], x: Floats, y: Floats, bins: int) -> None:
+def _draw_pair(panel: Axes, axes: tuple[_Axis, _Axis], x: Floats, y: Floats) -> None:
     step = max(1, len(x) // _MOST_POINTS)
     at = axes[0].shown(x[::step]), axes[1].shown(y[::step])
     panel.plot(*at, ".", ms=1.5, color=colour(0), alpha=0.25, rasterized=True)
@@ -294,20 +301,41 @@ def _draw_pair(panel: Axes, axes: tuple[_Axis, _Axis], x: Floats, y: Floats, bin
         return
     border = ellipse(np.array([x.mean(), y.mean()]), np.cov(x, y), SHARES[-1])
     panel.plot(axes[0].shown(border[0]), axes[1].shown(border[1]), ":", color="black", lw=0.9)
-    from scipy.ndimage import gaussian_filter  # noqa: PLC0415 - half a second
-
-    counts, xs, ys = np.histogram2d(x, y, bins=bins)
-    counts = gaussian_filter(counts, 1.0)  # contours of draws, not of their noise
-    ranked = np.sort(counts.ravel())[::-1]
-    share = np.cumsum(ranked) / ranked.sum()
-    levels = sorted({float(ranked[np.searchsorted(share, level)]) for level in _LEVELS})
-    levels = [level for level in levels if counts.min() < level < counts.max()]
+    places, density, levels = draws_density(np.stack([x, y]))
     if levels:
-        middle = [
-            one.shown(0.5 * (edges[1:] + edges[:-1]))
-            for one, edges in zip(axes, (xs, ys), strict=True)
-        ]
-        panel.contour(*middle, counts.T, levels=levels, colors=[colour(0)], linewidths=0.9)
+        lines = (one.shown(place) for one, place in zip(axes, places, strict=True))
+        panel.contour(*lines, density, levels=levels, colors=[colour(0)], linewidths=0.9)
+
+
+def draws_density(draws: Floats) -> tuple[tuple[Floats, Floats], Floats, list[float]]:
+    """The density of draws of two numbers, and the levels above which given parts of them lie.
+
+    A kernel with the covariance of the draws, so that a narrow valley is not made wide, on places
+    beyond the draws, so that contours close. Levels are those of the draws themselves: what the
+    kernel widens is not counted.
+
+    Args:
+        draws: (2, n).
+
+    Returns:
+        Places along x (m,) and y (m,), the density (m, m) with y along its rows, and the levels,
+        rising; none if all draws lie on a line.
+    """
+    from scipy.stats import gaussian_kde  # noqa: PLC0415 - half a second
+
+    step = max(1, draws.shape[1] // _MOST_KERNELS)
+    thinned = draws[:, ::step]
+    reach = _KERNELS_BEYOND * thinned.std(axis=1)
+    low, high = thinned.min(axis=1) - reach, thinned.max(axis=1) + reach
+    across, up = (np.linspace(a, b, _PLACES) for a, b in zip(low, high, strict=True))
+    try:
+        kernel = gaussian_kde(thinned)
+    except np.linalg.LinAlgError:
+        return (across, up), np.zeros((_PLACES, _PLACES)), []
+    grid = np.stack(np.meshgrid(across, up))
+    density = kernel(grid.reshape(2, -1)).reshape(_PLACES, _PLACES)
+    levels = np.quantile(kernel(thinned), [1.0 - share for share in _LEVELS])
+    return (across, up), density, sorted({float(level) for level in levels})
 
 
 def _corner(

@@ -1,0 +1,166 @@
+"""Conjugate gradients, preconditioned on several levels, as a `Solver`: beyond the memory.
+
+A factor of a million unknowns in space takes 10 GB and grows with n^(4/3), the operations with n^2;
+the matrix and its levels take two, and everything grows with n. All right-hand sides go
+together: one product with the matrix for all (`multilevel.energy`). The coarsest level is
+factorized by our own solver in single precision (`multilevel.cycle`).
+
+Where conjugate gradients do not come to the end (ground that is all but incompressible, slivers),
+the matrix is factorized if its factor fits the memory, and refused if not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.errors import ModelError
+from geoident.fem.solvers.auto import factor_bytes, fits, size_of
+from geoident.fem.solvers.direct import (
+    DirectAnalysis,
+    LowerPattern,
+    NotPositiveDefinite,
+    Solve,
+    SolverCounts,
+    SymbolicFactorization,
+)
+from geoident.fem.solvers.multifrontal import MultifrontalSolver
+from geoident.fem.solvers.multilevel.cycle import Hierarchy, Level
+from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
+from geoident.model.arrays import Floats
+
+COLUMNS = 32
+"""Right-hand sides that go together; bounds the memory."""
+
+FEW = 3_000
+"""Unknowns up to which a matrix is factorized: levels would save nothing."""
+
+
+class IterativeSolver:
+    """Conjugate gradients on several levels as a `Solver`.
+
+    Matrices without places in a mesh, and small ones, are factorized.
+
+    Args:
+        counts: where to count; its own if not given.
+        few: unknowns up to which a matrix is factorized.
+    """
+
+    name = "iterative"
+    keeps_from = float("inf")
+
+    def __init__(self, counts: SolverCounts | None = None, *, few: int = FEW) -> None:
+        self.counts = counts if counts is not None else SolverCounts()
+        self._few, self._direct = few, MultifrontalSolver(self.counts)
+
+    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
+        """Prepare for matrices of this pattern."""
+        if pattern.places is None or pattern.n <= self._few:
+            return self._direct.analyse(pattern)
+        return IterativeAnalysis(pattern, self.counts, Hierarchy(pattern.places, self.counts))
+
+
+class IterativeAnalysis(DirectAnalysis):
+    """The levels of a pattern, as far as they do not depend on values.
+
+    Args:
+        pattern: the pattern.
+        counts: where to count.
+        hierarchy: its levels.
+    """
+
+    def __init__(self, pattern: LowerPattern, counts: SolverCounts, hierarchy: Hierarchy) -> None:
+        super().__init__(pattern, counts)
+        self._hierarchy = hierarchy
+        self._direct: SymbolicFactorization | None = None
+
+    def _release(self) -> None:
+        """The levels die with their last user."""
+
+    def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
+        if not np.isfinite(values).all():
+            bad = int(np.argmax(~np.isfinite(values)))
+            raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
+        if self._direct is not None:  # iterations would not come to the end this time either
+            return self._direct.factorize(values).solve
+        matrix, counts = whole_matrix(self.pattern, values), self.counts
+        precondition = _Preconditioner(self._hierarchy.level(matrix))
+        try:
+            found = spectrum(matrix.__matmul__, precondition, diagonal)
+        except Stagnates:
+            return self._factorized(values)
+        counts.iterations += found.steps
+        instead: list[Solve] = []
+
+        def some(rhs: Floats) -> Floats:
+            if not instead:
+                try:
+                    done = solve_in_energy(matrix.__matmul__, precondition, rhs, found.least)
+                except Stagnates:
+                    instead.append(self._factorized(lower_values(matrix)))
+                else:
+                    counts.iterations += done.columns
+                    return done.x
+            return instead[0](rhs)
+
+        def solve(rhs: Floats) -> Floats:
+            for start in range(0, rhs.shape[1], COLUMNS):
+                rhs[:, start : start + COLUMNS] = some(rhs[:, start : start + COLUMNS])
+            return rhs
+
+        return solve
+
+    def _factorized(self, values: Floats) -> Solve:
+        """A factorization, where conjugate gradients do not come to the end.
+
+        Raises:
+            ModelError: it would not fit the memory.
+        """
+        if self._direct is None:
+            size = size_of(self.pattern)
+            if not fits(size):
+                raise _too_hard(factor_bytes(size))
+            self._direct = MultifrontalSolver(SolverCounts()).analyse(self.pattern)
+        return self._direct.factorize(values).solve
+
+
+def _too_hard(needed: float) -> ModelError:
+    msg = "conjugate gradients do not come to the solution: ground is all but incompressible, or "
+    msg += f"elements are nearly flat; a factorization would take {needed / 1e9:.1f} GB of memory"
+    hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, or take a "
+    return ModelError(msg, hint + "coarser mesh or more memory")
+
+
+class _Preconditioner:
+    """M^-1 r (n, k), found in single precision; columns are brought into its range."""
+
+    def __init__(self, level: Level) -> None:
+        self._level = level
+
+    def __call__(self, rhs: Floats) -> Floats:
+        size = np.abs(rhs).max(axis=0)
+        size[~(size > 0.0)] = 1.0
+        return np.asarray(self._level.solve((rhs / size).astype(np.float32)) * size)
+
+
+def whole_matrix(pattern: LowerPattern, values: Floats) -> sp.csr_array:
+    """The matrix (n, n) of a lower triangle (nnz,), rows ascending, stored zeros with it."""
+    n, indices, indptr = pattern.n, pattern.indices.astype(np.int32), pattern.indptr
+    below = np.ones(len(values), dtype=bool)
+    below[indptr[:-1]] = False
+    strict = values[below], indices[below], (indptr - np.arange(n + 1)).astype(np.int32)
+    lower = sp.csr_array(sp.csc_array(strict, shape=(n, n)))
+    # a row is one of the strict lower triangle, and then a column of the lower one
+    rows = lower.indptr + indptr
+    before = np.arange(len(lower.data)) + np.repeat(indptr[:-1], np.diff(lower.indptr))
+    after = np.arange(len(values)) + np.repeat(lower.indptr[1:], np.diff(indptr))
+    data, columns = np.empty(rows[-1]), np.empty(rows[-1], dtype=np.int32)
+    data[before], columns[before] = lower.data, lower.indices
+    data[after], columns[after] = values, indices
+    return sp.csr_array((data, columns, rows.astype(np.int32)), shape=(n, n))
+
+
+def lower_values(matrix: sp.csr_array) -> Floats:
+    """Values (nnz,) of the lower triangle of K (n, n) by columns: of the upper one by rows."""
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    return np.asarray(matrix.data[matrix.indices >= rows])

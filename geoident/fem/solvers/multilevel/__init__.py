@@ -1,0 +1,1 @@
+"""Conjugate gradients on several levels: for models whose factor is beyond the memory."""

@@ -1,0 +1,178 @@
+"""Coarser spaces of displacements: what a level of a multilevel solver passes to the next.
+
+*Corners of elements of second order.* Displacements that are linear between the corners are a
+subspace of those of second order: a node on an edge has half the displacement of either end
+(p-multigrid). In space they have an eighth of the unknowns.
+
+*Aggregates.* Otherwise nodes are gathered around roots, no two of which have a neighbour in common
+(a maximal independent set of distance two: Luby 1986; Bell, Dalton & Olson 2012, SIAM J. Sci.
+Comput. 34, C123-C152), and what an aggregate can do is move as a rigid body: three translations
+and three rotations, two and one in the plane. One step of damped Jacobi takes the jumps between
+aggregates out of these motions (smoothed aggregation: Vanek, Mandel & Brezina 1996, Computing 56,
+179-196).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.solvers.direct import Places
+from geoident.model.arrays import Bools, Floats, Ints
+
+FEW = 0.4
+"""Share of the unknowns that may be those of corners, for a level of the corners alone."""
+
+
+@dataclass(frozen=True)
+class Coarser:
+    """A coarser space.
+
+    Args:
+        interpolation: (n, n_coarse) displacements of it by its unknowns.
+        point: (n_coarse, dim) about where each of its unknowns stands.
+        places: of its unknowns in the mesh; None where they are no displacements of nodes.
+    """
+
+    interpolation: sp.csr_array
+    point: Floats
+    places: Places | None
+
+
+def corners(places: Places) -> Coarser | None:
+    """The space of the corners; None where elements of second order are few.
+
+    Args:
+        places: of the unknowns.
+    """
+    n, dim = len(places.dofs), places.points.shape[1]
+    on_edge = np.zeros(len(places.points), dtype=bool)
+    on_edge[places.edges[:, 0]] = True
+    stays = np.flatnonzero(~on_edge[places.dofs // dim])
+    if not 0 < len(stays) <= FEW * n:
+        return None
+    column = np.full(places.points.size, -1, dtype=np.int64)
+    column[places.dofs[stays]] = np.arange(len(stays))
+    unknown = np.full(places.points.size, -1, dtype=np.int64)
+    unknown[places.dofs] = np.arange(n)
+    components = np.arange(dim)
+    rows, columns = [stays], [np.arange(len(stays))]
+    for end in (1, 2):
+        row = unknown[(places.edges[:, :1] * dim + components).ravel()]
+        of = column[(places.edges[:, end, None] * dim + components).ravel()]
+        both = (row >= 0) & (of >= 0)
+        rows.append(row[both])
+        columns.append(of[both])
+    row = np.concatenate(rows)
+    share = np.full(len(row), 0.5)
+    share[: len(stays)] = 1.0
+    entries = share, (row, np.concatenate(columns))
+    interpolation = sp.csr_array(sp.coo_array(entries, shape=(n, len(stays))))
+    dofs = places.dofs[stays]
+    nothing = np.empty((0, 3), dtype=np.int64)
+    return Coarser(interpolation, places.points[dofs // dim], Places(dofs, places.points, nothing))
+
+
+def aggregates(matrix: sp.csr_array, places: Places, step: sp.csr_array) -> Coarser:
+    """The space of rigid motions of aggregates, smoothed.
+
+    Args:
+        matrix: (n, n) K.
+        places: of its unknowns.
+        step: (n, n) of the step of Jacobi: the smoothed motions are those less ``step @ K @`` them.
+    """
+    dim = places.points.shape[1]
+    node, at = np.unique(places.dofs // dim, return_inverse=True)
+    graph = _node_graph(matrix, at, len(node))
+    aggregate = _gathered(graph)
+    motions = _rigid_motions(places, node, at, aggregate)
+    count = int(aggregate.max()) + 1
+    centres = _means(places.points[node], aggregate, count)
+    tentative, of = _orthogonal(motions, aggregate[at], count)
+    smooth = sp.csr_array(tentative - step @ (matrix @ tentative))
+    smooth.sort_indices()
+    return Coarser(smooth, centres[of], None)
+
+
+def _node_graph(matrix: sp.csr_array, at: Ints, n_nodes: int) -> sp.csr_array:
+    """Nodes that are coupled, each with itself."""
+    n = len(at)
+    of = sp.csr_array((np.ones(n, dtype=np.int8), at, np.arange(n + 1)), shape=(n, n_nodes))
+    pattern = sp.csr_array(
+        (np.ones(matrix.nnz, dtype=np.int8), matrix.indices, matrix.indptr), shape=matrix.shape
+    )
+    graph = sp.csr_array(of.T.astype(np.int32) @ (pattern.astype(np.int32) @ of))
+    graph.sort_indices()
+    return graph
+
+
+def _gathered(graph: sp.csr_array) -> Ints:
+    """(n_nodes,) number of the aggregate of each node."""
+    n = graph.shape[0]
+    indices, starts = graph.indices, graph.indptr[:-1]
+    chance = np.random.default_rng(0).permutation(n) + 1
+    state = chance.copy()  # chance while undecided, 0 for what is near a root
+    root = np.zeros(n, dtype=bool)
+    while (state > 0).any():
+        near = np.maximum.reduceat(state[indices], starts)
+        highest = np.maximum.reduceat(near[indices], starts)
+        fresh = (state > 0) & (highest == state)
+        root |= fresh
+        taken = np.logical_or.reduceat(fresh[indices], starts)
+        taken = np.logical_or.reduceat(taken[indices], starts)
+        state[taken] = 0
+    number = np.full(n, -1, dtype=np.int64)
+    number[root] = np.arange(np.count_nonzero(root))
+    while (number < 0).any():  # first the neighbours of roots, then theirs
+        around = np.maximum.reduceat(number[indices], starts)
+        number = np.where(number < 0, around, number)
+    return number
+
+
+def _means(points: Floats, group: Ints, count: int) -> Floats:
+    sums = [np.bincount(group, points[:, k], minlength=count) for k in range(points.shape[1])]
+    return np.asarray(np.stack(sums, axis=1) / np.bincount(group, minlength=count)[:, None])
+
+
+def _rigid_motions(places: Places, node: Ints, at: Ints, aggregate: Ints) -> Floats:
+    """(n, m) displacement of each unknown by the rigid motions of its aggregate."""
+    dim = places.points.shape[1]
+    centre = _means(places.points[node], aggregate, int(aggregate.max()) + 1)
+    x = places.points[node][at] - centre[aggregate[at]]
+    component = places.dofs % dim
+    pairs = [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (2, 0)]
+    motions = np.zeros((len(at), dim + len(pairs)))
+    motions[np.arange(len(at)), component] = 1.0
+    for k, (i, j) in enumerate(pairs):
+        motions[:, dim + k] = np.where(component == j, x[:, i], 0.0)
+        motions[:, dim + k] -= np.where(component == i, x[:, j], 0.0)
+    return motions
+
+
+def _orthogonal(motions: Floats, group: Ints, count: int) -> tuple[sp.csr_array, Ints]:
+    """Orthonormal motions of each aggregate, those that are none left out; the aggregate of each.
+
+    Args:
+        motions: (n, m).
+        group: (n,) aggregate of each unknown.
+        count: of aggregates.
+    """
+    n, m = motions.shape
+    products = np.zeros((count, m, m))
+    np.add.at(products, group, motions[:, :, None] * motions[:, None, :])
+    scale = np.sqrt(np.maximum(np.einsum("gii->gi", products), 1e-300))
+    products /= scale[:, :, None] * scale[:, None, :]
+    values, vectors = np.linalg.eigh(products)
+    keep: Bools = values > 1e-6 * m
+    vectors = vectors / np.where(keep, np.sqrt(np.maximum(values, 1e-300)), np.inf)[:, None, :]
+    found = np.einsum("nm,nmk->nk", motions / scale[group], vectors[group])
+    number = np.full(count * m, -1, dtype=np.int64)
+    number[keep.ravel()] = np.arange(np.count_nonzero(keep))
+    columns = number[group[:, None] * m + np.arange(m)]
+    there = columns >= 0
+    rows = np.repeat(np.arange(n), there.sum(axis=1))
+    shape = (n, int(np.count_nonzero(keep)))
+    matrix = sp.csr_array(sp.coo_array((found[there], (rows, columns[there])), shape=shape))
+    return matrix, np.repeat(np.arange(count), m)[keep.ravel()]

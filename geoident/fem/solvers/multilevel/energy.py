@@ -1,0 +1,168 @@
+"""Conjugate gradients that stop when the error in energy is known to be small.
+
+With M the preconditioner and the eigenvalues of M^-1 K not below m,
+
+    |e|_K^2 = r^T K^-1 r <= r^T M^-1 r / m ,
+
+and r^T M^-1 r stands in the iteration anyway. A small problem with a random right-hand side, solved
+beforehand, gives m: its coefficients are those of Lanczos' method, whose least Ritz value comes
+down to the least eigenvalue (Golub & Van Loan, Matrix computations, 2013, 10.2). It is
+brought to where a right-hand side of random numbers must have shown every eigenvalue that stands
+apart: the part of an eigenvector with eigenvalue near zero, or below, stays in the residual until a
+Ritz value has found it, and it is about one in the root of n. So a mechanism, or a matrix that is
+not positive definite, is found whatever loads follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.model.arrays import Floats
+
+Product = Callable[[Floats], Floats]
+"""K x (n, k), or M^-1 r (n, k)."""
+
+ENERGY = 1e-10
+"""Largest error in energy norm, relative to the solution."""
+
+SHOWN = 1e-3
+"""Residual, times the root of n, at which a random right-hand side has shown the eigenvalues."""
+
+SAFE = 0.5
+"""Part of the least Ritz value that is taken for the least eigenvalue."""
+
+NEARLY_SINGULAR = 1e-9
+"""A least eigenvalue of M^-1 K below this is rounding, not stiffness."""
+
+MOST = 400
+"""Steps until a matrix is given up."""
+
+
+class Stagnates(ArithmeticError):
+    """Conjugate gradients do not come to the end within reason."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """What is known of M^-1 K.
+
+    Args:
+        least: its least eigenvalue, about.
+        most: its largest, about.
+        steps: that it took to find out.
+    """
+
+    least: float
+    most: float
+    steps: int
+
+
+def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spectrum:
+    """The extreme eigenvalues of M^-1 K.
+
+    Args:
+        product: multiplies with K.
+        precondition: multiplies with M^-1.
+        diagonal: (n,) of K.
+
+    Raises:
+        NotPositiveDefinite: K is indefinite, or singular to working precision.
+        Stagnates: they are too far apart.
+    """
+    n = len(diagonal)
+    r = np.random.default_rng(0).normal(size=(n, 1)) * np.sqrt(diagonal)[:, None]
+    z = precondition(r)
+    d, rz = z, float((r * z).sum())
+    until, alphas, betas = (SHOWN**2 / n) * rz, list[float](), list[float]()
+    for _ in range(MOST):
+        q = product(d)
+        curvature = float((d * q).sum())
+        if not curvature > 0.0 or not rz > 0.0:
+            raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
+        alphas.append(rz / curvature)
+        r = r - alphas[-1] * q
+        z = precondition(r)
+        following = float((r * z).sum())
+        betas.append(following / rz)
+        if following <= until:
+            return _extremes(alphas, betas, d)
+        d, rz = z + betas[-1] * d, following
+    raise Stagnates
+
+
+def _extremes(alphas: list[float], betas: list[float], d: Floats) -> Spectrum:
+    """From the coefficients of conjugate gradients: eigenvalues of Lanczos' matrix."""
+    a, b = np.array(alphas), np.array(betas)
+    main = 1.0 / a
+    main[1:] += b[:-1] / a[:-1]
+    side = np.sqrt(np.maximum(b[:-1], 0.0)) / a[:-1]
+    values = np.linalg.eigvalsh(np.diag(main) + np.diag(side, 1) + np.diag(side, -1))
+    found = Spectrum(float(values[0]), float(values[-1]), len(alphas))
+    if not found.least > NEARLY_SINGULAR * found.most:
+        raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
+    return found
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What conjugate gradients found.
+
+    Args:
+        x: (n, k) solutions.
+        steps: of all columns together: products with the matrix.
+        columns: steps, column by column, added up.
+    """
+
+    x: Floats
+    steps: int
+    columns: int
+
+
+def solve_in_energy(
+    product: Product, precondition: Product, rhs: Floats, least: float, *, tolerance: float = ENERGY
+) -> Solved:
+    """Solve K x = b, each column to an error in energy norm.
+
+    Args:
+        product: K x.
+        precondition: M^-1 r.
+        rhs: (n, k) b.
+        least: the least eigenvalue of M^-1 K, about.
+        tolerance: of the error, relative to the energy norm of the solution.
+
+    Raises:
+        NotPositiveDefinite: a direction has no positive curvature.
+        Stagnates: the error does not become small.
+    """
+    x = np.zeros_like(rhs)
+    going = np.flatnonzero(np.abs(rhs).max(axis=0) > 0.0)
+    steps = columns = 0
+    r = rhs[:, going]
+    d = precondition(r)
+    rz = (r * d).sum(axis=0)
+    energy = np.zeros(len(going))  # x^T K x
+    while going.size:
+        if steps == MOST:
+            raise Stagnates
+        steps, columns = steps + 1, columns + len(going)
+        q = product(d)
+        curvature = (d * q).sum(axis=0)
+        bad = np.flatnonzero(~(curvature > 0.0))
+        if bad.size:
+            raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, bad[0]]))))
+        length = rz / curvature
+        x[:, going] += length * d
+        r = r - length * q
+        energy += length * rz
+        z = precondition(r)
+        following = (r * z).sum(axis=0)
+        d = z + (following / rz) * d
+        rz = following
+        on = rz > (SAFE * least) * tolerance**2 * energy
+        if not on.all():
+            going, r, d, rz, energy = going[on], r[:, on], d[:, on], rz[on], energy[on]
+    return Solved(x, steps, columns)

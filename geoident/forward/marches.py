@@ -1,0 +1,176 @@
+"""The marches of a case at any parameter vector, and what they have cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.fem.solvers.direct import Solver
+from geoident.forward.checks import inadmissible_numbers
+from geoident.forward.gauges.adjoints import AdjointTable
+from geoident.forward.gauges.instrument_errors import InstrumentErrors
+from geoident.forward.gauges.observable import MarchState
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.ground.moduli import inadmissible_moduli
+from geoident.forward.march.kept import MOST_KEPT, KeptMarch
+from geoident.forward.march.march import March, Run, RunOptions
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.march.systems import StageSystems
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.arrays import Floats
+from geoident.model.dual import ParameterPoint
+from geoident.model.results.result import Counts
+
+WHOLE = RunOptions()
+"""All states with their derivatives."""
+
+
+class Marches:
+    """Marches of a case with its gauges, each counted.
+
+    Args:
+        on_mesh: the case and the mesh that it fits.
+        observation: its gauges there.
+        solver: factorizes the stiffness matrices.
+
+    Attributes:
+        on_state: is told of every state computed.
+        last_adjoints: readings with their derivatives at the parameters that were evaluated last.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
+        self.on_mesh, self.observation = on_mesh, observation
+        self.case, self.mesh, self.sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+        self.names = tuple(parameter.name for parameter in self.case.parameters)
+        self.instrument_errors = InstrumentErrors(self.case, self.sequence.built_on)
+        self._solver = solver
+        self._evaluations = 0
+        self.on_state: Callable[[int], None] | None = None
+        self.last_adjoints: AdjointTable | None = None
+        self.discretization = on_mesh.discretization
+        self.systems = StageSystems(on_mesh, solver)
+        self.structures = self.systems.structures
+        self.march = March(on_mesh, self.systems)
+        self.actions = self.march.actions
+        self._kept: KeptMarch | None = None
+        self._paid: tuple[bytes | None, int] = None, -1
+        self._free = Counts()
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        spent = self._spent()
+        return replace(spent, evaluations=self._evaluations) - self._free
+
+    def _spent(self) -> Counts:
+        """What the solver has done so far."""
+        done = self._solver.counts
+        return Counts(0, done.analyses, done.factorizations, done.solves, done.iterations)
+
+    @property
+    def yields(self) -> bool:
+        """Whether any material of the case has yield limits."""
+        return any(material.yields for material in self.case.materials.values())
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        if not np.all(np.isfinite(p)):
+            return "a parameter is not finite"
+        values = self.values(p)
+        found = inadmissible_numbers(self.case, self.sequence, values)
+        for name in () if found else self.sequence.materials:
+            fields = self.on_mesh.elastic_fields(name)
+            if fields:
+                s = self.discretization.points.n_strain
+                found = found or inadmissible_moduli(self.case.materials[name], fields, values, s)
+        return found
+
+    def values(self, p: Floats) -> dict[str, float]:
+        """Parameter values p (n,) by name."""
+        return dict(zip(self.names, map(float, p), strict=True))
+
+    def count_evaluation(self) -> int:
+        """One more parameter vector was evaluated: how many so far."""
+        self._evaluations += 1
+        return self._evaluations
+
+    def at(self, p: Floats, options: RunOptions = WHOLE) -> Run:
+        """One march at parameters p (n,); its states come one by one.
+
+        Args:
+            p: (n,) parameters.
+            options: how to march.
+        """
+        return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
+
+    @property
+    def keeps_march(self) -> bool:
+        """Whether the states of a march are kept: nothing yields, and they are not too many."""
+        points = self.discretization.points
+        each = self.discretization.n_dofs + points.n_strain * points.n_points
+        return not self.yields and each * len(self.sequence.states) <= MOST_KEPT
+
+    def paid(self, p: Floats, last: int) -> None:
+        """A march at p (n,) up to a state was counted, in this run or in one that this goes on.
+
+        Should its states be computed again for what comes later, they are not counted again.
+        """
+        key, before = self._paid
+        self._paid = p.tobytes(), max(last, before) if key == p.tobytes() else last
+
+    def is_paid(self, p: Floats) -> bool:
+        """Whether the last march with derivatives that was counted is that at p (n,)."""
+        return self.keeps_march and self._paid[0] == p.tobytes()
+
+    def march_to(
+        self,
+        p: Floats,
+        last: int,
+        tell: Callable[[StageEnd, Run], None] | None = None,
+    ) -> KeptMarch:
+        """The march with derivatives at p (n,), which goes on where it was left, to a state.
+
+        Args:
+            p: (n,) parameters, SI.
+            last: index of the state.
+            tell: is given every state with its run while its factorization is there: the march is
+                made anew.
+
+        Raises:
+            ModelError: the stiffness of a stage is not positive definite.
+        """
+        kept = self._kept
+        if kept is None or kept.p != tuple(map(float, p)) or tell is not None:
+            self._kept = None  # its memory is free for the next
+            if self._paid[0] != p.tobytes():
+                self.count_evaluation()
+                self.paid(p, -1)
+            kept = KeptMarch(self.at(p), self._see)
+        free = self._paid[1]
+        try:
+            for to in sorted({min(free, last), last}):
+                before = self._spent()
+                kept.go_on(to, tell)
+                if to <= free:
+                    self._set_free(before)
+        except BaseException:
+            self._kept = None
+            raise
+        self._kept = kept
+        self.paid(p, last)
+        return kept
+
+    def _set_free(self, before: Counts) -> None:
+        """What was done since these counts is not to be counted, but for analyses."""
+        self._free += replace(self._spent() - before, analyses=0)
+
+    def _see(self, end: StageEnd, run: Run) -> tuple[Floats, tuple[str, ...]]:
+        """What channels see of a state, and which read one of several equal stresses."""
+        state = MarchState(end, run.point, self.structures)
+        return self.observation.values(state), self.observation.coinciding(state)
+
+    def _tell(self, state: int) -> None:
+        if self.on_state is not None:
+            self.on_state(state)

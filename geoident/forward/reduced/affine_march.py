@@ -1,0 +1,133 @@
+"""What a reduced model is made of: moduli, loads and histories as sums of few (theory 14).
+
+`AffineForm` says what depends on the parameters, and is all that a reduced model needs once it is
+made; `AffineMarch` adds the march and the ground that a form was found of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.forward.affine import trial_points
+from geoident.forward.checks import inadmissible_numbers
+from geoident.forward.march.march import March
+from geoident.forward.reduced.loads import LoadForm, load_form
+from geoident.forward.reduced.moduli import Span, rigidity_span, span_of
+from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name, zones_of
+from geoident.model.arrays import Floats
+from geoident.model.parameter import Values
+
+_DRAWS = 24
+"""Parameter vectors at which moduli and loads are looked at, beside three for each parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class AffineFactors:
+    """Moduli and loads at parameter vectors (b).
+
+    Args:
+        moduli: material to its coordinates (b, r).
+        slopes: likewise (b, r, n).
+        loads: psi (b, r).
+        load_slopes: (b, r, n).
+    """
+
+    moduli: Mapping[str, Floats]
+    slopes: Mapping[str, Floats]
+    loads: Floats
+    load_slopes: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class AffineForm:
+    """Moduli and loads as sums of few fixed ones.
+
+    Args:
+        names: of the n parameters.
+        spans: moduli of every material, rigidities of structures.
+        loads: in-situ stress and forces.
+    """
+
+    names: tuple[str, ...]
+    spans: Mapping[str, Span]
+    loads: LoadForm
+
+    def at(self, values: Floats) -> AffineFactors:
+        """Moduli and loads at parameter vectors (b, n).
+
+        Raises:
+            ValueError: moduli leave the span of those that were seen.
+        """
+        found = {name: span.coordinates(values) for name, span in self.spans.items()}
+        psi, slopes = self.loads.coordinates(values)
+        return AffineFactors(
+            {name: c for name, (c, _) in found.items()},
+            {name: dc for name, (_, dc) in found.items()},
+            psi,
+            slopes,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AffineMarch:
+    """A march whose moduli and loads have a form, up to a state.
+
+    Args:
+        march: of the case.
+        form: of its moduli and loads.
+        zones: of every state.
+        points: of the ground, and members.
+    """
+
+    march: March
+    form: AffineForm
+    zones: tuple[tuple[Zone, ...], ...]
+    points: MarchPoints
+
+
+def affine_march(march: March, last: int) -> AffineMarch | None:
+    """The march of a case to its last state wanted; None where its loads have no form."""
+    names = tuple(q.name for q in march.case.parameters)
+    samples = _samples(march, names)
+    loads = load_form(march, names, samples, last)
+    if loads is None:
+        return None
+    s = march.systems.discretization.points.n_strain
+    materials = march.case.materials
+    spans: dict[str, Span] = {
+        name: span_of(materials[name], names, samples, s) for name in march.sequence.materials
+    }
+    for part in march.systems.structures.parts:
+        for bending in sorted(set(part.members.bending.tolist())):
+            name = rigidity_name(part.name, bending)
+            spans[name] = rigidity_span(part.structure, names, samples, s, bending=bending)
+    points = MarchPoints(march.systems)
+    every = zip(zones_of(march.on_mesh), member_zones(march, points), strict=True)
+    zones = tuple((*ground, *members) for ground, members in every)
+    return AffineMarch(march, AffineForm(names, spans, loads), zones[: last + 1], points)
+
+
+def _samples(march: March, names: tuple[str, ...]) -> Floats:
+    """Parameter vectors spread over the domain (b, n)."""
+    parameters = march.case.parameters
+
+    def admissible(values: Values) -> bool:
+        return inadmissible_numbers(march.case, march.sequence, values) is None
+
+    points = trial_points(parameters, admissible)
+    corners = np.array([[point.values[name] for name in names] for point in points])
+    start = np.array([q.start for q in parameters])
+    random, found = np.random.default_rng(0), [*corners]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    while len(found) < _DRAWS + 3 * len(start):
+        p = low + (high - low) * random.random(len(start))
+        for _ in range(20):
+            if admissible(dict(zip(names, map(float, p), strict=True))):
+                break
+            p = 0.5 * (p + start)
+        found.append(p)
+    return np.array(found)

@@ -1,0 +1,165 @@
+"""The response of a staged model that may have a reduced one, made of what it was evaluated at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from geoident.forward.march.march import RunOptions
+from geoident.forward.marches import Marches
+from geoident.forward.reduced.reduction import Reduction
+from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.response import StagedResponse
+from geoident.model.arrays import Floats
+from geoident.model.response import CertifiedResponse
+
+
+@dataclass
+class SharedReduction:
+    """The marches of the search that was begun last: other responses of the model may use them.
+
+    Args:
+        reduction: those; None where none are kept.
+    """
+
+    reduction: Reduction | None = None
+
+
+class ReducibleResponse(StagedResponse):
+    """Readings of some (channel, stage) pairs, and the reduced model of the marches for them.
+
+    Fulfils also the protocols ``HasReducedModel`` and ``KeepsMarches``.
+
+    Args:
+        marches: of the case.
+        shared: the marches of other responses.
+        pairs: channel and stage of every reading.
+        times: when each was read; None for what is known of its stage.
+
+    Attributes:
+        reduction: of the marches with derivatives since they are kept; None while they are not.
+    """
+
+    def __init__(
+        self,
+        marches: Marches,
+        shared: SharedReduction,
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None] = (),
+    ) -> None:
+        super().__init__(marches, pairs, times)
+        self._shared = shared
+        self.reduction: Reduction | None = None
+
+    @property
+    def backwards(self) -> bool:
+        """Whether derivatives come by adjoints: not while marches are kept."""
+        if not super().backwards:
+            return False
+        return self.reduction is None or not self.reduction.covers()
+
+    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept for the reduced model.
+
+        Where that is for marches which go further, so does this one.
+        """
+        reduction = self.reduction
+        known = reduction is None or reduction.knows(p)
+        recorder = None if reduction is None or known else reduction.recorder(p)
+        if reduction is None or recorder is None:
+            return super().by_tangents(p)
+        table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
+        reduction.add(recorder.snapshot)
+        return table[:, 0], table[:, 1:]
+
+    def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
+        """Keep what marches with derivatives find from now on, for a reduced model.
+
+        Args:
+            economical: only where it costs less than the marches that a search saves by it.
+            most: how many marches count at most, the newest.
+        """
+        marches = self._marches
+        if self.reduction is not None or marches.observation.not_linear(self._row) is not None:
+            return
+        known = self._shared.reduction
+        if economical and known is not None and known.economical and known.last >= self._last:
+            self.reduction = known  # that of another response goes as far
+            return
+        self.reduction = Reduction(
+            marches.march, marches.observation, self._last, most=most, economical=economical
+        )
+        self._shared.reduction = self.reduction
+
+    def reduction_obstacle(self) -> str | None:
+        """Why there is no reduced model, a clause, or None if there may be one."""
+        not_linear = self._marches.observation.not_linear(self._row)
+        if not_linear or self.reduction is None:
+            return not_linear
+        return self.reduction.obstacle
+
+    def march_again(self, visited: Sequence[Floats]) -> None:
+        """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
+
+        Those that were not made since they are kept are made now.
+        """
+        reduction = self.reduction
+        if reduction is None or reduction.obstacle is not None:
+            return
+        for number, p in list(enumerate(visited))[-reduction.most :]:
+            if not reduction.knows(p):
+                reduction.number = number
+                self.by_tangents(p)
+        reduction.order(visited[-reduction.most :])
+
+    def expect_march(self, number: int) -> None:
+        """The next march is the one of a number in a search, from 0."""
+        if self.reduction is not None:
+            self.reduction.number = number
+
+    def leap(
+        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
+    ) -> Floats | None:
+        """What is found with the reduced model of the marches that were kept, (k,); None for none.
+
+        Args:
+            p: (n,) where the search is.
+            key: tells this question from others that are asked there.
+            find: looks for it.
+        """
+        found = self.reduced()
+        return None if found is None else find(found)
+
+    def reduced(
+        self, *, bounded: bool = False, reference: Floats | None = None
+    ) -> ReducedResponse | None:
+        """The reduced model of the marches that were kept; None where there is none.
+
+        Args:
+            bounded: with bounds of the errors of the readings; costs a march and its way back.
+            reference: (n,) parameters whose moduli measure; None for those of the last march.
+        """
+        marches, reduction = self._marches, self.reduction
+        made = None if reduction is None else reduction.model(reference)
+        if reduction is None or made is None:
+            return None
+        duals = None
+        if bounded:
+            run = marches.at(made.reference, RunOptions(last=self._last, traced=True))
+            for _ in run.states():
+                pass
+            rows = marches.observation.operator(self._row)
+            weights = marches.observation.weights_of_states(self._row, self._state, self._last)
+            duals = reduction.duals(made, run, rows, weights)
+        values = marches.values(made.reference)
+        added = marches.instrument_errors.added(values, self.names, self._places)
+        return ReducedResponse(
+            made,
+            marches.observation,
+            self._row,
+            self._state,
+            added,
+            marches.sequence.bases,
+            self.admissible,
+            duals,
+        )

@@ -1,0 +1,265 @@
+"""Conjugate gradients on several levels: as exact as a factor, in steps that do not grow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from support.cases import make_case, material, rollers
+from support.meshes import box, regroup
+
+from geoident.errors import ModelError
+from geoident.fem.solvers import auto, iterative, memory_limit, pick_solver, picked
+from geoident.fem.solvers.auto import Size, is_beyond
+from geoident.fem.solvers.direct import NotPositiveDefinite, Places
+from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_matrix
+from geoident.fem.solvers.multifrontal import MultifrontalSolver
+from geoident.fem.solvers.multilevel import cycle, energy
+from geoident.fem.stiffness import stiffness_pattern
+from geoident.forward.march.systems import GroundAt
+from geoident.forward.model import StagedModel, staged_model
+from geoident.model.case import Stage
+from geoident.model.dual import ParameterPoint
+
+
+@lru_cache(maxsize=8)
+def ground(kind, n, nu=0.3, stiff=8e9) -> StagedModel:
+    """A cube of rock on rollers, with a block of another stiffness."""
+    mesh = box(kind, (n, n, n), size=(8.0, 8.0, 8.0), distortion=0.15)
+    mesh = regroup(mesh, other=lambda c: np.abs(c - 4.0).max(axis=1) < 2.1)
+    case = make_case(
+        mesh,
+        materials={"rock": material("rock", 8e9, nu), "other": material("other", stiff, nu)},
+        groups={"rock": "rock", "other": "other"},
+        supports=rollers(3),
+        stages=(Stage("load"),),
+    )
+    return staged_model(mesh, case, solver=pick_solver("multifrontal"))
+
+
+def system(staged):
+    """Pattern and values of the stiffness."""
+    state, point = staged.sequence.states[1], ParameterPoint({}, ())
+    found = staged.systems[1]
+    at = GroundAt(staged.on_mesh, point, staged.discretization.points.n_strain)
+    laws = {name: at.moduli(name, mine).value for name, mine in found.points_of.items()}
+    return found.pattern.lower, staged.systems.values(found, state, laws, {})
+
+
+def loads(pattern, k=3):
+    """Smooth forces, a point force and forces at random."""
+    x = pattern.places.points[pattern.places.dofs // 3]
+    rhs = np.random.default_rng(1).normal(size=(pattern.n, k))
+    rhs[:, 0] = np.sin(x[:, 0]) * x[:, 2]
+    rhs[:, 1] = 0.0
+    rhs[pattern.n // 2, 1] = 1e6
+    return rhs
+
+
+def energy_error(matrix, x, exact):
+    error = x - exact
+    return np.sqrt((error * (matrix @ error)).sum(axis=0) / (exact * (matrix @ exact)).sum(axis=0))
+
+
+def close(x, exact, part):
+    """Whether displacements are the same to a part of the largest of their column."""
+    return (np.abs(x - exact).max(axis=0) <= part * np.abs(exact).max(axis=0)).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "n"),
+    [("tet10", 4), ("hex20", 4), ("wedge15", 3), ("pyramid13", 3), ("tet4", 8), ("hex8", 9)],
+)
+def test_solutions_are_those_of_a_factor(kind, n):
+    pattern, values = system(ground(kind, n))
+    rhs = loads(pattern)
+    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
+    solver = IterativeSolver(few=0)
+    x = solver.analyse(pattern).factorize(values).solve(rhs)
+    assert (energy_error(whole_matrix(pattern, values), x, exact) < 2 * energy.ENERGY).all()
+    assert close(x, exact, 1e-9)
+    counts = solver.counts
+    assert (counts.analyses, counts.factorizations, counts.solves) == (1, 1, 3)
+    assert 3 * 5 < counts.iterations < 3 * 40
+    coarse = MultifrontalSolver().analyse(pattern)._plan.flops
+    assert 0 < counts.flops < coarse
+
+
+@pytest.mark.parametrize(("kind", "sizes"), [("tet10", (3, 5, 8)), ("tet4", (7, 11, 16))])
+def test_steps_do_not_grow_with_the_mesh(kind, sizes):
+    steps = []
+    for n in sizes:
+        pattern, values = system(ground.__wrapped__(kind, n))
+        solver = IterativeSolver(few=0)
+        solver.analyse(pattern).factorize(values).solve(loads(pattern)[:, :2])
+        steps.append(solver.counts.iterations)
+    assert max(steps) <= 1.5 * min(steps)
+
+
+def test_stiff_and_soft_ground_beside_each_other_takes_no_more():
+    found = []
+    for stiff in (8e9, 8e5, 8e12):
+        pattern, values = system(ground("tet10", 4, stiff=stiff))
+        solver = IterativeSolver(few=0)
+        solver.analyse(pattern).factorize(values).solve(loads(pattern))
+        found.append(solver.counts.iterations)
+    assert max(found) <= 2 * found[0]
+
+
+def test_corners_too_many_to_factorize_have_a_coarser_level(monkeypatch):
+    pattern, values = system(ground("tet10", 6))
+    rhs = loads(pattern)
+    exact = pick_solver("multifrontal").analyse(pattern).factorize(values).solve(rhs)
+    monkeypatch.setattr(cycle, "FACTORIZED", 300)
+    solver = IterativeSolver(few=0)
+    x = solver.analyse(pattern).factorize(values).solve(rhs)
+    assert close(x, exact, 1e-9)
+    assert solver.counts.iterations < 3 * 45
+
+
+def test_the_same_input_gives_the_same_bits():
+    pattern, values = system(ground("tet10", 4))
+    first, second = (
+        IterativeSolver(few=0).analyse(pattern).factorize(values).solve(loads(pattern))
+        for _ in range(2)
+    )
+    assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("fixed", [(), (0, 1, 2), (0, 1, 2, 3, 4, 5)])
+def test_a_body_that_nothing_holds_is_refused(fixed):
+    """Nothing holds it, or one place or two of them, about which it can turn."""
+    staged = ground("tet10", 4)
+    systems, held = staged.systems, np.isin(np.arange(staged.mesh.points.size), fixed)
+    free = stiffness_pattern(
+        systems._blocks,
+        node_of_rank=systems._node_of_rank,
+        fixed=held,
+        dim=3,
+        places=systems._places,
+    )
+    point = ParameterPoint({}, ())
+    at = GroundAt(staged.on_mesh, point, staged.discretization.points.n_strain)
+    law = staged.discretization.kinematics.stiffness_map(at.moduli("rock").value.matrix)
+    pattern, values = free.lower, free.values(systems._blocks, dict.fromkeys(systems._blocks, law))
+    with pytest.raises(NotPositiveDefinite) as caught:
+        IterativeSolver(few=0).analyse(pattern).factorize(values)
+    assert caught.value.unknown is not None
+
+
+@pytest.mark.parametrize("kind", ["tet10", "tet4"])
+@pytest.mark.parametrize("where", ["everywhere", "at a node", "in a mode"])
+def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
+    pattern, values = system(ground(kind, 4 if kind == "tet10" else 8))
+    k, n = whole_matrix(pattern, values), pattern.n
+    if where == "everywhere":
+        values = values.copy()
+        values[pattern.indptr[:-1]] *= 0.8
+    else:
+        # soften the diagonal about one unknown to just below zero along its own motion there
+        at = n // 3
+        column = k[:, [at]].toarray().ravel()
+        inverse = MultifrontalSolver(single=False).analyse(pattern).factorize(values)
+        unit = np.zeros((n, 1))
+        unit[at] = 1.0
+        flexibility = float(inverse.solve(unit)[at, 0])
+        values = values.copy()
+        part = 1.001 if where == "in a mode" else 1.2
+        values[pattern.indptr[at]] -= part / flexibility
+        assert column[at] > 0
+    with pytest.raises(NotPositiveDefinite):
+        MultifrontalSolver(single=False).analyse(pattern).factorize(values)
+    with pytest.raises(NotPositiveDefinite):
+        IterativeSolver(few=0).analyse(pattern).factorize(values)
+
+
+@pytest.mark.parametrize("entry", [0.0, -1.0, np.nan])
+def test_a_bad_diagonal_entry_is_named(entry):
+    pattern, values = system(ground("tet10", 3))
+    values = values.copy()
+    values[pattern.indptr[40]] = entry
+    with pytest.raises(NotPositiveDefinite) as caught:
+        IterativeSolver(few=0).analyse(pattern).factorize(values)
+    assert caught.value.unknown == 40
+
+
+def test_nearly_incompressible_ground_takes_more_steps_and_is_as_exact():
+    pattern, values = system(ground("tet10", 4, nu=0.495))
+    rhs = loads(pattern)
+    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
+    x = IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+    assert (energy_error(whole_matrix(pattern, values), x, exact) < 2 * energy.ENERGY).all()
+
+
+@pytest.mark.parametrize("at", ["factorize", "solve"])
+def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at):
+    pattern, values = system(ground("tet10", 4, nu=0.3 if at == "solve" else 0.4999))
+    rhs = loads(pattern)
+    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
+    if at == "solve":
+
+        def stagnates(*_args: object) -> None:
+            raise energy.Stagnates
+
+        monkeypatch.setattr(iterative, "solve_in_energy", stagnates)
+    else:
+        monkeypatch.setattr(energy, "MOST", 20)
+    solver = IterativeSolver(few=0)
+    analysis = solver.analyse(pattern)
+    assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
+    spent = solver.counts.iterations
+    assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
+    assert solver.counts.iterations == spent  # it is not tried again
+    monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
+    monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
+    with pytest.raises(ModelError, match=r"would take .* GB"):
+        IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+
+
+def test_zeros_that_are_stored_stay_in_their_places():
+    pattern, values = system(ground("hex8", 4))
+    values = values.copy()
+    values[[3, 50, 333]] = 0.0
+    assert np.array_equal(lower_values(whole_matrix(pattern, values)), values)
+
+
+def test_small_matrices_and_those_without_places_are_factorized():
+    pattern, values = system(ground("tet10", 3))
+    solver = IterativeSolver()
+    for one in (pattern, replace(pattern, places=None)):
+        solver.analyse(one).factorize(values).solve(loads(pattern))
+    assert solver.counts.iterations == 0
+
+
+def test_the_choice_goes_by_counted_work_and_memory(monkeypatch):
+    monkeypatch.setattr(auto, "memory_limit", lambda: 24e9)
+    # the cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns
+    middle = Size(5.11e11, 169_000_000, 5_900_000, places=True)
+    large = Size(2.77e13, 2_650_000_000, 42_000_000, places=True)
+    assert picked(middle) == "multifrontal"
+    assert picked(large) == "iterative"
+    assert picked(replace(large, places=False)) == "multifrontal"
+    # what lasts is worth its factor as long as that fits
+    assert not is_beyond(replace(middle, lasting=True))
+    assert is_beyond(replace(large, lasting=True))
+    monkeypatch.setattr(auto, "memory_limit", lambda: 2e9)
+    assert picked(middle) == "iterative"
+
+
+def test_a_limit_of_the_process_counts(monkeypatch):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (3e9, 3e9))
+    assert memory_limit.memory_limit() <= 3e9
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
+    monkeypatch.setattr(memory_limit, "GROUP_LIMITS", ())
+    assert memory_limit.memory_limit() > 1e9
+
+
+def test_places_name_the_unknowns():
+    pattern, _ = system(ground("tet10", 3))
+    places = pattern.places
+    assert isinstance(places, Places)
+    ends = places.points[places.edges[:, 1:]].mean(axis=1)
+    np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)

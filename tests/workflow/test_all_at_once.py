@@ -1,0 +1,116 @@
+"""Faults of the text, of the readings and of what needs the mesh are said in one round."""
+
+import itertools
+
+import pytest
+from support.trench import CASE, READINGS, write_case
+
+from geoident.errors import GeoidentError, InputError
+from geoident.workflow.check import check
+
+ROWS = {
+    "unknown gauge": ("CV,second", "CW,second"),
+    "unknown unit": ("0.0376,mm", "0.0376,mmm"),
+}
+TEXT = {
+    "bad number": ("nu: 0.25", "nu: 0.75"),
+    "unknown key": ("title: Trench", "titel: Trench"),
+    "unknown stage": ("stages: [first]", "stages: [frist]"),
+    "to fill in": ("vertical: 1 MPa", "vertical: FILL_IN"),
+    "unknown zero": ("accuracy: 0.01 mm}\n  X", "accuracy: 0.01 mm, zero: frist}\n  X"),
+    "analysis": ("plane-strain", "plain-strain"),
+    "faulty stage": ("name: first, excavate", "name: first, excavat"),
+    "faulty group": ("groups: {rock: rock,", "groups: {rock: rokc,"),
+}
+ON_MESH = {
+    "unknown edge": ("bottom: [x, y]", "botom: [x, y]", "has no group 'botom'"),
+    "point outside": ("point: [1 m, 4 m]", "point: [1 m, 14 m]", "(1, 14) m of gauge 'S' lies"),
+    "cell outside": (
+        "readings: r",
+        "  P: {kind: stress, point: [9 m, 1 m], components: [xx], accuracy: 1 kPa}\nreadings: r",
+        "(9, 1) m of gauge 'P.xx' lies",
+    ),
+}
+
+
+def faults_of(tmp_path, changes, rows=()):
+    write_case(tmp_path)
+    case, readings = CASE, READINGS
+    for old, new, *_ in changes:
+        assert old in case
+        case = case.replace(old, new)
+    for old, new in rows:
+        assert old in readings
+        readings = readings.replace(old, new)
+    (tmp_path / "case.yaml").write_text(case)
+    (tmp_path / "readings.csv").write_text(readings)
+    with pytest.raises(InputError) as caught:
+        check(str(tmp_path / "case.yaml"))
+    return caught.value.faults
+
+
+@pytest.mark.parametrize("wrong", TEXT)
+def test_what_needs_the_mesh_is_said_beside_what_is_wrong_in_the_text(tmp_path, wrong):
+    faults = faults_of(tmp_path, [TEXT[wrong], *ON_MESH.values()], ROWS.values())
+    said = "\n".join(map(str, faults))
+    for _, _, words in ON_MESH.values():
+        assert words in said, wrong
+    assert "there is no gauge 'CW'" in said
+    assert "there is no unit 'mmm'" in said
+    assert len(faults) == 1 + len(ON_MESH) + len(ROWS), said
+    lines = [(fault.location.file, fault.location.line) for fault in faults]
+    assert lines == sorted(lines)
+
+
+def test_all_at_once_is_the_sum_of_each(tmp_path):
+    every = [*TEXT.values(), *ON_MESH.values()]
+    together = faults_of(tmp_path, every, ROWS.values())
+    assert len(together) == len(every) + len(ROWS)
+
+
+def test_points_and_readings_that_do_not_fit_the_mesh_are_said_together(tmp_path):
+    """A point in what is dug out, one outside, and a reading of ground that is gone."""
+    gone = (
+        "anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm}",
+        "anchors: {a: [1 m, 3 m], b: [3 m, 3.5 m]}, accuracy: 0.01 mm}\n"
+        "  Y: {kind: settlement, point: [3 m, 3.5 m], zero: first, accuracy: 1 mm}",
+    )
+    faults = faults_of(
+        tmp_path, [gone, ON_MESH["point outside"]], [("X.a,second", "X.b,first,1,mm\nX.a,second")]
+    )
+    assert {fault.code for fault in faults} == {
+        "gauge-in-absent-ground", "gauge-outside", "unreadable-gauge"
+    }  # fmt: skip
+
+
+def test_nothing_is_said_of_the_mesh_that_follows_from_a_wrong_entry(tmp_path):
+    """Where stages or groups are wrong, nobody knows which ground is there."""
+    gauge = ("point: [1 m, 4 m]", "point: [3 m, 3.5 m], zero: second")
+    for wrong in ("faulty stage", "faulty group"):
+        (fault,) = faults_of(tmp_path, [TEXT[wrong], gauge], [("S,first,-0.1226,mm\n", "")])
+        assert fault.code in {"unknown-key", "unknown-material"}
+    (absent,) = faults_of(tmp_path, [gauge], [("S,first,-0.1226,mm\n", "")])
+    assert absent.code == "gauge-in-absent-ground"
+
+
+def test_a_mesh_that_cannot_be_read_is_said_beside_the_text(tmp_path):
+    write_case(tmp_path)
+    (tmp_path / "case.yaml").write_text(CASE.replace("nu: 0.25", "nu: 0.75"))
+    (tmp_path / "trench.inp").write_text("*NODE\n1, 0, zero\n")
+    with pytest.raises(InputError) as caught:
+        check(str(tmp_path / "case.yaml"))
+    assert len({fault.location.file for fault in caught.value.faults}) == 2
+
+
+def test_every_pair_of_faults_ends_in_faults(tmp_path):
+    """Whatever is left of a case, judging it raises nothing else."""
+    write_case(tmp_path)
+    path = tmp_path / "case.yaml"
+    cuts = [line for line in CASE.splitlines() if line[:1].isalpha()]
+    for one, other in itertools.combinations(cuts, 2):
+        text = CASE
+        for line in (one, other):
+            key = line.partition(":")[0]
+            text = text.replace(line, f"{key}: [3 furlong]")
+        with pytest.raises(GeoidentError):
+            check(str(path), text=text)
