@@ -34,16 +34,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 
 from geoident.fem.elements import raised_rule, reference_element
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis
 from geoident.model.mesh import ElementBlock, Mesh
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 Terms = tuple[tuple[int, int], ...]
 """Pairs (displacement i, entry j of the gradient vector) whose products are summed."""
@@ -255,28 +257,24 @@ class StrainPoints:
         """Number of degrees of freedom, free and fixed."""
         return int(self.gradients[0].shape[1]) * self.kinematics.dim
 
-    def strain(self, u: Floats, points: Ints | slice | None = None) -> Floats:
-        """Strains (n_strain, m, ...) of displacements (n_dofs, ...) at some points; None: all."""
+    def strain(self, u: Floats) -> Floats:
+        """Strains (n_strain, n_points, ...) of displacements (n_dofs, ...)."""
         dim, columns = self.kinematics.dim, u.shape[1:]
         n = math.prod(columns)
-        gradients = self.gradients
-        if points is not None:
-            gradients = tuple(sp.csr_array(gradient[points]) for gradient in gradients)
-        m = gradients[0].shape[0]
-        strain = np.zeros((self.n_strain, m, n))
+        strain = np.zeros((self.n_strain, self.n_points, n))
         moved = u.reshape(self.n_dofs // dim, dim, n)
         if n == 1:  # one by one: a product with a few columns takes as long as with ten
             lone = np.ascontiguousarray(moved[..., 0].T)
-            for gradient, adds in zip(gradients, self.kinematics.adds, strict=True):
+            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
                 for component, i in adds:
                     strain[component, :, 0] += gradient @ lone[i]
         else:
             wide = moved.reshape(len(moved), dim * n)
-            for gradient, adds in zip(gradients, self.kinematics.adds, strict=True):
-                slope = np.asarray(gradient @ wide).reshape(m, dim, n)
+            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
+                slope = np.asarray(gradient @ wide).reshape(self.n_points, dim, n)
                 for component, i in adds:
                     strain[component] += slope[:, i]
-        return strain.reshape(self.n_strain, m, *columns)
+        return strain.reshape(self.n_strain, self.n_points, *columns)
 
     def forces(self, stress: Floats, volume: Floats) -> Floats:
         """Nodal forces (n_dofs, ...) of stresses (n_strain, n_points, ...), with weights (m,).
@@ -301,6 +299,8 @@ class StrainPoints:
 
     def compatibility(self, points: Ints | None = None) -> sp.csr_array:
         """C of some points, (n_strain k, n_dofs), component by component; None: of all."""
+        import scipy.sparse as sp  # noqa: PLC0415 - pictures need no matrices
+
         some = [D if points is None else sp.csr_array(D[points]) for D in self.gradients]
         data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
         for terms in self.kinematics.strains:
@@ -342,6 +342,8 @@ def _gradients(
     mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
 ) -> tuple[sp.csr_array, ...]:
     """Built row by row in their final place: no sorting, no triplets, one pattern for all."""
+    import scipy.sparse as sp  # noqa: PLC0415 - see above
+
     counts, nodes = [np.zeros(1, dtype=np.int32)], []
     for block, geometry in zip(mesh.blocks, geometries, strict=True):
         n_el, n_q, n_a, _ = geometry.gradients.shape
