@@ -31,6 +31,8 @@ from geoident.report.drawing.style import (
     hide_unused,
 )
 
+_NEGATIVE: Any = (0, (0.6, 2.2))
+"""Lines between bands on the negative side, where signs differ: dots."""
 _WIDTH = 7.4
 _BANDS = 12
 TOP = (0.5, 1.0)
@@ -285,6 +287,9 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
     show(axes, raster, _coloured(image, scale), zorder=0)
     if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
         draw_level(axes, raster, image, 0.0, colors="black", linewidths=0.6, linestyles="dashed")
+        for level in scale["levels"][scale["levels"] < 0.0].tolist():
+            draw_level(axes, raster, image, level, colors="black", linewidths=0.5,
+                       linestyles=[_NEGATIVE])  # fmt: skip
     return shading
 
 

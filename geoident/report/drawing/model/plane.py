@@ -94,7 +94,7 @@ def _two_views(
     main = _panel_size(closer, WIDTH - 0.6, _TALLEST)
     if main[1] > _HIGH * main[0]:
         first = _panel_size(whole, _BESIDE - 0.7, 0.5 * _TALLEST)
-        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 0.9)
+        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 1.2)
         grid = figure.add_gridspec(2, 2, height_ratios=[first[1] + 0.5, main[1] - first[1]],
                                    width_ratios=[main[0] + 0.7, _BESIDE])  # fmt: skip
         places = grid[0, 1], grid[:, 0], grid[1, 1]
