@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,13 +61,13 @@ class Marches:
     @property
     def counts(self) -> Counts:
         """Costs so far."""
-        spent, free = self._solver.counts, self._free
-        return Counts(
-            self._evaluations,
-            spent.analyses,
-            spent.factorizations - free.factorizations,
-            spent.solves - free.solves,
-        )
+        spent = self._spent()
+        return replace(spent, evaluations=self._evaluations) - self._free
+
+    def _spent(self) -> Counts:
+        """What the solver has done so far."""
+        done = self._solver.counts
+        return Counts(0, done.analyses, done.factorizations, done.solves, done.iterations)
 
     @property
     def yields(self) -> bool:
@@ -150,10 +151,10 @@ class Marches:
         free = self._paid[1]
         try:
             for to in sorted({min(free, last), last}):
-                before = self._solver.counts.factorizations, self._solver.counts.solves
+                before = self._spent()
                 kept.go_on(to, tell)
                 if to <= free:
-                    self._set_free(*before)
+                    self._set_free(before)
         except BaseException:
             self._kept = None
             raise
@@ -161,10 +162,9 @@ class Marches:
         self.paid(p, last)
         return kept
 
-    def _set_free(self, factorizations: int, solves: int) -> None:
-        """What was done since these counts is not to be counted."""
-        spent = self._solver.counts
-        self._free += Counts(0, 0, spent.factorizations - factorizations, spent.solves - solves)
+    def _set_free(self, before: Counts) -> None:
+        """What was done since these counts is not to be counted, but for analyses."""
+        self._free += replace(self._spent() - before, analyses=0)
 
     def _see(self, end: StageEnd, run: Run) -> tuple[Floats, tuple[str, ...]]:
         """What channels see of a state, and which read one of several equal stresses."""

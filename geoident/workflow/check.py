@@ -12,12 +12,13 @@ from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
-from geoident.model.gauges import ReadingTable
+from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
 from geoident.model.parameter import Scalar
 from geoident.model.results.summary import (
     CaseSummary,
+    CostEstimate,
     GaugeSummary,
     GroupSummary,
     PlaceSummary,
@@ -28,6 +29,7 @@ from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import plausible_notes
+from geoident.workflow.running.reading_units import computed_at_start, unit_doubts
 from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
 from geoident.workflow.scoring.ladder import require_sound
 
@@ -52,7 +54,10 @@ class Checked:
 def check(
     path: str, *, overrides: Sequence[str] = (), solver: str = "auto", text: str | None = None
 ) -> Checked:
-    """Read a case and build its model; no stage after the virgin state is computed.
+    """Read a case and build its model.
+
+    Of a model that takes less than a second, the stages are computed once, at the start values, to
+    see whether readings may be in another unit; of others none after the virgin state.
 
     Args:
         path: of the case; ``-`` for stdin.
@@ -91,9 +96,11 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     virgin = staged.virgin_notes() if staged else ()
     solves = _right_hand_sides(model, readings)
     costs = () if solves is None else (_field_cost(model, *solves),)
-    doubtful = plausible_notes(case)
-    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *bad_notes(readings))
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
+    cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
+    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost))
+    kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
+    notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(
         case=inputs.path,
         title=case.title,
@@ -110,7 +117,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
         methods=tuple(method_name(options) for options in case.fit.methods),
         used=int(np.count_nonzero(readings.used)),
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
-        cost=estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None,
+        cost=cost,
         notes=tuple(dict.fromkeys(notes)),
         when_read=case.when_read,
         resolved=inputs.loaded.resolved,
@@ -122,12 +129,50 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     )
 
 
+_SOON = 1.0
+"""Seconds that an evaluation may take for the model to be asked what it reads."""
+
+
+def _unit_notes(
+    model: CaseModel, readings: ReadingTable, cost: CostEstimate | None
+) -> tuple[str, ...]:
+    """Readings of which the unit is suspected, where the model is small: a fit says it of any."""
+    if cost is not None and cost.seconds > _SOON:
+        return ()
+    case = model.case
+    computed = computed_at_start(case, model, readings)
+    return () if computed is None else unit_doubts(case, readings, computed)
+
+
 def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:
     """Those of an evaluation with derivatives, and the way; None where there are no fields."""
     if not isinstance(model, StagedModel) or not model.on_mesh.fields or not readings.used.any():
         return None
     pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
     return model.response(pairs).adjoints.columns(len(model.names))
+
+
+def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
+    """Why the reduced model that a fit is to keep will not be there, or what it does not give."""
+    if model is None:
+        return ("no reduced model will be kept: the case is a closed form, which costs nothing",)
+    response = model.response(())
+    response.keep_marches(economical=False)
+    why = response.reduction_obstacle()
+    if why is not None:
+        return (f"no reduced model will be kept: {why}",)
+    observation = model.observation
+    others = [
+        name
+        for row, name in enumerate(observation.channels)
+        if observation.not_linear(np.array([row])) is not None
+    ]
+    if not others:
+        return ()
+    return (
+        f"the reduced model that will be kept does not give {named_channels(others)}, which "
+        "read more than displacements: what needs them is computed by the model",
+    )
 
 
 def _field_cost(model: CaseModel, count: int, way: str) -> str:

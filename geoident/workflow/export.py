@@ -28,6 +28,7 @@ from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.mark import CaseOrigin, marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
+from geoident.workflow.running.older_files import listed_files, listing_text
 from geoident.workflow.running.outputs import kept_results
 from geoident.workflow.running.remade import foreign
 from geoident.workflow.running.result_files import case_path, files_of_result
@@ -97,8 +98,9 @@ class Export:
             for file, part in parts.items():
                 writers[file](part)
             if not own:
-                sums = before | {file.name: _sha256(Path(part)) for file, part in parts.items()}
-                text = "".join(f"{sums[name]}  {name}\n" for name in sorted(sums))
+                identity = self.result.provenance.identity
+                made = {f.name: (_sha256(Path(part)), identity) for f, part in parts.items()}
+                text = listing_text(before | made)
                 part = place(listing, ours=True)
                 Path(part).write_bytes(marked(text.encode(), "csv", self._origin(listing)))
         return tuple(str(file) for file in writers)
@@ -110,8 +112,8 @@ class Export:
     def _origin(self, listing: Path) -> CaseOrigin:
         return origin_of([case_path(self.path, self.result.provenance.case_file)], listing)
 
-    def _listed(self, listing: Path) -> tuple[dict[str, str], str]:
-        """Names and checksums of files that were made before; why the list is to stay as it is."""
+    def _listed(self, listing: Path) -> tuple[dict[str, tuple[str, str]], str]:
+        """Files that were made before, as `listed_files`; why the list is to stay as it is."""
         try:
             content = listing.read_bytes()
         except OSError:
@@ -121,14 +123,13 @@ class Export:
         if why:
             remedy = f"{Term.FORCE} replaces it and the files of these names; or give another name"
             return {}, f"{listing}: {why}; it is not overwritten\n    {remedy}"
-        lines = [line.split("  ", 1) for line in content.decode().splitlines()]
-        sums = {words[1]: words[0] for words in lines if len(words) == 2 and words[0] != "#"}
-        return {name: one for name, one in sums.items() if (self.folder / name).is_file()}, ""
+        known = listed_files(content.decode())
+        return {name: one for name, one in known.items() if (self.folder / name).is_file()}, ""
 
 
-def _is_listed(file: Path, sums: Mapping[str, str]) -> bool:
+def _is_listed(file: Path, known: Mapping[str, tuple[str, str]]) -> bool:
     """Whether a file is as it was made."""
-    return file.name in sums and file.is_file() and _sha256(file) == sums[file.name]
+    return file.name in known and file.is_file() and _sha256(file) == known[file.name][0]
 
 
 def _sha256(file: Path) -> str:

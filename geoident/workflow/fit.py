@@ -41,6 +41,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
+from geoident.workflow.running.reading_units import noted, unit_doubts
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
@@ -69,7 +70,7 @@ def _fit(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
         last = _last_stage(setup, problem, outcome, log, control)
-        written = _result(job, setup, found, last)
+        written = _result(job, setup, found, last, _unit_findings(setup, found, log))
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
@@ -120,7 +121,24 @@ def _last_stage(
     return last_stage(setup, outcome.values, log, left, visited)
 
 
-def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
+def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:
+    """Sentences on readings whose unit is suspected, the search having begun at the start."""
+    stated = [parameter.start for parameter in setup.case.parameters]
+    if not found.outcome.iterations:
+        return ()
+    start = found.outcome.iterations[0].values  # of a scaled parameter, to the last bit
+    if not np.allclose(start, stated):
+        return ()
+    known = log.find("evaluate", start) or log.find("readings", start)
+    if known is None or len(known["v"]) != np.count_nonzero(setup.readings.used):
+        return ()
+    met = found.outcome.status == "converged" and not found.assessment.at_bound.any()
+    return noted(unit_doubts(setup.case, setup.readings, known["v"], met=met))
+
+
+def _result(
+    job: Job, setup: Setup, found: Estimate, last: LastStage, doubts: Sequence[str]
+) -> Result:
     case, survey = setup.case, found.survey
     gauges = gauge_table(case, found.readings, survey.computed)
     parameters = opened(
@@ -142,6 +160,7 @@ def _result(job: Job, setup: Setup, found: Estimate, last: LastStage) -> Result:
         findings=(
             *collapse_findings(survey),
             *opposite_findings(gauges, job.inputs.case),
+            *doubts,
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
             *bound_findings(found.outcome.certificate, case.parameters),

@@ -16,6 +16,7 @@ from geoident.model.case import Material, Stage
 from geoident.model.ground import Attitude, Isotropic, TransverselyIsotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Beam, Bolts, Struts
 
 from .cases import displacement, material, model, rollers
 from .meshes import box, regroup
@@ -125,6 +126,28 @@ def settling() -> StagedModel:
     return plane(gravity=(0.0, -9.81))
 
 
+def braced(**changes) -> StagedModel:
+    """The plane case with a plate, bolts that go with a modulus, and struts jacked by a stress.
+
+    The struts are jacked after the heading and locked off; the bolts go before the bench.
+    """
+    one, E = Scalar(1.0), Scalar(0.02, "E_lining")
+    stages = (
+        Stage("heading", excavate=("heading", "lining"), build=("plate", "bolts")),
+        Stage("lined", install={"lining": "young"}, build=("struts",)),
+        Stage("test", loads={"top": Pressure("y1", Scalar(2e5))}, independent=True),
+        Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}, dismantle=("bolts",)),
+    )
+    structures = {
+        "plate": Beam("y1", E=Scalar(1.0, "E_lining"), thickness=Scalar(0.5)),
+        "bolts": Bolts((((4.5, 7.0), (9.0, 7.5)), ((1.0, 8.5), (1.5, 11.0))), one, EA=E),
+        "struts": Struts(
+            (((4.5, 5.0), (8.0, 3.0)),), one, EA=Scalar(5e8), prestress=Scalar(0.05, "sv")
+        ),
+    }
+    return plane(**{"stages": stages, "structures": structures, **changes})
+
+
 PAIRS_PLANE = [
     ("roof", "lined"), ("roof", "bench"), ("wall", "lined"), ("wall", "bench"), ("side", "heading"),
     ("side", "bench"), ("top", "heading"), ("top", "test"), ("top", "bench"),
@@ -149,7 +172,7 @@ def reduced_stresses(
     for zone in projection.affine.zones[state]:
         mine = zone.points
         stress = np.zeros((in_situ.shape[0], len(mine)))
-        if zone.history.virgin is not None:
+        if zone.history.given:
             stress += in_situ[:, mine] @ found.at.loads[0]
         for other, name, sign in zone.parts:
             if other in projection.turn:

@@ -17,6 +17,8 @@ TEXT = {
     "unknown key": ("title: Trench", "titel: Trench"),
     "unknown stage": ("stages: [first]", "stages: [frist]"),
     "to fill in": ("vertical: 1 MPa", "vertical: FILL_IN"),
+    "unknown zero": ("accuracy: 0.01 mm}\n  X", "accuracy: 0.01 mm, zero: frist}\n  X"),
+    "analysis": ("plane-strain", "plain-strain"),
     "faulty stage": ("name: first, excavate", "name: first, excavat"),
     "faulty group": ("groups: {rock: rock,", "groups: {rock: rokc,"),
 }

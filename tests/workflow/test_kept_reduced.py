@@ -134,9 +134,7 @@ def test_a_grid_near_the_fit_needs_no_new_march(kept, fitted):
 
     case = load_case(kept / "case.yaml", values)
     found = scan(case, reduced=fitted, output=kept / "kept.scan.h5")
-    assert found.notes[0].startswith(
-        "144 of 144 points of the grid are answered by a reduced model"
-    )
+    assert found.notes[0].startswith("144 of 144 points of the grid are those of a reduced model")
     assert "that was kept" in found.notes[0]
     plain = scan(case.with_values({"fit.reduced": False}), output=kept / "plain.scan.h5")
     np.testing.assert_allclose(found.grid.objective, plain.grid.objective, rtol=0.002, atol=0.02)
@@ -212,3 +210,18 @@ def test_without_being_asked_for_none_is_kept(tmp_path):
         assert "reduced" not in file
     with pytest.raises(InputError, match="keeps no reduced model"):
         restored_for(str(tmp_path / "case.fit.h5"), load_inputs(str(case)))
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("stages[0].release={upper: 0.5}", "no reduced model will be kept: the stage 'first'"),
+        ("gauges.P={kind: stress, point: [1 m, 1 m], components: [yy], accuracy: 0.1 MPa}",
+         "will be kept does not give P"),
+    ],
+)  # fmt: skip
+def test_check_says_what_will_not_be_kept(tmp_path, change, why):
+    case = write_case(tmp_path)
+    done = run_command("check", str(case), *KEEP, "--set", change)
+    assert why in " ".join(done.output.split()), done.output
+    assert "reduced" not in run_command("check", str(case), "--set", change).output

@@ -64,3 +64,45 @@ def test_readings_with_the_other_sign_are_found(tmp_path):
     assert "The readings of CV, S" in said
     assert "run against the model: measured and computed have opposite signs" in said
     assert "'sign: -1'" in said
+
+
+NEAR = (
+    CASE.replace("stages: [first]", "stages: [first, second]")
+    .replace("start: 2 GPa", "start: 5 GPa")
+    .replace("K0: {start: 1.0", "K0: {start: 1.5")
+)
+"""All readings, and the start values with which they were made."""
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        ("mm", ""),
+        ("cm", "millimetres taken for centimetres"),  # 10 times too large
+        ("um", "metres taken for millimetres"),  # 1000 times too small
+        ("m", "millimetres taken for metres"),
+    ],
+)
+def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
+    path = write_case(tmp_path)
+    path.write_text(NEAR)
+    (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", f",{unit}\n"))
+    said = " | ".join(check(str(path)).summary.notes)
+    assert ("have the pattern of the model" in said) == bool(words)
+    assert words in said
+    assert not words or "readings.csv:2:1" in said
+
+
+def test_a_start_value_that_is_off_is_no_unit(tmp_path):
+    path = write_case(tmp_path)
+    for start in ("1 GPa", "3 GPa", "20 GPa", "25 GPa"):
+        path.write_text(NEAR.replace("start: 5 GPa", f"start: {start}"))
+        assert "taken for" not in " | ".join(check(str(path)).summary.notes), start
+
+
+def test_a_fit_says_of_which_readings_the_unit_is_suspected(tmp_path):
+    path = write_case(tmp_path)
+    path.write_text(NEAR)
+    (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",cm\n"))
+    done = run_command("fit", str(path), "--json")
+    assert "millimetres taken for centimetres? Check their unit" in done.stdout

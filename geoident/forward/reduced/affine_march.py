@@ -15,8 +15,9 @@ from geoident.forward.affine import trial_points
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.march.march import March
 from geoident.forward.reduced.loads import LoadForm, load_form
-from geoident.forward.reduced.moduli import MaterialSpan, span_of
-from geoident.forward.reduced.zones import Zone, zones_of
+from geoident.forward.reduced.moduli import Span, rigidity_span, span_of
+from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name, zones_of
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Values
 
@@ -47,12 +48,12 @@ class AffineForm:
 
     Args:
         names: of the n parameters.
-        spans: moduli of every material.
+        spans: moduli of every material, rigidities of structures.
         loads: in-situ stress and forces.
     """
 
     names: tuple[str, ...]
-    spans: Mapping[str, MaterialSpan]
+    spans: Mapping[str, Span]
     loads: LoadForm
 
     def at(self, values: Floats) -> AffineFactors:
@@ -79,11 +80,13 @@ class AffineMarch:
         march: of the case.
         form: of its moduli and loads.
         zones: of every state.
+        points: of the ground, and members.
     """
 
     march: March
     form: AffineForm
     zones: tuple[tuple[Zone, ...], ...]
+    points: MarchPoints
 
 
 def affine_march(march: March, last: int) -> AffineMarch | None:
@@ -95,8 +98,17 @@ def affine_march(march: March, last: int) -> AffineMarch | None:
         return None
     s = march.systems.discretization.points.n_strain
     materials = march.case.materials
-    spans = {name: span_of(materials[name], names, samples, s) for name in march.sequence.materials}
-    return AffineMarch(march, AffineForm(names, spans, loads), zones_of(march.on_mesh)[: last + 1])
+    spans: dict[str, Span] = {
+        name: span_of(materials[name], names, samples, s) for name in march.sequence.materials
+    }
+    for part in march.systems.structures.parts:
+        for bending in sorted(set(part.members.bending.tolist())):
+            name = rigidity_name(part.name, bending)
+            spans[name] = rigidity_span(part.structure, names, samples, s, bending=bending)
+    points = MarchPoints(march.systems)
+    every = zip(zones_of(march.on_mesh), member_zones(march, points), strict=True)
+    zones = tuple((*ground, *members) for ground, members in every)
+    return AffineMarch(march, AffineForm(names, spans, loads), zones[: last + 1], points)
 
 
 def _samples(march: March, names: tuple[str, ...]) -> Floats:

@@ -1,13 +1,14 @@
 """Which cases the reduced model covers, and which not and why (theory 14).
 
 Covered: elastic ground of every symmetry, with ratios and angles of its axes among the parameters;
-excavation, installation, changes of material; independent load cases; in-situ stress, weights,
-loads and water whose forces are polynomials of degree two in the parameters; readings that are
-motions.
+excavation, installation, changes of material; walls, linings, bolts, struts and anchors, stressed
+once at most; independent load cases; in-situ stress, weights, loads and water whose forces are
+polynomials of degree two in the parameters; readings that are motions.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from geoident.forward.march.march import March
@@ -30,8 +31,10 @@ def _obstacles(march: March) -> Iterator[str]:
             yield f"{name} yields: its stresses are not linear in the displacements"
     for field in march.on_mesh.fields:
         yield f"{field.constant} of {field.material} is a field"
-    if march.systems.structures.parts:
-        yield "structures stand in the ground"
+    jacked = [name for state in march.sequence.states for name in state.stressed]
+    for name, count in Counter(jacked).items():
+        if count > 1:
+            yield f"the bars of '{name}' are stressed more than once"
     for stage in case.stages:
         if stage.release:
             yield f"the stage '{stage.name}' releases stress in part"

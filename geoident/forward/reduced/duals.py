@@ -6,7 +6,8 @@ error of a reading is exactly
     v_a - v~_a = sum_j lambda_aj(p)^T rho_j(p)
 
 Of lambda(p) only lambda at the reference p_r is known, computed once; tau lambda(p_r), with tau the
-best common factor of the moduli, takes its place. So readings are corrected by
+common factor of the moduli (all of them, or those of one material, whichever bounds the reading
+best), takes its place. So readings are corrected by
 tau sum_j lambda_aj(p_r)^T rho_j, and what is left is bounded by products of two errors,
 
     |v_a - corrected| <= sum_j |eta_aj| |rho_j| ,      eta = lambda(p) - tau lambda(p_r).
@@ -31,6 +32,7 @@ import scipy.sparse as sp
 
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import factorize
+from geoident.forward.reduced.affine_march import AffineFactors
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.zones import StressTerm
@@ -67,6 +69,14 @@ class ReadingBounds:
     correction: Floats
     error: Floats
 
+    def or_less(self, other: ReadingBounds) -> ReadingBounds:
+        """Of each reading the one of two that is less."""
+        less = np.abs(other.correction) + other.error < np.abs(self.correction) + self.error
+        return ReadingBounds(
+            np.where(less, other.correction, self.correction),
+            np.where(less, other.error, self.error),
+        )
+
 
 class ReadingDuals:
     """Adjoints of readings at the reference of a reduced model.
@@ -86,18 +96,38 @@ class ReadingDuals:
             found: states at parameter vectors (b).
             energy: the bounds of their errors in energy.
         """
-        mu = np.concatenate(list(energy.moduli.values()), axis=1)
-        tau = 2.0 / (mu.min(axis=1) + mu.max(axis=1))
+        work = self._work(found)
+        every = [np.concatenate(list(energy.moduli.values()), axis=1), *energy.moduli.values()]
+        best: ReadingBounds | None = None
+        for mu in every:  # each holds: a reading takes the least
+            tau = 2.0 / (mu.min(axis=1) + mu.max(axis=1))
+            left = self._left(found.at, energy, tau)
+            this = ReadingBounds(tau[:, None] * work, left)
+            best = this if best is None else best.or_less(this)
+        assert best is not None
+        return best
+
+    def _work(self, found: ReducedStates) -> Floats:
+        """(b, g) of the adjoints on what is out of balance."""
+        total = np.zeros((len(found.at.loads), len(self.stages[0].loads)))
+        for dual in self.stages:
+            total += found.at.loads @ dual.loads.T
+            for (state, material), terms in dual.terms.items():
+                q, c = found.states[state][..., 0], found.at.moduli[material]
+                total -= np.einsum("br,brg->bg", c, np.tensordot(q, terms, axes=(1, 2)))
+        return total
+
+    def _left(self, at: AffineFactors, energy: EnergyBounds, tau: Floats) -> Floats:
+        """Bounds (b, g) of what the adjoints of the reference, tau (b,) times, leave."""
         chi = {
             name: np.abs((1.0 - tau[:, None] * own) / np.sqrt(own)).max(axis=1)
             for name, own in energy.moduli.items()
         }
-        at, stages = found.at, self._reduced.stages
-        shape = len(at.loads), self.stages[0].loads.shape[0]
-        correction, error = np.zeros(shape), np.zeros(shape)
-        left = [np.zeros(shape) for _ in stages]  # what the states that build on one leave it
-        for number in reversed(range(len(stages))):
-            stage, dual = stages[number], self.stages[number]
+        shape = len(tau), len(self.stages[0].loads)
+        error = np.zeros(shape)
+        left = [np.zeros(shape) for _ in self.stages]  # what the states that build on one leave it
+        for number in reversed(range(len(self.stages))):
+            stage, dual = self._reduced.stages[number], self.stages[number]
             squared = np.zeros(shape)
             for name, own in dual.energy.items():
                 squared += chi[name][:, None] ** 2 * own
@@ -106,12 +136,7 @@ class ReadingDuals:
             if number:
                 growth = np.sqrt(self._reduced.growth(stage, at))
                 left[stage.base] += beta * np.reshape(growth, (-1, 1))
-            work = at.loads @ dual.loads.T
-            for (state, material), terms in dual.terms.items():
-                q, c = found.states[state][..., 0], at.moduli[material]
-                work -= np.einsum("br,brg->bg", c, np.tensordot(q, terms, axes=(1, 2)))
-            correction += tau[:, None] * work
-        return ReadingBounds(correction, error)
+        return error
 
 
 class DualMarch:
@@ -125,7 +150,7 @@ class DualMarch:
     def __init__(self, projection: GalerkinProjection, run: Run) -> None:
         self._projection, self._affine, self._run = projection, projection.affine, run
         self._systems = projection.affine.march.systems
-        self._points = self._systems.discretization.points
+        self._points = projection.affine.points
 
     def stages(self, rows: sp.csr_array, weights: Floats) -> tuple[StageDual, ...]:
         """The adjoints of readings in all states.
@@ -150,9 +175,9 @@ class DualMarch:
             trace = self._run.traces[number]
             task, system = trace.task, trace.task.system
             a = left.pop(number, np.zeros((s, points, k)))
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             stress = self._stressed(number, a)
-            rest = -self._points.forces(stress, system.volume)
+            rest = -self._points.forces(stress, system)
             if number:
                 rest += rows.T @ np.diag(weights[number])
             w, dofs = np.zeros_like(rest), system.pattern.dofs
@@ -161,12 +186,11 @@ class DualMarch:
                 w[dofs] = factor.solve(rest[dofs])
             strain = self._points.strain(w)
             a += strain
-            a[:, ~system.present] = 0.0
+            self._points.clear(a, task.state, system)
             found[number] = self._tested(number, a, strain)
             if number:
                 state = task.state
-                for group in state.placed:
-                    a[:, self._systems.discretization.points_of[group]] = 0.0
+                self._points.clear_begun(a, state)
                 base = state.base
                 left[base] = left[base] + a if base in left else a
         return found
@@ -193,7 +217,7 @@ class DualMarch:
             squares = np.sum(own * np.tensordot(E, own, axes=1) * volume, axis=(0, 1))
             energy[zone.material] = energy.get(zone.material, 0.0) + squares
             test = (strain[:, mine] * volume).reshape(-1, k)
-            joined = self._projection.stresses(zone, number, mine)
+            joined = self._projection.stresses(zone, mine)
             work += test.T @ joined.reshape(len(test), -1) @ particular
             for state, material, sign in zone.parts:
                 if state not in turn:

@@ -8,6 +8,7 @@ come from the case; nothing is needed of the mesh.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -19,10 +20,10 @@ from geoident.forward.reduced.affine_march import AffineForm
 from geoident.forward.reduced.duals import ReadingDuals, StageDual
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
-from geoident.forward.reduced.moduli import MaterialSpan
+from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
 from geoident.forward.reduced.projection import ReducedStage, ZoneResidual
 from geoident.forward.reduced.response import ReducedResponse
-from geoident.forward.reduced.zones import StressTerm
+from geoident.forward.reduced.zones import StressTerm, rigidity_name
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.reduced import FORM, KeptReducedModel
@@ -99,10 +100,13 @@ class _Packed:
             else:
                 self._add(kind, array, *about, key[0], self._number[key[1]])
 
-    def moduli(self, spans: Mapping[str, MaterialSpan]) -> None:
+    def moduli(self, spans: Mapping[str, Span]) -> None:
         for name, span in spans.items():
             number = self._number[name]
-            self._add("section", float(span.section), number)
+            if isinstance(span, MaterialSpan):
+                self._add("section", float(span.section), number)
+            else:
+                self._add("bending", float(span.bending), number)
             self._add("basis", span.basis, number)
             if span.fixed is not None:
                 self._add("fixed", span.fixed, number)
@@ -200,6 +204,13 @@ class _Blocks:
         )
 
 
+@dataclass(frozen=True)
+class _Ground:
+    """Materials of which there is ground in any state, as `checks.MadeOf`."""
+
+    materials: tuple[str, ...]
+
+
 class RestoredModel:
     """A kept reduced model with its case: readings at any parameters, with bounds.
 
@@ -230,6 +241,8 @@ class RestoredModel:
             (),
             ("",) * len(kept.channels),
         )
+        spans = self.model.form.spans
+        self._ground = _Ground(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
         self._bases = np.arange(len(kept.readable))
         self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]
@@ -253,14 +266,23 @@ class RestoredModel:
         """The gauges, without their places on the mesh."""
         return self._observation
 
-    def _spans(self) -> dict[str, MaterialSpan]:
-        blocks, found = self._blocks, {}
+    def _spans(self) -> dict[str, Span]:
+        blocks, names = self._blocks, self.kept.names
+        structures = {
+            rigidity_name(name, bending): structure
+            for name, structure in self.case.structures.items()
+            for bending in (False, True)
+        }
+        found: dict[str, Span] = {}
         for n, name in enumerate(self.kept.materials):
-            section = bool(blocks.one("section", n))
             basis, fixed = blocks.one("basis", n), blocks.get("fixed", n)
-            found[name] = MaterialSpan(
-                self.case.materials[name], self.kept.names, section, basis, fixed
-            )
+            bending = blocks.get("bending", n)
+            if bending is None:
+                section = bool(blocks.one("section", n))
+                material = self.case.materials[name]
+                found[name] = MaterialSpan(material, names, section, basis, fixed)
+            else:
+                found[name] = RigiditySpan(structures[name], bool(bending), names, basis, fixed)
         return found
 
     def _loads(self) -> LoadForm:
@@ -288,7 +310,7 @@ class RestoredModel:
             if not low <= value <= high:
                 return f"{name} is beyond the bounds with which the reduced model was made"
         values = dict(zip(kept.names, map(float, p), strict=True))
-        return inadmissible_numbers(self.case, kept, values)
+        return inadmissible_numbers(self.case, self._ground, values)
 
     def covers(self, pairs: Sequence[tuple[str, str]]) -> bool:
         """Whether it gives the readings of some channels at some stages."""

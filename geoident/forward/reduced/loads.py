@@ -17,6 +17,7 @@ import numpy as np
 
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
+from geoident.forward.reduced.points import MarchPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -35,7 +36,7 @@ class LoadForm:
         scale: (n,) sizes of the parameters.
         exponents: (k, n) of the monomials, of p / scale.
         mix: (r, k) psi of the monomials.
-        stress: (s, n_points, r) in-situ stress, Pa.
+        stress: (s, n_points, r) in-situ stress, Pa, and forces to which bars are brought, N.
         forces: of every state, (n_dofs, r), N.
         settles: whether the virgin ground moves to balance them.
     """
@@ -116,8 +117,12 @@ class _Loads:
         march = self.march
         stress = march.in_situ.columns(point)
         stress[:, ~march.systems[0].present] = 0.0
-        forces = (march.actions.forces(n, point) for n in range(self.last + 1))
-        return [stress.reshape(-1, point.n_columns), *forces]
+        states, structures = march.sequence.states[: self.last + 1], march.systems.structures
+        jacked = np.zeros((structures.n_rows, point.n_columns))
+        for state in states:
+            jacked += structures.given(state, point)
+        forces = (march.actions.forces(n, point) for n in range(len(states)))
+        return [stress.reshape(-1, point.n_columns), jacked, *forces]
 
     def moved_by(self, samples: Floats) -> Bools:
         """(n,) parameters by which any of them has a derivative."""
@@ -143,17 +148,17 @@ class _Loads:
         return np.concatenate(list(scaled))
 
     def split(self, fields: Floats) -> tuple[Floats, tuple[Floats, ...]]:
-        """Stress (s, n_points, r) and forces (n_dofs, r) of vectors (r, ...)."""
-        points = self.march.systems.discretization.points
-        n_stress = points.n_strain * points.n_points
-        n_dofs = self.march.systems.discretization.n_dofs
-        stress = (self._sizes[0] * fields[:, :n_stress]).T
-        forces = []
-        for n, size in enumerate(self._sizes[1:]):
-            first = n_stress + n * n_dofs
-            forces.append(np.ascontiguousarray((size * fields[:, first : first + n_dofs]).T))
-        shape = (points.n_strain, points.n_points, len(fields))
-        return np.ascontiguousarray(stress).reshape(shape), tuple(forces)
+        """Stress and forces of bars (s, n_points, r), forces (n_dofs, r), of vectors (r, ...)."""
+        points, n_dofs = MarchPoints(self.march.systems), self.march.systems.discretization.n_dofs
+        n_rows = points.n_points - points.n_ground
+        sizes = (points.n_strain * points.n_ground, n_rows, *[n_dofs] * (self.last + 1))
+        parts = np.split(fields, np.cumsum(sizes)[:-1], axis=1)
+        stress, jacked, *forces = (
+            np.ascontiguousarray((size * part).T)
+            for size, part in zip(self._sizes, parts, strict=True)
+        )
+        in_situ = stress.reshape(points.n_strain, points.n_ground, len(fields))
+        return points.joined(in_situ, jacked), tuple(forces)
 
 
 def _shortened(
@@ -167,6 +172,7 @@ def _shortened(
     march, settles = loads.march, False
     form = LoadForm(scale, exponents, mix, stress, forces, settles)
     psi, _ = form.coordinates(samples[:_CHECKS])
-    of_samples = march.imbalance(stress @ psi.T, forces[0] @ psi.T)
+    in_situ = stress[:, : march.systems.discretization.points.n_points]
+    of_samples = march.imbalance(in_situ @ psi.T, forces[0] @ psi.T)
     settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)
     return LoadForm(scale, exponents, mix, stress, forces, settles)

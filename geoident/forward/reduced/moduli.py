@@ -14,16 +14,18 @@ min-theta bound of theory 14; they hold for every symmetry.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.structures.members import rigidities
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Isotropic, numbers_of
 from geoident.model.parameter import Scalar
+from geoident.model.structures import Structure
 
 _RANK = 1e-12
 """Singular value, relative to the largest, below which matrices span no further direction."""
@@ -85,6 +87,70 @@ class MaterialSpan:
     def matrix(self, coordinates: Floats) -> Floats:
         """E (..., s, s) of coordinates (..., r)."""
         return np.tensordot(coordinates, self.basis, axes=1)
+
+
+@dataclass(frozen=True, eq=False)
+class RigiditySpan:
+    """EA or EI of a structure as the modulus of its members, the same for all components.
+
+    Args:
+        structure: the structure.
+        bending: EI, else EA.
+        names: of all n parameters.
+        basis: (1, s, s) a unit matrix of norm one.
+        fixed: (1,) the coordinate where no parameter moves it, else None.
+    """
+
+    structure: Structure
+    bending: bool
+    names: tuple[str, ...]
+    basis: Floats
+    fixed: Floats | None
+
+    @property
+    def rank(self) -> int:
+        """Number of matrices."""
+        return 1
+
+    def coordinates(self, values: Floats) -> tuple[Floats, Floats]:
+        """Coordinates (b, 1) at parameter vectors (b, n), and their derivatives (b, 1, n)."""
+        if self.fixed is not None:
+            return np.broadcast_to(self.fixed, (len(values), 1)), np.zeros(
+                (len(values), 1, len(self.names))
+            )
+        found = np.sqrt(self.basis.shape[1]) * np.array([self._rigidity(p) for p in values])
+        return found[:, :1], found[:, None, 1:]
+
+    def _rigidity(self, p: Floats) -> Floats:
+        """(1 + n,) at p (n,) with its derivatives."""
+        point = ParameterPoint(dict(zip(self.names, map(float, p), strict=True)), self.names)
+        return np.asarray(rigidities(self.structure, point)[int(self.bending)].columns)
+
+    def matrix(self, coordinates: Floats) -> Floats:
+        """D times a unit matrix (..., s, s) of coordinates (..., 1)."""
+        return np.tensordot(coordinates, self.basis, axes=1)
+
+
+Span = MaterialSpan | RigiditySpan
+"""Moduli of a material, or of the members of a structure."""
+
+
+def rigidity_span(
+    structure: Structure, names: tuple[str, ...], samples: Floats, n_strain: int, *, bending: bool
+) -> RigiditySpan:
+    """EA or EI of a structure.
+
+    Args:
+        structure: the structure.
+        names: of all n parameters.
+        samples: (b, n) parameter vectors in the domain.
+        n_strain: number s of strain components.
+        bending: EI, else EA.
+    """
+    basis = np.eye(n_strain)[None] / np.sqrt(n_strain)
+    span = RigiditySpan(structure, bending, names, basis, None)
+    found, slopes = span.coordinates(samples)
+    return span if slopes.any() else replace(span, fixed=found[0])
 
 
 def moduli_at(material: Material, names: Sequence[str], values: Floats, section: bool) -> Floats:

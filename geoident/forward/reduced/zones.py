@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geoident.forward.march.march import March
+from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.stages import CaseOnMesh, numbers
 from geoident.model.arrays import Ints
 
@@ -45,10 +47,12 @@ class StressHistory:
     Args:
         virgin: its material in the virgin state, if it has been there since then, else None.
         segments: in their order.
+        given: its stress began with one that is given: in situ, or by a jack.
     """
 
     virgin: str | None
     segments: tuple[Segment, ...]
+    given: bool = False
 
     def went_on(self, material: str, base: int, state: int) -> StressHistory:
         """The same one state later.
@@ -108,7 +112,7 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
         histories: dict[int, StressHistory] = {}
         for group, material in state.materials.items():
             if number == 0:
-                histories[group] = StressHistory(material, ())
+                histories[group] = StressHistory(material, (), given=True)
             elif group in state.placed or group not in before:
                 new = Segment(material, state.base or None, number)
                 histories[group] = StressHistory(None, (new,))
@@ -127,3 +131,50 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
             zones.append(Zone(np.sort(np.concatenate(mine)), material, old, history))
         found.append(tuple(zones))
     return tuple(found)
+
+
+def member_zones(march: March, points: MarchPoints) -> tuple[tuple[Zone, ...], ...]:
+    """The zones of every state that are members: those of a structure with one rigidity.
+
+    Bars that a jack or a press holds in a state work without stiffness: they are no zone of it, and
+    begin from there.
+
+    Args:
+        march: of the case.
+        points: of the march.
+    """
+    of_state: list[dict[str, StressHistory]] = []
+    found = []
+    for number, state in enumerate(march.sequence.states):
+        before = {} if number == 0 else of_state[state.base]
+        histories: dict[str, StressHistory] = {}
+        zones = []
+        for part in march.systems.structures.parts:
+            if part.name not in state.structures:
+                continue
+            if part.name in state.stressed:
+                histories[part.name] = StressHistory(None, (), given=True)
+                continue
+            if part.name in state.built or part.name not in before:
+                history = StressHistory(None, (Segment(part.name, state.base or None, number),))
+            else:
+                history = before[part.name].went_on(part.name, state.base, number)
+            histories[part.name] = history
+            for bending in (False, True):
+                rows = np.flatnonzero(part.members.bending == bending)
+                if len(rows):
+                    mine = points.n_ground + part.rows.start + rows
+                    zones.append(_member_zone(mine, rigidity_name(part.name, bending), history))
+        of_state.append(histories)
+        found.append(tuple(zones))
+    return tuple(found)
+
+
+def rigidity_name(structure: str, bending: bool) -> str:
+    """What stands for a material where members of a structure are a zone."""
+    return f"{'EI' if bending else 'EA'} of {structure}"
+
+
+def _member_zone(points: Ints, rigidity: str, history: StressHistory) -> Zone:
+    segments = tuple(replace(segment, material=rigidity) for segment in history.segments)
+    return Zone(points, rigidity, rigidity, replace(history, segments=segments))

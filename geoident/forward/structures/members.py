@@ -253,6 +253,17 @@ class Structures:
             anew[part.rows] = not stays or part.name in state.stressed
         return anew
 
+    def stiff(self, state: ConstructionState) -> Bools:
+        """(n_rows,) members that work with their stiffness at a state."""
+        found = np.zeros(self.n_rows, dtype=bool)
+        for _, part in self._stiff(state):
+            found[part.rows] = True
+        return found
+
+    def given(self, state: ConstructionState, point: ParameterPoint) -> Floats:
+        """Forces q (n_rows, 1 + n) to which bars are brought at a state; others zero."""
+        return self._given(state.stressed, point)
+
     def _given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""
         result = np.zeros((self.n_rows, point.n_columns))

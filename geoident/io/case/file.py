@@ -22,9 +22,9 @@ from pydantic import BaseModel, ValidationError
 
 from geoident.errors import Fault, InputError
 from geoident.io.case.case import CaseSection, ReportSection, build_case, check_references
-from geoident.io.case.field import with_measured
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
+from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest

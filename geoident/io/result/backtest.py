@@ -14,7 +14,7 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter
 from geoident.io.result.reading_tables import reading_unit
-from geoident.io.result.tables import COUNTS
+from geoident.io.result.tables import COUNTS, read_counts
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest, BacktestStep, Scores, Skipped
 from geoident.model.results.result import Counts, GaugeTable, Prediction
@@ -108,7 +108,7 @@ def _read_steps(group: TableReader, gauges: GaugeTable, k: int, n: int) -> tuple
     wide = (k, *gauges.computed.shape)
     last, readings = (group.ints(name, k).tolist() for name in ("last", "readings"))
     status, reason = (group.texts(name, k) for name in ("status", "reason"))
-    counts = np.stack([group.ints(name, k) for name in COUNTS], axis=1)
+    counts = np.stack([read_counts(group, name, k) for name in COUNTS], axis=1)
     columns = {f: group.floats(f"parameter_{name}", k, n) for name, f in _PARAMETERS.items()}
     determined = group.bools("determined", k, n)
     bands = {name: group.floats(name, *wide) for name in _BANDS}

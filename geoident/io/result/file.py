@@ -239,7 +239,9 @@ class _Attributes:
     def text(self, name: str) -> str:
         return str(self._get(name))
 
-    def int(self, name: str) -> int:
+    def int(self, name: str, missing: int | None = None) -> int:
+        if missing is not None and name not in self._attributes:
+            return missing
         return int(self._get(name))
 
     def float(self, name: str, missing: float | None = None) -> float:
@@ -274,7 +276,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         provenance=_read_provenance(root),
         parameters=parameters,
         gauges=gauges,
-        counts=Counts(**{name: root.int(name) for name in tables.COUNTS}),
+        counts=Counts(
+            **{name: root.int(name, tables.NEWER_COUNTS.get(name)) for name in tables.COUNTS}
+        ),
         history=tables.read_history(file, n),
         singular_values=singular,
         sensitivity=sensitivity,

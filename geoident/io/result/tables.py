@@ -14,7 +14,7 @@ import numpy as np
 
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import (
@@ -31,6 +31,9 @@ from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
 COUNTS = tuple(entry.name for entry in fields(Counts))
+
+NEWER_COUNTS = {"iterations": 0}
+"""Counts that older files lack, and what they are there."""
 _PARAMETER_ARRAYS = {"value": "values"} | {name: name for name in ("sd", "lower", "upper", "start")}
 _PREDICTION_ARRAYS = ("mean", "sd", "lower95", "upper95")
 _CERTIFICATE_NUMBERS = ("gradient", "bound", "gap")
@@ -202,12 +205,25 @@ def write_history(file: h5py.File, history: tuple[Iteration, ...], names: tuple[
     out.add("values", values.reshape(len(history), len(names)), "iteration", "parameter")
 
 
+def read_counts(group: TableReader, name: str, rows: int) -> Ints:
+    """One of `COUNTS` (rows,).
+
+    Args:
+        group: that has it.
+        name: of it.
+        rows: of the table.
+    """
+    if name in NEWER_COUNTS and name not in group:
+        return np.full(rows, NEWER_COUNTS[name], dtype=np.int64)
+    return group.ints(name, rows)
+
+
 def read_history(file: h5py.File, n: int) -> tuple[Iteration, ...]:
     """The iterations; n is the number of parameters."""
     group = TableReader(file, "history")
     methods = group.texts("method")
     rows = len(methods)
-    counts = [group.ints(name, rows).tolist() for name in COUNTS]
+    counts = [read_counts(group, name, rows).tolist() for name in COUNTS]
     return tuple(
         Iteration(method, number, objective, values, step, Counts(*cost), note)
         for method, number, objective, values, step, cost, note in zip(

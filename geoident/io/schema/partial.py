@@ -12,6 +12,7 @@ import copy
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 from geoident.errors import Fault
 from geoident.io.text.faults import Places
@@ -20,15 +21,20 @@ from geoident.model.case import KeyPath
 
 _NAMED = ("parameters", "materials", "groups", "supports", "loads", "structures", "gauges", "dates")
 """Keys whose entries have names, of which a wrong one can be left out."""
-_KEPT = ("format", "analysis")
-"""Keys that a case cannot do without."""
+_KEPT = {"format": ("geoident-case/1",), "analysis": ("plane-strain", "axisymmetric", "solid")}
+"""Keys that a case cannot do without, and what they may say."""
 _IN_SEQUENCE = ("groups", "loads", "structures", "stages")
+ZERO = "gauges: zero"
+"""In place of a key of the first level: the zero of a gauge is left out, the gauge stays."""
 _ASKS_FOR = {
     "no-mesh": {"mesh", "fit"},
     "no-gravity": {"gravity"},
     "missing-dates": {"dates"},
     "dates-order": {"dates"},
     "group-coverage": {"groups", "stages"},
+    "gauge-in-absent-ground": {ZERO},
+    "zero-before-structure": {ZERO},
+    "unreadable-gauge": {ZERO},
 }
 """Code of a fault to the keys among whose wrong entries may be what it misses."""
 _ANY: dict[str, Node] = {
@@ -104,7 +110,7 @@ class Rest:
         for path in sorted(set(faults), key=len, reverse=True):
             if not path or not _take(data, path, names, gone):
                 return None
-            keys.add(str(path[0]))
+            keys.add(ZERO if _is_zero(path) else str(path[0]))
         whole = {key for key in keys if not data.get(key)}
         if not data.get("materials"):
             data["materials"] = {_STAND_IN: dict(_ANY)}
@@ -153,17 +159,30 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
         holder[str(path[1])] = dict(_ANY)
         return True
     if key in _NAMED and len(path) > 1 and isinstance(holder, dict):
-        gone.append(holder.pop(str(path[1]), None))
-        names.add(str(path[1]))
+        _take_named(holder, path, names, gone)
         return True
-    if key not in data and key not in _KEPT:
-        return True  # gone already
     if key == "stages" and len(path) > 1 and isinstance(holder, list):
         return _blank_stage(holder, path[1], gone)
-    if key in _KEPT:
-        return False
-    gone.append(data.pop(key, None))  # optional, or not known at all
-    return True
+    if key not in _KEPT:
+        gone.append(data.pop(key, None))  # optional, or not known at all
+        return True
+    data[key] = next(iter(get_close_matches(str(holder), _KEPT[key], n=1)), None)
+    return data[key] is not None
+
+
+def _take_named(holder: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> None:
+    """Take an entry that has a name; of a gauge with a wrong zero the zero alone."""
+    entry = holder.get(str(path[1]))
+    if _is_zero(path) and isinstance(entry, dict):
+        entry.pop("zero", None)
+    else:
+        gone.append(holder.pop(str(path[1]), None))
+        names.add(str(path[1]))
+
+
+def _is_zero(path: KeyPath) -> bool:
+    """Whether a path is that of the zero of a gauge."""
+    return len(path) == 3 and path[0] == "gauges" and path[2] == "zero"
 
 
 def _names_in(node: Node) -> Iterator[str]:
@@ -175,8 +194,8 @@ def _words(node: Node) -> Iterator[str]:
     """All keys and texts of a part of a case."""
     if isinstance(node, dict):
         yield from node
-        for part in node.values():
-            yield from _words(part)
+        for key, part in node.items():
+            yield from _words(part) if key != "zero" else ()  # a stage that others may name
     elif isinstance(node, list):
         for part in node:
             yield from _words(part)

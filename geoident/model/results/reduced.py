@@ -22,7 +22,7 @@ class KeptReducedModel:
         lower: (n,) least parameters for which it was made, SI.
         upper: (n,) largest ones, SI.
         marches: (m, n) where it was made, SI: there it is exact.
-        materials: of which there is ground in any state.
+        materials: of which there is ground in any state, and rigidities of structures.
         channels: names of all channels.
         weights: (2, n_channels) how often a reading counts the state of its stage and its zero.
         zero: (n_channels,) states at which channels read zero.

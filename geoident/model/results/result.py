@@ -39,12 +39,14 @@ class Counts:
         analyses: symbolic analyses of a sparsity pattern.
         factorizations: numeric factorizations.
         solves: right-hand sides solved.
+        iterations: steps of conjugate gradients for them, where they take the place of a factor.
     """
 
     evaluations: int = 0
     analyses: int = 0
     factorizations: int = 0
     solves: int = 0
+    iterations: int = 0
 
     def __add__(self, other: Counts) -> Counts:
         """Both together."""
@@ -55,7 +57,7 @@ class Counts:
         return Counts(*(getattr(self, name) - getattr(other, name) for name in _COSTS))
 
 
-_COSTS = ("evaluations", "analyses", "factorizations", "solves")
+_COSTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")
 
 NO_COST = Counts()
 

@@ -155,9 +155,10 @@ def head(result: Result) -> str:
 
 def counts_text(counts: Counts) -> str:
     """What it cost."""
+    steps = f" in {counts.iterations} iterations" if counts.iterations else ""
     return (
         f"{counts.evaluations} evaluations, {counts.factorizations} factorizations,"
-        f" {counts.solves} solves"
+        f" {counts.solves} solves{steps}"
     )
 
 

@@ -157,6 +157,7 @@ def further(counts: Counts, before: Counts, after: Counts) -> Counts:
         analyses=max(counts.analyses, after.analyses),
         factorizations=counts.factorizations + after.factorizations - before.factorizations,
         solves=counts.solves + after.solves - before.solves,
+        iterations=counts.iterations + after.iterations - before.iterations,
     )
 
 

@@ -14,6 +14,7 @@ from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.results.result import Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.older_files import older_files
 from geoident.workflow.running.outputs import Standing, Target, restore, set_aside
 
 
@@ -90,7 +91,9 @@ class Finished:
 
 def keep(place: Target) -> Finished:
     """A result that is up to date."""
-    return Finished(read_result(place.path), (str(place.path),), up_to_date=True)
+    result = read_result(place.path)
+    older = older_files(place.path, result.provenance.identity, new=False)
+    return Finished(result, (str(place.path),), up_to_date=True, remarks=older)
 
 
 def at_hand(
@@ -115,10 +118,10 @@ def at_hand(
     if moved is None:
         return None
     was, aside = moved
-    return replace(
-        keep(place),
-        remarks=(f"{was} was made from this input: it is {place.path} again, {_kept(aside)}",),
-    )
+    kept = keep(place)
+    said = f"{was} was made from this input: it is {place.path} again, {_kept(aside)}"
+    older = older_files(place.path, kept.result.provenance.identity, new=True)
+    return replace(kept, remarks=(said, *older))
 
 
 def job_at_hand(job: Job) -> Finished | None:
@@ -158,4 +161,5 @@ def write(
         )
     overwrite = found is not Standing.NOTHING
     paths = write_result(result, place.path, overwrite=overwrite, inputs=inputs)
-    return Finished(result, paths, remarks=remarks)
+    older = older_files(place.path, result.provenance.identity, new=found is Standing.OTHER)
+    return Finished(result, paths, remarks=(*remarks, *older))

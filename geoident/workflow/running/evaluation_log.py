@@ -61,8 +61,11 @@ class Log(Protocol):
         """
 
 
-EXACT = 1e-8
-"""Bound of the relative error in energy up to which the reduced model answers for the model."""
+EXACT = 1e-6
+"""Bound of the relative error in energy up to which the reduced model answers for the model.
+
+What is found by it (weights of readings, and where to look at the model itself) is known to 0.2 %
+at best."""
 
 
 def carry_over(
@@ -368,13 +371,14 @@ class Remembered:
         self._seen.add((kind, p.tobytes()))
 
     def _spend(self, cost: Floats) -> None:
-        evaluations, factorizations, solves, analyses = (int(number) for number in cost)
+        evaluations, factorizations, solves, analyses, *more = (int(number) for number in cost)
         self._counts = replace(
             self._counts,
             evaluations=self._counts.evaluations + evaluations,
             factorizations=self._counts.factorizations + factorizations,
             solves=self._counts.solves + solves,
             analyses=max(self._counts.analyses, analyses),
+            iterations=self._counts.iterations + sum(more),
         )
 
 
@@ -414,13 +418,14 @@ def _restored(known: EvaluationArrays) -> Activity:
 
 
 def _cost(before: Counts, after: Counts) -> Floats:
-    """Evaluations, factorizations and solves between two counts; analyses up to the second."""
+    """What came between two counts; analyses up to the second."""
     return np.array(
         [
             after.evaluations - before.evaluations,
             after.factorizations - before.factorizations,
             after.solves - before.solves,
             after.analyses,
+            after.iterations - before.iterations,
         ],
         dtype=np.float64,
     )

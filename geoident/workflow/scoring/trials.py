@@ -248,6 +248,7 @@ def _since(before: Counts, after: Counts) -> Counts:
         analyses=after.analyses,
         factorizations=after.factorizations - before.factorizations,
         solves=after.solves - before.solves,
+        iterations=after.iterations - before.iterations,
     )
 
 
@@ -395,6 +396,7 @@ def added(first: Counts, second: Counts) -> Counts:
         analyses=max(first.analyses, second.analyses),
         factorizations=first.factorizations + second.factorizations,
         solves=first.solves + second.solves,
+        iterations=first.iterations + second.iterations,
     )
 
 

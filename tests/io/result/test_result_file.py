@@ -289,12 +289,24 @@ def test_every_missing_piece_is_named(tmp_path: Path, result_maker: Make) -> Non
     write_result(result_maker(), path, overwrite=False)
     whole = path.read_bytes()
     for name in pieces(path):
-        if name.endswith(UNUSED) or "/Steps/" in name:
+        if name.endswith((*UNUSED, "history/iterations")) or "/Steps/" in name:
             continue
         path.write_bytes(whole)
         with h5py.File(path, "a") as file:
             del file[name]
         assert f"/{name} is missing" in refused(path)
+
+
+def test_files_from_before_iterations_were_counted_are_read(
+    tmp_path: Path, result_maker: Make
+) -> None:
+    made = result_maker()
+    write_result(made, tmp_path / "a.h5", overwrite=False)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file.attrs["iterations"], file["history/iterations"]
+    found = read_result(tmp_path / "a.h5")
+    assert found.counts == made.counts
+    assert [step.counts for step in found.history] == [step.counts for step in made.history]
 
 
 @pytest.mark.parametrize("name", ["identity", "reason", "seed", "versions", "contents", "solves"])

@@ -145,7 +145,13 @@ def test_programs_get_si_units_and_null_for_what_is_not_known(result):
     assert band == pytest.approx([8e-4, 1.5e-4, 8e-4 - 2.94e-4, 8e-4 + 2.94e-4, 7e-4])
     assert [predicted["ST-1"][k] for k in ("mean", "sd", "determined")] == [None, None, False]
     assert (found["objective"], found["exit_code"], found["output"]) == (12.5, 4, "x.h5")
-    assert found["counts"] == {"evaluations": 5, "analyses": 1, "factorizations": 12, "solves": 40}
+    assert found["counts"] == {
+        "evaluations": 5,
+        "analyses": 1,
+        "factorizations": 12,
+        "solves": 40,
+        "iterations": 0,
+    }
     assert found["structures"][0]["N"] == -1234.5
     assert "grid" not in found
     scan = json.loads(dumps(result_object(small_result(), case="c", output="o")))

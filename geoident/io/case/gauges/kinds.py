@@ -1,7 +1,7 @@
 """All kinds of gauges of a case, and the channels that they are made into.
 
-Sections of those that read one relative displacement stand here, of the others in `motion` and
-`force`.
+Sections of those that read one relative displacement stand here, of the others in `motion`,
+`force` and `strain`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from geoident.io.case.gauges.force import (
     LoadCellSection,
     PiezometerSection,
     PressureCellSection,
-    StrainSection,
     StressGaugeSection,
-    on_structures,
 )
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -31,6 +29,8 @@ from geoident.io.case.gauges.gauge import (
 )
 from geoident.io.case.gauges.inclinometer import InclinometerSection
 from geoident.io.case.gauges.motion import LevellingSection, LineOfSightSection, TiltSection
+from geoident.io.case.gauges.on_structure import on_structures
+from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name

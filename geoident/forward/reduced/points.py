@@ -1,0 +1,93 @@
+"""Strain points of the ground and members of structures in one array (theory 14.1).
+
+A member is one more strain point: its strain (of an axis, a curvature) and its force stand in the
+place of the first component, the others are zero, and its weight is its volume. So what holds for
+sums over strain points holds for ground with walls, bolts and struts in it as it stands.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.forward.march.systems import StageSystem, StageSystems
+from geoident.forward.stages import ConstructionState, Index, numbers
+from geoident.model.arrays import Floats
+
+
+class MarchPoints:
+    """Strain points of the ground, then the members.
+
+    Args:
+        systems: of the march.
+
+    Attributes:
+        n_strain: components s of a strain.
+        n_ground: strain points of the ground.
+        n_points: all of them.
+        volume: (n_points,) volumes, and weights of members.
+    """
+
+    def __init__(self, systems: StageSystems) -> None:
+        self._discretization = systems.discretization
+        self._ground, self._structures = systems.discretization.points, systems.structures
+        self.n_strain, self.n_ground = self._ground.n_strain, self._ground.n_points
+        self.n_points = self.n_ground + self._structures.n_rows
+        self.volume = np.concatenate([self._ground.volume, self._structures.weight])
+
+    def joined(self, ground: Floats, members: Floats) -> Floats:
+        """(s, n_points, k) of stresses (s, n_ground, k) and forces (n_rows, k), or strains."""
+        if not len(members):
+            return ground
+        more = np.zeros((self.n_strain, *members.shape))
+        more[0] = members
+        return np.concatenate([ground, more], axis=1)
+
+    def strain(self, u: Floats, points: Index | None = None) -> Floats:
+        """Strains (s, q, k) of displacements (n_dofs, k).
+
+        Args:
+            u: the displacements.
+            points: (q,) some points of the ground, or some members, ascending; None: all of both.
+        """
+        if points is None:
+            return self.joined(self._ground.strain(u), self._structures.strain(u))
+        wanted = numbers(points, self.n_points)
+        if not len(wanted) or wanted[0] < self.n_ground:
+            return self._ground.strain(u, points)
+        found = np.zeros((self.n_strain, len(wanted), u.shape[1]))
+        found[0] = self._structures.strain(u)[wanted - self.n_ground]
+        return found
+
+    def forces(self, stress: Floats, system: StageSystem) -> Floats:
+        """Nodal forces (n_dofs, k) of stresses (s, n_points, k) in a stage.
+
+        Args:
+            stress: zero at members that do not stand.
+            system: of the stage; stresses of absent ground do not count.
+        """
+        found = self._ground.forces(stress[:, : self.n_ground], system.volume)
+        if self.n_points > self.n_ground:
+            found += self._structures.nodal_forces(stress[0, self.n_ground :])
+        return found
+
+    def clear(self, strain: Floats, state: ConstructionState, system: StageSystem) -> None:
+        """Set strains (s, n_points, k) to zero where nothing works with its stiffness in a state.
+
+        Args:
+            strain: changed in place.
+            state: the state.
+            system: of its stage.
+        """
+        strain[:, : self.n_ground][:, ~system.present] = 0.0
+        strain[:, self.n_ground :][:, ~self._structures.stiff(state)] = 0.0
+
+    def clear_begun(self, strain: Floats, state: ConstructionState) -> None:
+        """Set strains (s, n_points, k) to zero where a state does not go on from its base.
+
+        Args:
+            strain: changed in place.
+            state: the state.
+        """
+        for group in state.placed:
+            strain[:, : self.n_ground][:, self._discretization.points_of[group]] = 0.0
+        strain[:, self.n_ground :][:, self._structures.begins_anew(state)] = 0.0

@@ -1,0 +1,105 @@
+"""Gauges on structures: the channel of one, and its place on the beam or the bar that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from geoident.io.case.gauges.gauge import GaugeBase, unit_vector
+from geoident.io.case.gauges.value import ValueGauge, optional_point
+from geoident.io.schema.section import Context
+from geoident.io.schema.values import Given
+from geoident.model.gauges import Channel
+from geoident.model.structures import Bars, Beam, Structure, Struts
+
+TOWARDS = "A point on the inside of the beam; needed where ground is on both sides of it."
+
+
+def on_structure(
+    section: ValueGauge,
+    name: str,
+    point: list[Given] | None,
+    bar: int | None,
+    towards: list[Given] | None,
+    context: Context,
+) -> list[Channel]:
+    """The channel of a gauge on some structure; the place on a bar is found later."""
+    none = (0.0,) * context.dim
+    place = optional_point(point, context.at("point"))
+    inside = optional_point(towards, context.at("towards"))
+    if point is not None and place is None:
+        return []
+    found = section.at_point(name, "", place or none, none, context)
+    member = 0 if bar is None else bar - 1
+    return [replace(found, member=member, towards=inside)]
+
+
+def on_structures(
+    channels: Sequence[Channel],
+    sections: Mapping[str, GaugeBase],
+    structures: Mapping[str, Structure],
+    context: Context,
+) -> Iterator[Channel]:
+    """Channels with the places that their structures give them; none, with a fault, without place.
+
+    A bar gives its ends, and a strut that compression counts.
+
+    Args:
+        channels: of all gauges.
+        sections: gauge to its section.
+        structures: of the case.
+        context: of the key `gauges`.
+    """
+    for channel in channels:
+        structure = structures.get(channel.structure)
+        if structure is None:
+            if not channel.structure:
+                yield channel
+            continue  # an unknown structure is a fault of its own (`references`)
+        section, place = sections[channel.gauge], context.at(channel.gauge)
+        if isinstance(structure, Beam):
+            if getattr(section, "point", None) is None:
+                message = f"'{channel.structure}' is a beam; where on it is missing"
+                place.refuse("missing-key", message, "Add 'point'.", key=True)
+            elif getattr(section, "bar", None) is not None:
+                message = f"'{channel.structure}' is a beam, which has no bars"
+                place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
+            else:
+                yield channel
+        elif (found := _on_bar(channel, section, structure, place)) is not None:
+            yield found
+
+
+def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) -> Channel | None:
+    """A channel on one of some bars; None, with a fault, where it is not known on which."""
+    count, bar = len(bars.ends), getattr(section, "bar", None)
+    name = channel.structure
+    if channel.kind == "pressure-cell":
+        message = f"'{name}' are bars, on which the ground does not press"
+        place.at("on").refuse("wrong-structure", message, "Name a beam, or give 'normal'.")
+    elif getattr(section, "point", None) is not None:
+        message = f"'{name}' are bars, whose force is the same along each"
+        hint = "Remove 'point', and say with 'bar' which of them."
+        place.at("point").refuse("wrong-structure", message, hint, key=True)
+    elif channel.quantity in ("M", "Q"):
+        message = f"'{name}' are bars, which bear no {channel.quantity}; N is expected"
+        place.at("quantity").refuse("wrong-structure", message, "Correct it, or name a beam.")
+    elif bar is None and count > 1:
+        message = f"'{name}' has {count} bars; which of them is missing"
+        place.refuse("missing-key", message, "Add 'bar: 1', counted from 1.", key=True)
+    elif bar is not None and bar > count:
+        message = f"there is no bar {bar}; '{name}' has {count}"
+        place.at("bar").refuse("no-such-bar", message, "They count from 1.")
+    else:
+        first, second = bars.ends[channel.member]
+        along = unit_vector(tuple(b - a for a, b in zip(first, second, strict=True)))
+        counts = getattr(section, "sign", None)
+        pushed = isinstance(bars, Struts) if counts is None else counts == "compression"
+        return replace(
+            channel,
+            first=first,
+            second=second,
+            direction=along or channel.direction,
+            compression=pushed and channel.kind == "load-cell",
+        )
+    return None

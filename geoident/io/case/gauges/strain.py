@@ -1,0 +1,254 @@
+"""The gauge that reads strains: of the ground, along a fibre optic cable, of a structure."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import accumulate, pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from geoident.io.case.gauges.accuracy import StrainAccuracy
+from geoident.io.case.gauges.gauge import GivenLength, distance, point_of, unit_vector
+from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
+from geoident.io.case.gauges.value import (
+    StressComponent,
+    ValueGauge,
+    has_component,
+    refuse_no_direction,
+    unit_direction,
+)
+from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.values import (
+    Coordinates,
+    Count,
+    DirectionVector,
+    Given,
+    Length,
+    Line,
+    Name,
+    Of,
+    SharesUnit,
+)
+from geoident.model.arrays import Vector
+from geoident.model.gauges import Channel, MovingPoint, Reads
+
+StrainOffset = Annotated[Given, Of("strain", tied=True)]
+Stations = Annotated[list[Length], SharesUnit()]
+
+_MOST_STATIONS = 10_000
+
+
+class StrainSection(ValueGauge):
+    """Strain, elongation positive: of the ground, along a fibre optic cable, of a structure.
+
+    * `point` with `direction` or `component`: the strain of the ground there;
+    * `between` two points: the mean strain from one to the other;
+    * `along` a line with `every` or `at`: mean strains over the length `base` around each station,
+      as a fibre optic cable reads them: channels GAUGE.2.5, with the station in metres along it;
+    * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam.
+
+    Of the ground it is the change since `zero`; of a structure the value since it was built.
+    """
+
+    kind: Literal["strain"]
+    accuracy: StrainAccuracy = Field(
+        description="Standard deviation of one reading.", examples=["5 microstrain"]
+    )
+    offset: StrainOffset | None = Field(None, description="Added to all readings.")
+    drift_per_stage: StrainOffset | None = Field(None, description="Drift per stage.")
+    point: Coordinates | None = Field(None, description="Where it is read.")
+    direction: DirectionVector | None = Field(None, description="Along which it is read.")
+    component: StressComponent | None = Field(
+        None, description="In place of a direction; of shear strains gamma = 2 eps."
+    )
+    between: Line | None = Field(None, description="The two points of a mean strain.")
+    along: list[Coordinates] | None = Field(
+        None, min_length=2, description="Points of the cable, straight between them."
+    )
+    every: GivenLength | None = Field(
+        None, description="Distance of the stations along the cable.", examples=["0.25 m"]
+    )
+    at: Stations | None = Field(
+        None, min_length=1, description="Stations along the cable, in place of `every`."
+    )
+    base: GivenLength | None = Field(
+        None, description="Length over which each station is a mean; `every` if missing."
+    )
+    structure: Name | None = Field(None, description="The structure whose strain is read.")
+    bar: Annotated[int, Count()] | None = Field(
+        None, description="Which of its bars, counted from 1; may be missing if it has one."
+    )
+    fibre: Literal["inside", "outside", "axis"] | None = Field(
+        None, description="Which fibre of a beam."
+    )
+    depth: GivenLength | None = Field(
+        None,
+        description="Distance of the fibre from the axis of the beam; half of its thickness if "
+        "missing.",
+    )
+    towards: Coordinates | None = Field(None, description=TOWARDS)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> StrainSection:
+        given = {key for key in _STRAIN_KEYS if getattr(self, key) is not None}
+        faults = SectionFaults()
+        if not any(needed <= given <= needed | more for needed, more in _STRAIN_WAYS):
+            named = " and ".join(key for key in _STRAIN_KEYS if key in given)
+            message = f"found {named or 'no place'}; expected is one of: {_STRAIN_WORDS}"
+            faults.add((), "wrong-pair", message, "Give the keys of one of these ways.")
+        refuse_no_direction("direction", self.direction, faults)
+        faults.raise_any()
+        return self
+
+    @property
+    def made_of(self) -> Reads:
+        """A change of the ground since the zero; of a structure its value, if no zero is given."""
+        return Reads.CHANGE if self.structure is None else super().made_of
+
+    def channel_names(self, name: str) -> list[str]:
+        """One name; along a line one for every station."""
+        if self.along is None:
+            return [name]
+        length = sum(math.dist(a, b) for a, b in pairwise(self._line()))
+        return [f"{name}.{station:.6g}" for station in self._stations(length)]
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """One channel; along a line one for every station."""
+        if self.structure is not None:
+            return self._of_structure(name, context)
+        if self.along is not None:
+            return self._along(name, context)
+        if self.between is not None:
+            return self._between(name, self.between, context)
+        point = point_of(self.point or [], context.at("point"))
+        direction = unit_direction(self.direction, context.at("direction"))
+        if point is None or direction is None:
+            return []
+        if self.component and not has_component(self.component, context.at("component")):
+            return []
+        found = self.at_point(name, "", point, direction, context)
+        return [replace(found, quantity=self.component or "")]
+
+    def _between(
+        self, name: str, between: Sequence[list[Given]], context: Context
+    ) -> list[Channel]:
+        place = context.at("between")
+        first, second = (point_of(point, place.at(n)) for n, point in enumerate(between))
+        motion = distance(self.kind, first, second, place)
+        if motion is None or first is None or second is None:
+            return []
+        return [self.reads(name, name, motion, context.path, _mean_strain([first, second]))]
+
+    def _along(self, name: str, context: Context) -> list[Channel]:
+        place = context.at("along")
+        given = [point_of(point, place.at(n)) for n, point in enumerate(self.along or ())]
+        line = [point for point in given if point is not None]
+        if len(line) < len(given):
+            return []
+        for n, (a, b) in enumerate(pairwise(line), start=1):
+            if a == b:
+                message = "the point is the same as the one before"
+                place.at(n).refuse("zero-length", message, "Remove one of them.")
+                return []
+        length = sum(math.dist(a, b) for a, b in pairwise(line))
+        half, stations = self._base / 2, self._stations(length)
+        if not self._fits(stations, half, length, context):
+            return []
+        found = []
+        for station in stations:
+            part = _part_of(line, station - half, station + half)
+            terms = _mean_strain(part)
+            direction = unit_vector(tuple(b - a for a, b in zip(part[0], part[-1], strict=True)))
+            motion = (self.kind, part[0], part[-1], direction or (0.0,) * context.dim)
+            channel = self.reads(f"{name}.{station:.6g}", name, motion, context.path, terms)
+            found.append(channel)
+        return found
+
+    def _fits(
+        self, stations: Sequence[float], half: float, length: float, context: Context
+    ) -> bool:
+        """Whether the stations with their bases lie on the line; a fault where they do not."""
+        key = context.at("at" if self.at else "every")
+        if not stations:
+            message = f"the line is {length:.6g} m long, less than one base of {2 * half:.6g} m"
+            key.refuse("beyond-line", message, "Correct the line or the length.")
+        elif len(stations) > _MOST_STATIONS:
+            message = f"{len(stations)} stations; at most {_MOST_STATIONS} are allowed"
+            key.refuse("too-many-stations", message, "Let them be farther apart.")
+        else:
+            beyond = [s for s in stations if not -1e-9 <= s - half <= s + half <= length + 1e-9]
+            if not beyond:
+                return True
+            message = f"the station {beyond[0]:.6g} m with its base of {2 * half:.6g} m reaches "
+            message += f"beyond the line, which is {length:.6g} m long"
+            key.refuse("beyond-line", message, "Correct the station, the base or the line.")
+        return False
+
+    def _line(self) -> list[Vector]:
+        """The points of the line as they are written, m."""
+        return [tuple(x.factor for x in point) for point in self.along or ()]
+
+    @property
+    def _base(self) -> float:
+        given = self.base or self.every
+        return 0.0 if given is None else given.factor
+
+    def _stations(self, length: float) -> list[float]:
+        if self.at is not None:
+            return [station.factor for station in self.at]
+        step, base = (self.every.factor if self.every else 0.0), self._base
+        count = math.floor((length - base) / step * (1 + 1e-12) + 1e-9) + 1 if step else 0
+        return [base / 2 + n * step for n in range(max(0, min(count, _MOST_STATIONS + 1)))]
+
+    def _of_structure(self, name: str, context: Context) -> list[Channel]:
+        found = on_structure(self, name, self.point, self.bar, self.towards, context)
+        depth = None if self.depth is None else self.depth.factor
+        on, fibre = self.structure or "", self.fibre or ""
+        return [replace(c, structure=on, quantity=fibre, fibre=depth) for c in found]
+
+
+_STRAIN_WAYS: Sequence[tuple[set[str], set[str]]] = (
+    ({"point", "direction"}, set()),
+    ({"point", "component"}, set()),
+    ({"between"}, set()),
+    ({"along", "every"}, {"base"}),
+    ({"along", "at", "base"}, set()),
+    ({"structure"}, {"bar"}),
+    ({"structure", "point", "fibre"}, {"depth", "towards"}),
+)
+"""Keys that are needed, and those that may be given with them."""
+_STRAIN_KEYS = (
+    "point", "direction", "component", "between", "along", "every", "at", "base", "structure",
+    "bar", "fibre", "depth", "towards",
+)  # fmt: skip
+_STRAIN_WORDS = (
+    "point and direction; point and component; between; along and every; along, at and base; "
+    "structure (and bar); structure, point and fibre"
+)
+
+
+def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
+    """Points and vectors, 1/m, whose motions add up to the mean strain along a line."""
+    length = sum(math.dist(a, b) for a, b in pairwise(line))
+    terms: list[MovingPoint] = []
+    for a, b in pairwise(line):
+        along = tuple((y - x) / math.dist(a, b) / length for x, y in zip(a, b, strict=True))
+        terms += [(a, tuple(-x for x in along)), (b, along)]
+    return tuple(terms)
+
+
+def _part_of(line: Sequence[Vector], start: float, end: float) -> list[Vector]:
+    """The part of a line from one distance along it to another, m."""
+    lengths = [math.dist(a, b) for a, b in pairwise(line)]
+    at = [0.0, *accumulate(lengths)]
+    bends = [point for s, point in zip(at, line, strict=True) if start < s < end]
+    ends = []
+    for s in (start, end):
+        k = min(bisect_right(at, s, lo=1), len(lengths)) - 1
+        t = (s - at[k]) / lengths[k]
+        ends.append(tuple(x + t * (y - x) for x, y in zip(line[k], line[k + 1], strict=True)))
+    return [ends[0], *bends, ends[1]]

@@ -1,0 +1,81 @@
+"""What sections of gauges share that read a strain, a force, a stress or a pressure.
+
+What they read has a value of its own: without `zero` it is the value itself that is read (a stress,
+a force), with `zero` its change since that stage. Strains of the ground are changes always.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from geoident.io.case.gauges.gauge import GaugeBase, point_of, unit_vector
+from geoident.io.schema.section import Context, SectionFaults, refuse
+from geoident.io.schema.values import Given, Name
+from geoident.model.arrays import Vector
+from geoident.model.case import VIRGIN
+from geoident.model.gauges import Channel, Reads
+
+StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
+
+_ZERO = (
+    "Stage at whose end the gauge reads zero: it then reads the change since. Without it the "
+    f"value itself is read. '{VIRGIN}' is the state before the first stage."
+)
+
+
+class ValueGauge(GaugeBase):
+    """A gauge that reads values, or their changes."""
+
+    zero: Name = Field(VIRGIN, description=_ZERO)
+
+    @model_validator(mode="after")
+    def _no_drift_in_time(self) -> ValueGauge:
+        if self.drift is not None:
+            message = "'drift' in time is there for gauges of lengths only"
+            refuse(("drift",), "no-drift", message, "Give 'drift_per_stage', or an 'offset'.")
+        return self
+
+    @property
+    def made_of(self) -> Reads:
+        """Whether a value is read, or a change since a zero that the case gives."""
+        return Reads.CHANGE if "zero" in self.model_fields_set else Reads.VALUE
+
+    def at_point(
+        self, name: str, part: str, point: Vector, direction: Vector, key: Context
+    ) -> Channel:
+        """One channel at a point; `part` is the quantity that it reads, empty for the only one."""
+        motion = (str(getattr(self, "kind", "")), None, point, direction)
+        found = self.reads(f"{name}.{part}" if part else name, name, motion, key.path)
+        return replace(found, reads=self.made_of, quantity=part)
+
+
+def optional_point(given: list[Given] | None, place: Context) -> Vector | None:
+    """A point, if one is given; None, with a fault, for no point."""
+    return None if given is None else point_of(given, place)
+
+
+def unit_direction(given: list[Given] | None, place: Context) -> Vector | None:
+    """A unit vector (dim,), zeros where none is given; None, with a fault, for no vector."""
+    if given is None:
+        return (0.0,) * place.dim
+    vector = place.vector(given, "the direction")
+    return None if vector is None else unit_vector(vector)
+
+
+def has_component(component: str, place: Context) -> bool:
+    """Whether the analysis has a component; a fault where it has not."""
+    if place.dim == 3 or component not in ("yz", "xz"):
+        return True
+    message = f"a plane model has no component {component}"
+    place.refuse("wrong-dimension", message, "Its components: xx, yy, zz, xy.")
+    return False
+
+
+def refuse_no_direction(key: str, given: list[Given] | None, faults: SectionFaults) -> None:
+    """A fault where a vector has no direction."""
+    if given is not None and not any(x.factor for x in given):
+        message = "the direction has length zero"
+        faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")

@@ -1,0 +1,145 @@
+"""Readings of which the unit is suspected: ten or a thousand times those of the model.
+
+Readings in centimetres that are taken for millimetres have the pattern of the model and a tenth of
+its size. A modulus of a tenth of its start value does the same, so it is said, not refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from geoident.errors import GeoidentError
+from geoident.forward.protocols import CaseModel
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable, named_channels
+
+_FEWEST = 4
+"""Readings of one kind that can show a pattern."""
+_ALIKE = 0.8
+"""Correlation of measured and computed readings, about zero, from which on the pattern is one."""
+_NEAR = 0.2
+"""Powers of ten by which the factor may differ from a whole one: 6.3 to 16 times are about ten."""
+_ABOUT = 0.3
+"""The same where no parameters within their bounds meet the readings: 5 to 20 times."""
+_CLEAR = 3.0
+"""Standard deviations that the larger of both must have on the average."""
+
+_MISTAKEN = {
+    ("length", -1): "centimetres taken for millimetres",
+    ("length", 1): "millimetres taken for centimetres",
+    ("length", -3): "metres taken for millimetres",
+    ("length", 3): "millimetres taken for metres, or micrometres for millimetres",
+    ("pressure", -1): "MPa taken for bar",
+    ("pressure", 1): "bar taken for MPa",
+    ("pressure", -2): "bar taken for kPa",
+    ("pressure", 2): "kPa taken for bar",
+    ("pressure", -3): "MPa taken for kPa",
+    ("pressure", 3): "kPa taken for MPa",
+    ("force", -3): "MN taken for kN",
+    ("force", 3): "kN taken for MN, or N for kN",
+    ("angle", -3): "rad taken for mrad",
+    ("angle", 3): "mrad taken for rad",
+    ("strain", -3): "per mille taken for micrometres per metre",
+    ("strain", 3): "micrometres per metre taken for per mille",
+}
+"""Dimension and power of ten of the readings, by the model, to what was likely mistaken."""
+
+
+def computed_at_start(case: Case, model: CaseModel, readings: ReadingTable) -> Floats | None:
+    """What the model says of the used readings (g,) at the start values, SI; None if it cannot.
+
+    Args:
+        case: the case of the model.
+        model: is asked once, without derivatives.
+        readings: of the case.
+    """
+    rows = np.flatnonzero(readings.used)
+    if not rows.size:
+        return None
+    times = [None if np.isnan(t) else float(t) for t in readings.time[rows]]
+    response = model.response([readings.pairs[k] for k in rows], times)
+    p = np.array([parameter.start for parameter in case.parameters], dtype=np.float64)
+    if response.admissible(p) is not None:
+        return None
+    try:
+        return response.readings(p)
+    except GeoidentError:
+        return None  # what is wrong there is said by the search
+
+
+def unit_doubts(
+    case: Case, readings: ReadingTable, computed: Floats, *, met: bool = True
+) -> tuple[str, ...]:
+    """Half sentences on readings of which the unit is suspected, one for each factor.
+
+    Args:
+        case: of the readings.
+        readings: k of them.
+        computed: (g,) the model at the start values, for those that are used.
+        met: parameters within their bounds may meet the readings, as far as is known.
+    """
+    said = []
+    doubtful = dict[tuple[str, int], list[tuple[str, Bools, float]]]()
+    for kind, dimension, mine in _kinds(case, readings):
+        scale = _scale(readings, computed, mine)
+        power = 0 if scale is None else round(np.log10(scale))
+        near = scale is not None and abs(np.log10(scale) - power) < (_NEAR if met else _ABOUT)
+        if scale is not None and near and (dimension, power) in _MISTAKEN:
+            doubtful.setdefault((dimension, power), []).append((kind, mine, scale))
+    for (dimension, power), found in doubtful.items():
+        mine = np.logical_or.reduce([one for _, one, _ in found])
+        rows = np.flatnonzero(readings.used)[mine]
+        scale = float(np.exp(np.mean([np.log(one) for _, _, one in found])))
+        place = case.readings[int(rows[0])].location
+        kinds = named_channels([kind for kind, _, _ in found])
+        names = named_channels([readings.gauge[k] for k in rows])
+        said.append(
+            f"the readings of {names} ({kinds}; the first at {place}) have the pattern of the "
+            f"model at the start values, and are {_times(scale, power)}: "
+            f"{_MISTAKEN[dimension, power]}? Check their unit; if it is right, the start values "
+            "are as far off"
+        )
+    return tuple(said)
+
+
+def _times(scale: float, power: int) -> str:
+    if power > 0:
+        return f"{scale:.2g} times as large"
+    return f"{1.0 / scale:.2g} times smaller"
+
+
+def _kinds(case: Case, readings: ReadingTable) -> Iterator[tuple[str, str, Bools]]:
+    """Kind of gauges, dimension, and (g,) which of the used readings are theirs.
+
+    Kinds with few readings are taken together.
+    """
+    of = {channel.name: (channel.kind, channel.dimension) for channel in case.channels}
+    each = [of[readings.channel[k]] for k in np.flatnonzero(readings.used)]
+    few = [pair for pair, count in Counter(each).items() if count < _FEWEST]
+    together = {pair: ", ".join(k for k, d in few if d == pair[1]) for pair in few}
+    each = [(together.get(pair, pair[0]), pair[1]) for pair in each]
+    for kind, dimension in dict.fromkeys(each):
+        yield kind, dimension, np.array([one == (kind, dimension) for one in each])
+
+
+def _scale(readings: ReadingTable, computed: Floats, mine: Bools) -> float | None:
+    """How many times the computed readings some are; None where they have another pattern."""
+    measured, sd = readings.value[readings.used][mine], readings.sd[readings.used][mine]
+    model = computed[mine]
+    if len(measured) < _FEWEST or not np.isfinite(model).all():
+        return None
+    product = float(measured @ model)
+    size = float(np.linalg.norm(measured) * np.linalg.norm(model))
+    larger = np.maximum(np.abs(measured), np.abs(model)) / sd
+    if size == 0.0 or product < _ALIKE * size or np.sqrt(np.mean(larger**2)) < _CLEAR:
+        return None
+    return float(np.linalg.norm(measured) / np.linalg.norm(model))
+
+
+def noted(sentences: Sequence[str]) -> tuple[str, ...]:
+    """The same as whole sentences, for findings."""
+    return tuple(f"{one[:1].upper()}{one[1:]}." for one in sentences)
