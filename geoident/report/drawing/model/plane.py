@@ -95,7 +95,8 @@ def _two_views(
     if main[1] > _HIGH * main[0]:
         first = _panel_size(whole, _BESIDE - 0.7, 0.5 * _TALLEST)
         figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 1.2)
-        left, right = figure.subfigures(1, 2, width_ratios=[main[0] + 0.7, _BESIDE])
+        ratios = [main[0] + 0.7, _BESIDE]
+        left, right = figure.subfigures(1, 2, width_ratios=ratios, squeeze=False).ravel()
         beside = right.add_gridspec(2, 1, height_ratios=[first[1] + 0.5, main[1] - first[1]])
         axes = [right.add_subplot(beside[0]), left.subplots(), right.add_subplot(beside[1])]
     else:
