@@ -69,6 +69,12 @@ class TestCheck:
         assert told.exit_code == 3
         assert "case.yaml:11:" in told.stderr
 
+    def test_it_says_where_no_factor_is_made(self, trench, run):
+        assert "levels" not in run("check", "case.yaml").stdout
+        told = " ".join(run("check", "case.yaml", "--solver", "iterative").stdout.split())
+        assert "conjugate gradients on several levels take its place" in told
+        assert "for one evaluation by iterative" in told
+
     def test_a_mechanism_is_found(self, trench, run):
         assert run("check", "case.yaml", "--set", "supports={}").exit_code == 5
 
@@ -246,6 +252,9 @@ def test_the_doctor_tells_versions_and_the_solver_in_use(run):
     found = json.loads(run("doctor", "--json").stdout)
     assert found["picked"] in ("pardiso", "cholmod", "multifrontal")
     assert found["picked_large"] == "multifrontal"
+    assert found["picked_beyond"] == "iterative"
+    assert 0 < found["factor_memory"] < found["memory"]
+    assert "used where a factor takes too much time or more than" in run("doctor").stdout
     extras = {extra["name"]: extra for extra in found["extras"]}
     assert set(extras) >= {"report", "ags", "full-space", "global", "ensemble"}
     assert extras["global"]["version"]

@@ -206,8 +206,12 @@ def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at)
         monkeypatch.setattr(iterative, "solve_in_energy", stagnates)
     else:
         monkeypatch.setattr(energy, "MOST", 20)
-    x = IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
-    assert close(x, exact, 1e-9)
+    solver = IterativeSolver(few=0)
+    analysis = solver.analyse(pattern)
+    assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
+    spent = solver.counts.iterations
+    assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
+    assert solver.counts.iterations == spent  # it is not tried again
     monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
     monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
     with pytest.raises(ModelError, match=r"would take .* GB"):

@@ -9,6 +9,7 @@ import pytest
 from support.cases import model, rollers
 from support.meshes import box, regroup
 
+from geoident.fem.solvers import auto
 from geoident.forward.model import StagedModel
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
@@ -79,6 +80,21 @@ def test_operations_are_those_of_all_stages_and_entries_those_of_the_largest():
     saved = both.factor_flops / 3e9 - both.factor_flops / 25e9
     assert both.seconds - quick.seconds == pytest.approx(saved, rel=1e-9)
     assert both.memory - quick.memory == pytest.approx((24.0 - 8.0) * both.factor_entries)
+
+
+def test_iterations_are_reckoned_with_where_a_factor_does_not_fit(monkeypatch):
+    staged = excavation(1)
+    factor = cost.estimate_cost(staged, solver="auto")
+    monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
+    monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
+    told = cost.estimate_cost(staged, solver="auto")
+    assert (factor.solver == "iterative", told.solver) == (False, "iterative")
+    assert told.factor_entries == factor.factor_entries
+    twice = cost.estimate_cost(staged, solver="auto", columns=4)
+    assert twice.seconds == pytest.approx(2 * told.seconds)  # two columns for one parameter
+    # all grows with the unknowns: four times as many in a halved plane mesh
+    finer = cost.refinement_cost(staged, told)
+    assert finer.seconds == pytest.approx(4 * told.seconds)
 
 
 def test_a_rough_count_takes_every_stage_for_the_largest():

@@ -81,6 +81,8 @@ class IterativeAnalysis(DirectAnalysis):
         if not np.isfinite(values).all():
             bad = int(np.argmax(~np.isfinite(values)))
             raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
+        if self._direct is not None:  # iterations would not come to the end this time either
+            return self._direct.factorize(values).solve
         matrix, counts = whole_matrix(self.pattern, values), self.counts
         precondition = _Preconditioner(self._hierarchy.level(matrix))
         try:

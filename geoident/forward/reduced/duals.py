@@ -217,7 +217,7 @@ class DualMarch:
             squares = np.sum(own * np.tensordot(E, own, axes=1) * volume, axis=(0, 1))
             energy[zone.material] = energy.get(zone.material, 0.0) + squares
             test = (strain[:, mine] * volume).reshape(-1, k)
-            joined = self._projection.stresses(zone, number, mine)
+            joined = self._projection.stresses(zone, mine)
             work += test.T @ joined.reshape(len(test), -1) @ particular
             for state, material, sign in zone.parts:
                 if state not in turn:

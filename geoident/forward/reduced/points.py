@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.march.systems import StageSystem, StageSystems
-from geoident.forward.stages import ConstructionState
+from geoident.forward.stages import ConstructionState, Index, numbers
 from geoident.model.arrays import Floats
 
 
@@ -42,9 +42,21 @@ class MarchPoints:
         more[0] = members
         return np.concatenate([ground, more], axis=1)
 
-    def strain(self, u: Floats) -> Floats:
-        """Strains (s, n_points, k) of displacements (n_dofs, k)."""
-        return self.joined(self._ground.strain(u), self._structures.strain(u))
+    def strain(self, u: Floats, points: Index | None = None) -> Floats:
+        """Strains (s, q, k) of displacements (n_dofs, k).
+
+        Args:
+            u: the displacements.
+            points: (q,) some points of the ground, or some members, ascending; None: all of both.
+        """
+        if points is None:
+            return self.joined(self._ground.strain(u), self._structures.strain(u))
+        wanted = numbers(points, self.n_points)
+        if not len(wanted) or wanted[0] < self.n_ground:
+            return self._ground.strain(u, points)
+        found = np.zeros((self.n_strain, len(wanted), u.shape[1]))
+        found[0] = self._structures.strain(u)[wanted - self.n_ground]
+        return found
 
     def forces(self, stress: Floats, system: StageSystem) -> Floats:
         """Nodal forces (n_dofs, k) of stresses (s, n_points, k) in a stage.

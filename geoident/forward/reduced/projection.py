@@ -12,12 +12,12 @@ reduced model is at least the error of that.
 
 All this needs is one pass over the strain points. With E = L L^T at the reference, the columns
 
-    sqrt(V) L^-1 [ sigma_i - sigma_0 ,  J_r C u_l ]
+    sqrt(V) L^-1 [ J_r C u_l ]
 
-of a zone (the stresses of the snapshots less those of the virgin state, and the stresses of the
-displacements by every matrix J_r of its moduli) have one triangular factor R. Products of
-columns are those of R, and so are differences of nearly equal stresses before they are squared. No
-stiffness matrix is made, and nothing is factorized but R.
+of a zone (the stresses of the displacements by every matrix J_r of its moduli) have one triangular
+factor R. The stresses of the snapshots, less those of the virgin state, are sums of such columns
+(`snapshots`). Products of columns are those of R, and so are differences of nearly equal stresses
+before they are squared. No stiffness matrix is made, and nothing is factorized but R.
 """
 
 from __future__ import annotations
@@ -127,6 +127,8 @@ class GalerkinProjection:
             name: np.linalg.inv(np.linalg.cholesky(self.reference_matrix(name)))
             for name in self._spans
         }
+        self._motion: dict[int, Floats] = {}  # by state, the columns of all snapshots
+        self._turn_of: dict[str, Floats] = {}
         self.turn: dict[int, Floats] = {}
         self.particular = np.zeros((0, 0))
 
@@ -138,32 +140,55 @@ class GalerkinProjection:
         self.particular = combination[0]
         first = 0 if self._loads.settles else 1
         states = range(self._snapshots[0].last + 1)
-        return tuple(
+        found = tuple(
             self._stage(state, *combination) if state >= first else self._nothing(state)
             for state in states
         )
+        self._motion.clear()
+        return found
 
     def reference_matrix(self, material: str) -> Floats:
         """E (s, s) of a material at the reference."""
         return self._spans[material].matrix(self._at_reference[material])
 
     def strains(self, state: int, points: Index) -> Floats:
-        """Columns (s, q, M) of the snapshots: strains of the displacements of a state."""
-        return np.concatenate([s.strain[state][:, points] for s in self._snapshots], axis=-1)
+        """Columns (s, q, M) of the snapshots: strains of the displacements of a state.
 
-    def stresses(self, zone: Zone, state: int, points: Index) -> Floats:
-        """Columns (s, q, M): stresses of a zone in a state, less those in situ.
+        Of the virgin state those of the motion that balanced it, if it moves.
+        """
+        if state == 0:
+            settled = [s.settled[:, points] for s in self._snapshots if s.settled is not None]
+            return np.concatenate(settled, axis=-1)
+        if state not in self._motion:
+            self._motion[state] = np.hstack([s.motion[state] for s in self._snapshots])
+        return self._points.strain(self._motion[state], points)
+
+    def stresses(self, zone: Zone, points: Index) -> Floats:
+        """Columns (s, q, M): stresses of a zone in its state, less those in situ.
 
         Args:
             zone: the zone.
-            state: the state.
             points: (q,) some of the zone.
         """
-        columns = [s.stress[state][:, points] for s in self._snapshots]
-        if zone.history.given:
-            in_situ = self._loads.stress[:, points]
-            columns = [c - in_situ @ s.psi for c, s in zip(columns, self._snapshots, strict=True)]
-        return np.concatenate(columns, axis=-1)
+        parts = []
+        for other, material, sign in self._parts(zone):
+            strain = self.strains(other, points)
+            for J, T in zip(self._spans[material].basis, self._turns(material), strict=True):
+                parts.append(np.tensordot(sign * J, strain @ T, axes=1))
+        return np.asarray(sum(parts[1:], parts[0]))
+
+    def _parts(self, zone: Zone) -> list[tuple[int, str, float]]:
+        """Of what the stress of a zone consists, less that in situ."""
+        return [part for part in zone.parts if part[0] or self._loads.settles]
+
+    def _turns(self, material: str) -> Floats:
+        """T (r, M, M) of all snapshots."""
+        if material not in self._turn_of:
+            each = [s.turns[material] for s in self._snapshots]
+            self._turn_of[material] = np.array(
+                [sla.block_diag(*(T[r] for T in each)) for r in range(len(each[0]))]
+            )
+        return self._turn_of[material]
 
     def _combination(self) -> tuple[Floats, Floats] | None:
         """(M, r) and (M, h): what makes columns with loads of one psi each, and without loads."""
@@ -184,7 +209,7 @@ class GalerkinProjection:
         return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, ())
 
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
-        factors = [self._factor(zone, state) for zone in self.affine.zones[state]]
+        factors = [self._factor(zone) for zone in self.affine.zones[state]]
         strains = [self._energy(factor, state) for factor in factors]
         # what settles is known as a small difference of stresses
         least = DEPENDENT if state else 1e3 * DEPENDENT
@@ -222,17 +247,16 @@ class GalerkinProjection:
         columns = factor.terms[state, material]
         return np.asarray(np.einsum("r,krm->km", self._at_reference[material], columns))
 
-    def _factor(self, zone: Zone, state: int) -> _Factor:
-        """R of a zone in a state."""
-        parts = [part for part in zone.parts if part[0] or self._loads.settles]
+    def _factor(self, zone: Zone) -> _Factor:
+        """R of a zone."""
         signs: dict[StressTerm, float] = {}
-        for other, material, sign in parts:
+        for other, material, sign in self._parts(zone):
             signs[other, material] = signs.get((other, material), 0.0) + sign
         ranks = [self._spans[name].rank for _, name in signs]
         count = sum(s.columns for s in self._snapshots)
         blocks = []
         for points in _runs_of(zone.points):
-            columns = [self.stresses(zone, state, points)]
+            columns = []
             for (other, name), sign in signs.items():
                 strain = self.strains(other, points)
                 columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
@@ -241,12 +265,14 @@ class GalerkinProjection:
             joined *= np.sqrt(self._points.volume[points])[:, None]
             blocks.append(triangular_factor(joined.reshape(-1, joined.shape[-1])))
         found = triangular_factor(np.concatenate(blocks))
-        terms, place = {}, count
+        terms, place = {}, 0
+        stress = np.zeros((len(found), count))
         for key, rank in zip(signs, ranks, strict=True):
             columns_of = found[:, place : place + rank * count]
             terms[key] = columns_of.reshape(len(found), rank, count)
             place += rank * count
-        return _Factor(zone, found[:, :count], terms)
+            stress += np.tensordot(terms[key], self._turns(key[1]), axes=((1, 2), (0, 1)))
+        return _Factor(zone, stress, terms)
 
 
 def _residual(

@@ -13,15 +13,13 @@ to second order in the moduli, whatever the loads.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
-from geoident.forward.reduced.snapshots import Snapshot, settling_strain
+from geoident.forward.reduced.snapshots import Snapshot, settling_strain, stress_turns
 from geoident.model.arrays import Floats
 
 _NOISE = 1e-9
@@ -54,7 +52,9 @@ class Recorder:
         self._slopes = {name: dc[0] for name, dc in at.slopes.items()}
         self._pairs = self.second_pairs()[:MOST_SECOND] if second else []
         none = np.zeros((len(self._psi), len(self._pairs)))
-        self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]))
+        sized = {name: slope * self._loads.scale for name, slope in self._slopes.items()}
+        turns = stress_turns(self._moduli, sized, self._pairs)
+        self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]), turns)
 
     def add(self, end: StageEnd, run: Run) -> None:
         """Record a state.
@@ -64,22 +64,18 @@ class Recorder:
             run: the march, at this state.
         """
         kept = self.snapshot
-        if end.state == 0 and not self._loads.settles:  # nothing moves, nothing is needed
-            none = np.zeros((end.stress.shape[0], 0, kept.columns))
-            kept.strain.append(none)
-            kept.stress.append(none)
+        if end.state == 0:
+            if self._loads.settles:
+                virgin = self._points.joined(end.stress, end.members)
+                kept.settled = self._settled(virgin) * self._scale
+            kept.motion.append(np.zeros((0, kept.columns)))
             kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
             return
-        given = self._points.joined(end.stress, end.members)
-        strain = self._settled(given) if end.state == 0 else self._points.strain(end.u)
-        strain, stress = strain * self._scale, given * self._scale
-        seen = self._seen(end.u) * self._scale
+        u = end.u * self._scale
         if self._pairs:
-            u, strain, stress = self._with_second(end, run, strain, stress)
-            seen = np.hstack([seen, self._seen(u)])
-        kept.strain.append(strain)
-        kept.stress.append(stress)
-        kept.observed.append(seen)
+            u = np.hstack([u, self._second(end.state, u, run)])
+        kept.motion.append(u)
+        kept.observed.append(self._seen(u))
 
     def second_pairs(self) -> list[tuple[int, int]]:
         """Pairs of parameters whose second derivatives are wanted: h moves moduli and no load.
@@ -94,44 +90,38 @@ class Recorder:
         first = [h for h in range(n) if moves[h] and free[h]]
         return [(h, k) for h in first for k in range(n) if k not in first or k >= h]
 
-    def _with_second(
-        self, end: StageEnd, run: Run, strain: Floats, stress: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Displacements of the second derivatives, and strain and stress with theirs.
+    def _second(self, number: int, u: Floats, run: Run) -> Floats:
+        """Displacements (n_dofs, pairs) of the second derivatives in a state.
 
         Args:
-            end: the state.
+            number: of the state.
+            u: (n_dofs, 1 + n) of the state and its scaled derivatives.
             run: the march there.
-            strain: (s, n_points, 1 + n) of the state and its scaled derivatives.
-            stress: likewise.
         """
-        count, number = len(self._pairs), end.state
+        found = np.zeros((len(u), len(self._pairs)))
+        factor = run.factors.find(self._march.sequence.states[number])
+        if factor is None:  # nothing can move
+            return found
         system = self._march.systems[number]
-        u = np.zeros((len(end.u), count))
-        more = np.zeros((*strain.shape[:2], count))
-        before = [*self.snapshot.strain, strain]
-        known = self._known(number, before)
-        factor, dofs = run.factors.find(self._march.sequence.states[number]), system.pattern.dofs
-        if factor is None:  # it is not there any more: nothing would be in equilibrium
-            return u, np.dstack([strain, more]), np.dstack([stress, more])
-        u[dofs] = -factor.solve(self._points.forces(known, system)[dofs])
-        more = self._points.strain(u)
-        for zone in self._zones[number]:
-            E, mine = self._matrix(zone.material), zone.points
-            known[:, mine] += np.tensordot(E, more[:, mine], axes=1)
-        return u, np.dstack([strain, more]), np.dstack([stress, known])
+        dofs = system.pattern.dofs
+        forces = self._points.forces(self._known(number, u), system)
+        found[dofs] = -factor.solve(forces[dofs])
+        return found
 
-    def _known(self, number: int, strains: Sequence[Floats]) -> Floats:
+    def _known(self, number: int, u: Floats) -> Floats:
         """What is in the bracket before the state's own u_hk is known (s, n_points, pairs)."""
         count, columns = len(self._pairs), len(self._scale)
-        found = np.zeros((*strains[number].shape[:2], count))
+        own = self._points.strain(u)
+        found = np.zeros((*own.shape[:2], count))
         for zone in self._zones[number]:
             mine = zone.points
             for state, material, sign in zone.parts:
                 if state == 0:
                     continue
-                eps = strains[state][:, mine]
-                if state != number:
+                if state == number:
+                    eps = own[:, mine]
+                else:
+                    eps = self._points.strain(self.snapshot.motion[state], mine)
                     found[:, mine] += np.tensordot(
                         sign * self._matrix(material), eps[..., columns:], axes=1
                     )

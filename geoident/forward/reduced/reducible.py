@@ -59,16 +59,10 @@ class ReducibleResponse(StagedResponse):
         return self.reduction is None or not self.reduction.covers()
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept.
+        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept for the reduced model.
 
-        What it leaves for a reduced model that other marches, which go further, are made for is
-        not recorded.
+        Where that is for marches which go further, so does this one.
         """
-        own = self.reduction is not None and self.reduction.last == self._last
-        return self._recorded(p) if own else super().by_tangents(p)
-
-    def _recorded(self, p: Floats) -> tuple[Floats, Floats]:
-        """The same by a march that is recorded for the reduced model."""
         reduction = self.reduction
         known = reduction is None or reduction.knows(p)
         recorder = None if reduction is None or known else reduction.recorder(p)
@@ -115,7 +109,7 @@ class ReducibleResponse(StagedResponse):
         for number, p in list(enumerate(visited))[-reduction.most :]:
             if not reduction.knows(p):
                 reduction.number = number
-                self._recorded(p)
+                self.by_tangents(p)
         reduction.order(visited[-reduction.most :])
 
     def expect_march(self, number: int) -> None:

@@ -84,10 +84,11 @@ class Reduction:
         return self._dear(affine) if self.economical else None
 
     def _entries(self, affine: AffineMarch, columns: int) -> int:
-        """Numbers that a march leaves: strains and stresses of all states."""
-        points = affine.points
-        states = self.last + int(affine.form.loads.settles)
-        return 2 * states * points.n_strain * points.n_points * columns
+        """Numbers that a march leaves: motions, what is seen of them, and how ground settled."""
+        points, n_dofs = affine.points, self._march.systems.discretization.n_dofs
+        settled = points.n_strain * points.n_points if affine.form.loads.settles else 0
+        seen = (self.last + 1) * len(self._observation.channels)
+        return (self.last * n_dofs + seen + settled) * columns
 
     def _dear(self, affine: AffineMarch) -> str | None:
         """Why a reduced model would cost more than the marches that it saves; None if it does not.

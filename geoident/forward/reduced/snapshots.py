@@ -3,10 +3,15 @@
 They come out of a march with derivatives as they are, each derivative by its parameter in units of
 the parameter's size. The motion that balances the virgin stress is forgotten by the march
 (theory 2); its strain is what brought the stress from the given one to where it is.
+
+Neither stresses nor strains of displacements are kept: in space they are fifteen times as many
+numbers as the displacements. With E = sum_r c_r J_r the stresses of a material are J_r eps T_r,
+summed, with T_r made of c_r and its derivatives: sigma_h = E C u_h + E_h C u, and so on.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,16 +26,18 @@ class Snapshot:
     Args:
         p: (n,) parameters, SI.
         psi: (r, M) coordinates of the loads of the columns.
-        strain: of every state, of its displacements, (s, n_points, M); of the virgin state that of
-            the motion that balanced it.
-        stress: likewise, Pa.
-        observed: likewise what the channels see of the displacements, (n_channels, M).
+        turns: material to T, (r_m, M, M), which makes the columns of its stress of those of strain.
+        motion: of every state, its displacements, (n_dofs, M); none of the virgin state.
+        settled: (s, n_points, M) strain of the motion that balanced the virgin stress; None: of
+            none.
+        observed: of every state, what the channels see of the displacements, (n_channels, M).
     """
 
     p: Floats
     psi: Floats
-    strain: list[Floats] = field(default_factory=list)
-    stress: list[Floats] = field(default_factory=list)
+    turns: Mapping[str, Floats]
+    motion: list[Floats] = field(default_factory=list)
+    settled: Floats | None = None
     observed: list[Floats] = field(default_factory=list)
 
     @property
@@ -41,12 +48,35 @@ class Snapshot:
     @property
     def last(self) -> int:
         """The last state."""
-        return len(self.stress) - 1
+        return len(self.motion) - 1
 
     @property
     def entries(self) -> int:
         """Numbers that are kept."""
-        return sum(part.size for kept in (self.strain, self.stress, self.observed) for part in kept)
+        settled = 0 if self.settled is None else self.settled.size
+        return settled + sum(part.size for kept in (self.motion, self.observed) for part in kept)
+
+
+def stress_turns(
+    moduli: Mapping[str, Floats], slopes: Mapping[str, Floats], pairs: Sequence[tuple[int, int]]
+) -> dict[str, Floats]:
+    """Material to T (r, M, M): for a state, its derivatives, and its second ones by some pairs.
+
+    Args:
+        moduli: material to c, (r,).
+        slopes: material to its derivatives, (r, n), by the parameters in units of their sizes.
+        pairs: the parameters of the second derivatives.
+    """
+    found = {}
+    for name, c in moduli.items():
+        n = slopes[name].shape[1]
+        T = np.einsum("r,ij->rij", c, np.eye(1 + n + len(pairs)))
+        T[:, 0, 1 : 1 + n] += slopes[name]
+        for place, (h, k) in enumerate(pairs, start=1 + n):
+            T[:, 1 + k, place] += slopes[name][:, h]
+            T[:, 1 + h, place] += slopes[name][:, k]
+        found[name] = T
+    return found
 
 
 def settling_strain(stress: Floats, given: Floats, moduli: Floats, slopes: Floats) -> Floats:

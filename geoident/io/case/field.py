@@ -1,6 +1,6 @@
 """Constants that vary from place to place: their section, tests that measured them, their field.
 
-E: {field: {mean: $E_rock, sd: 30 %, length: [20 m, 5 m], along: {dip: 30 deg}}}
+Written as `E: {field: {mean: $E_rock, sd: 30 %, length: [20 m, 5 m], along: {dip: 30 deg}}}`.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """About what one evaluation on the refined mesh costs: four or eight times the unknowns.
 
     With nested dissection the entries of the factor grow with n log n in the plane and with n^4/3
-    in space, the operations with n^3/2 and n^2 (George 1973).
+    in space, the operations with n^3/2 and n^2 (George 1973); conjugate gradients grow with n.
 
     Args:
         model: of the case.
@@ -101,6 +101,8 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """
     space = model.mesh.dim == 3
     entries, flops, rest = (16.0, 64.0, 8.0) if space else (4.6, 8.0, 4.0)
+    if cost.solver == BEYOND:  # what conjugate gradients take grows with n
+        entries = flops = rest
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
@@ -118,10 +120,11 @@ def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         cost: of one evaluation on its own mesh.
     """
     k = n_raised(model.mesh) / model.mesh.n_nodes
+    entries, flops = (1.0, 1.0) if cost.solver == BEYOND else (4.0 / 3.0, 2.0)
     return replace(
         cost,
-        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k ** (4.0 / 3.0),
-        seconds=cost.seconds * _DENSER * k**2,
+        memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k**entries,
+        seconds=cost.seconds * _DENSER * k**flops,
     )
 
 

@@ -61,8 +61,11 @@ class Log(Protocol):
         """
 
 
-EXACT = 1e-8
-"""Bound of the relative error in energy up to which the reduced model answers for the model."""
+EXACT = 1e-6
+"""Bound of the relative error in energy up to which the reduced model answers for the model.
+
+What is found by it (weights of readings, and where to look at the model itself) is known to 0.2 %
+at best."""
 
 
 def carry_over(

@@ -1,0 +1,211 @@
+"""How many marches and factorizations a whole fit takes, with all that it says."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoident.errors import ExitCode, Interrupted
+from geoident.forward.reduced import reduction
+from geoident.workflow.estimating.setup import prepare, problem_of
+from geoident.workflow.fit import fit
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.evaluation_log import Remembered
+from geoident.workflow.running.jobs import Request, plan_fit
+from geoident.workflow.simulate import simulate
+from tests.support.deck import write_deck
+from tests.support.meshes import box
+
+CASE = """\
+format: geoident-case/1
+title: A drift in four rounds
+analysis: solid
+mesh: {file: drift.inp}
+parameters:
+  E: {start: 15 GPa, bounds: [1 GPa, 80 GPa], scale: log, prior: {mean: 9 GPa, sd: 2 GPa}}
+  sv: {start: 5 MPa, bounds: [1 MPa, 15 MPa], prior: {mean: 5 MPa, sd: 0.5 MPa}}
+  K0: {start: 1.0, bounds: [0.1, 10]}
+materials:
+  rock: {E: $E, nu: 0.25}
+  shotcrete: {E: 10 GPa, nu: 0.2}
+groups: {rock: rock, r1: rock, r2: rock, r3: rock, r4: rock, l1: rock, l2: rock, l3: rock}
+supports: {x0: x, x1: x, y0: y, y1: y, z0: z}
+in_situ: {model: heim, vertical: $sv, K0: $K0}
+stages:
+  - {name: one, excavate: [r1, l1]}
+  - {name: two, excavate: [r2, l2], install: {l1: shotcrete}}
+  - {name: three, excavate: [r3, l3], install: {l2: shotcrete}}
+  - {name: four, excavate: [r4], install: {l3: shotcrete}}
+gauges:
+  roof: {kind: settlement, point: [0 m, 6 m, 8 m], accuracy: 0.2 mm}
+  side:
+    kind: extensometer
+    head: [16 m, 6 m, 6 m]
+    anchors: {a: [4 m, 6 m, 6 m], b: [8 m, 6 m, 6 m]}
+    accuracy: 0.05 mm
+  over:
+    kind: extensometer
+    head: [0 m, 10 m, 16 m]
+    anchors: {a: [0 m, 10 m, 8 m], b: [0 m, 10 m, 12 m]}
+    accuracy: 0.05 mm
+readings: readings.csv
+fit: {method: gauss-newton, stages: [one, two, three]}
+"""
+
+ROUNDS = 4
+FITTED = 3
+
+
+class NoLog:
+    """Keeps nothing."""
+
+    def find(self, kind, p):
+        return None
+
+    def add(self, kind, p, arrays):
+        pass
+
+
+def drift(n):
+    """A quarter of a drift of 8 m by 4 m, with a lining at its side; n cells a side of 16 m."""
+    mesh = box("hex8", (n, n, n), size=(16.0, 16.0, 16.0))
+    x, y, z = mesh.points[mesh.blocks[0].nodes].mean(axis=1).T
+    level = (z > 4.0) & (z < 8.0)
+    found = {}
+    for k in range(ROUNDS):
+        here = level & (y > 4.0 * k) & (y < 4.0 * k + 4.0)
+        found[f"r{k + 1}"] = np.flatnonzero(here & (x < 4.0))
+        found[f"l{k + 1}"] = np.flatnonzero(here & (x > 4.0) & (x < 8.0))
+    del found["l4"]
+    taken = np.concatenate(list(found.values()))
+    return replace(mesh, groups=found | {"rock": np.setdiff1d(np.arange(len(x)), taken)})
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Readings of a finer mesh, disturbed, so that errors of mesh and model are looked for."""
+    folder = tmp_path_factory.mktemp("drift")
+    (folder / "case.yaml").write_text(CASE)
+    write_deck(drift(8), folder / "drift.inp")
+    found = simulate(
+        str(folder / "case.yaml"), overrides=["parameters.E.start=8 GPa", "parameters.K0.start=0.7"]
+    )
+    noise = 1.0 + 0.04 * np.sin(np.arange(1.0, len(found.readings) + 1))
+    rows = [
+        f"{r.channel},{r.stage},{1e3 * r.value * part!r},mm"
+        for r, part in zip(found.readings, noise.tolist(), strict=True)
+    ]
+    (folder / "readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows]) + "\n")
+    write_deck(drift(4), folder / "drift.inp")
+    return folder
+
+
+@pytest.fixture
+def case(files, tmp_path, monkeypatch):
+    """The case in the current folder, with a reduced model, small as its mesh is."""
+    monkeypatch.setattr(reduction, "PROJECTED", 0.0)
+    monkeypatch.chdir(shutil.copytree(files, tmp_path / "here"))
+
+
+def fitted(*overrides, control=None, **options):
+    job = plan_fit(Request("case.yaml", overrides, **options))
+    return fit(job, control or Control(Silent())).result
+
+
+@pytest.fixture
+def whole(case):
+    return fitted(output="whole.h5")
+
+
+def test_a_fit_and_all_that_it_says_takes_two_marches_more_than_its_search(whole):
+    """Its search three; one where errors of mesh and model lead it; one for its last stage.
+
+    The march at the end of the search goes on for what the mesh does to the last round, that at the
+    answer for the prediction of it, and that without the last stage as far as its backtest.
+    """
+    search, mesh = 3 * FITTED + 1, ROUNDS
+    answer, backtest = FITTED + 1, FITTED
+    assert whole.status == "converged"
+    assert whole.prediction is not None
+    assert len(whole.backtest.steps) == 1
+    assert any("The mesh is too coarse" in said for said in whole.findings)
+    assert whole.counts.evaluations == 3 + 1 + 1 + 1  # the fourth on the finer mesh
+    assert whole.counts.factorizations == search + mesh + answer + backtest
+    assert whole.backtest.steps[0].counts.evaluations == 1
+    assert whole.backtest.steps[0].counts.factorizations == backtest
+
+
+def test_it_says_what_the_model_alone_would(whole, monkeypatch):
+    """Weights are known to `AT_REST`: another way there changes answers by 1e-4 of an interval."""
+    plain = fitted("fit.reduced=false")
+    monkeypatch.setattr(Remembered, "_instead", lambda self, p: None)
+    unled = fitted(output="unled.h5")
+    assert plain.counts.evaluations > 2 * whole.counts.evaluations
+    assert unled.counts.evaluations > whole.counts.evaluations
+    wide = whole.parameters.upper95 - whole.parameters.lower95
+    for name in ("values", "lower95", "upper95"):
+        ours, same, theirs = (getattr(r.parameters, name) for r in (whole, unled, plain))
+        np.testing.assert_allclose(ours, same, rtol=1e-6)
+        assert np.all(np.abs(ours - theirs) <= 1e-4 * wide)
+    assert whole.model_error.size == pytest.approx(unled.model_error.size, rel=1e-5)
+    for name in ("mean", "lower95", "upper95"):
+        ours, same = (getattr(found.prediction, name) for found in (whole, unled))
+        np.testing.assert_allclose(ours, same, rtol=1e-6)
+    np.testing.assert_allclose(whole.sensitivity, unled.sensitivity, rtol=1e-6)
+    np.testing.assert_allclose(whole.fields.stress, unled.fields.stress, rtol=1e-6, atol=1.0)
+
+
+@pytest.mark.parametrize("after", [2, 5])
+def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(whole, after):
+    class Stopping(Silent):
+        steps = 0
+
+        def step(self, iteration):
+            self.steps += 1
+            if self.steps == after:
+                control.stop.ask(ExitCode.INTERRUPTED)
+
+    control = Control(Stopping())
+    with pytest.raises(Interrupted):
+        fitted(control=control)
+    again, other = fitted(), whole
+    np.testing.assert_array_equal(again.parameters.values, other.parameters.values)
+    np.testing.assert_array_equal(again.sensitivity, other.sensitivity)
+    np.testing.assert_array_equal(again.fields.displacement, other.fields.displacement)
+    assert again.counts.evaluations == other.counts.evaluations
+    assert again.counts.factorizations == other.counts.factorizations
+
+
+def test_a_march_that_waits_holds_its_states_and_no_factor(case):
+    setup = prepare(plan_fit(Request("case.yaml")))
+    problem = problem_of(setup, NoLog(), Control(Silent()))
+    problem.response.evaluate(problem.start)
+    model = setup.model
+    kept = model.march_to(problem.start, FITTED)
+    assert model.counts.factorizations == FITTED
+    assert kept.run.factors.find(model.sequence.states[FITTED]) is None
+    assert {end.stress.shape[2] for end in kept.ends} == {1}
+    found = model.survey(problem.start, fields=True)
+    assert model.counts.factorizations == ROUNDS
+    assert model.counts.evaluations == 1
+    alone = prepare(plan_fit(Request("case.yaml"))).model.survey(problem.start, fields=True)
+    np.testing.assert_allclose(found.computed, alone.computed, rtol=1e-9)
+    np.testing.assert_allclose(found.sensitivity, alone.sensitivity, rtol=1e-7)
+    np.testing.assert_allclose(found.fields.stress, alone.fields.stress, rtol=1e-9)
+    elsewhere = model.survey(0.9 * problem.start, fields=False)
+    assert model.counts.evaluations == 2
+    assert not np.allclose(elsewhere.computed, found.computed, rtol=1e-3)
+
+
+def test_what_a_march_leaves_for_the_reduced_model_is_its_displacements(case):
+    setup = prepare(plan_fit(Request("case.yaml")))
+    response = setup.model.response([("roof", "three"), ("over.a", "two")])
+    response.keep_marches()
+    response.evaluate(np.array([q.start for q in setup.case.parameters]))
+    (snapshot,) = response.reduction.snapshots
+    states, channels = FITTED, len(setup.case.channels)
+    each = setup.model.discretization.points.n_dofs * states + channels * (states + 1)
+    assert snapshot.entries == each * snapshot.columns
