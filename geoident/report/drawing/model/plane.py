@@ -170,9 +170,11 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
     """
     raster = raster_of(sheet.xy, sheet.triangles, *box, width=width)
     known = model.made.material[sheet.element] >= 0
-    rgb = raster.flat(model.element_colours[sheet.element], known)
-    alpha = np.isfinite(rgb[..., :1]).astype(float)
-    show(axes, raster, np.concatenate([rgb, alpha], axis=2), zorder=0)
+    rgb = np.round(255 * np.nan_to_num(model.element_colours)).astype(np.uint8)
+    opaque = np.full((len(rgb), 1), 255, dtype=np.uint8)
+    colours = np.hstack([rgb, opaque]).view(np.uint32)[sheet.element, 0]  # as one number
+    image = raster.flat(colours, known, empty=np.uint32(0))
+    show(axes, raster, image.view(np.uint8).reshape(*raster.shape, 4), zorder=0)
     points = model.mesh.points
     across = list(sheet.axes)
     there = model.made.material >= 0
