@@ -17,6 +17,7 @@ from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Floats
 from geoident.report.saving.collector import garbage_at_the_end
@@ -39,6 +40,8 @@ DIVERGING = "PuOr"
 SMALL = 7.0
 MIDDLE = 8.5
 
+_SHORT = 0.3
+"""Of the longest side of a box: along a shorter one numbers would stand on each other."""
 _Item = TypeVar("_Item")
 _COLUMNS = 3
 _RC: Any = {
@@ -152,7 +155,7 @@ def hide_unused(panels: list[Axes], used: int) -> None:
 
 
 def box_axes(axes: Any, low: Floats, high: Floats) -> None:
-    """Limits and names of the axes of a view in space.
+    """Limits, names and numbers of the axes of a view in space, fewer along its short sides.
 
     Args:
         axes: of the view.
@@ -162,6 +165,8 @@ def box_axes(axes: Any, low: Floats, high: Floats) -> None:
     for name, first, last in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{name}lim")(first, last)
         getattr(axes, f"set_{name}label")(f"{name} (m)")
+        share = (last - first) / float((high - low).max())
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4 if share > _SHORT else 1))
 
 
 def panel_grid(
