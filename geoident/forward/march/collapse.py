@@ -9,9 +9,10 @@ of the displacements,
 t grows with alpha towards the limit load (Cermak, Haslinger, Kozubek, Sysala 2015, "Discretization
 and numerical realization of contact problems for elastic-perfectly plastic bodies", part II). Given
 alpha the problem is convex again and has a solution. alpha is doubled until t stands still, or 1
-is reached; where Newton's method does not get there, it grows by less. Meshes that lock under flow without change of volume have no limit load (Nagtegaal,
-Parks, Rice 1974, Comput. Methods Appl. Mech. Eng. 4): there the arc ends where the ground has
-become ten thousand times softer and its strains large.
+is reached; where Newton's method does not get there, it grows by less. Meshes that lock under flow
+without change of volume have no limit load (Nagtegaal, Parks, Rice 1974, Comput. Methods Appl.
+Mech. Eng. 4): there the arc ends where the ground has become ten thousand times softer and its
+strains large.
 """
 
 from __future__ import annotations
